@@ -1,0 +1,1 @@
+"""The words of the service: Quiz, Question, Submission, Job, RunReport, Verdict. Pure data."""

@@ -1,0 +1,131 @@
+"""The lab configs that authors write: `sim` of a predict question, and the labs of a lesson."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Expression = str
+"""A small JavaScript expression or statement; grader.labs parses it when content is loaded."""
+
+
+class LabPart(BaseModel):
+    """Frozen, and strict about its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Slider(LabPart):
+    """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`)."""
+
+    type: Literal["slider"] = "slider"
+    label: str
+    unit: str | None = None
+    set: str | None = None
+    apply: Expression | None = None
+    param: str | None = None
+    min: float
+    max: float
+    step: float = Field(gt=0)
+    value: float
+    digits: int | None = Field(default=None, ge=0, le=12)
+    reset: bool = False
+    init: bool = False
+
+
+class Select(LabPart):
+    """A choice between labelled values."""
+
+    type: Literal["select"]
+    label: str
+    unit: str | None = None
+    set: str | None = None
+    apply: Expression | None = None
+    param: str | None = None
+    options: tuple[tuple[str, float | str], ...] = Field(min_length=1)
+    value: float | str
+    reset: bool = False
+    init: bool = False
+
+
+class Button(LabPart):
+    """A statement that runs when the learner presses it: a timed event."""
+
+    type: Literal["button"]
+    label: str
+    run: Expression
+
+
+class Readout(LabPart):
+    """A labelled number or text under the view."""
+
+    label: str
+    expr: Expression
+    digits: int | None = Field(default=None, ge=0, le=12)
+    unit: str | None = None
+
+
+class Trace(LabPart):
+    """One line of a plot."""
+
+    label: str
+    expr: Expression
+    dash: bool | tuple[float, ...] | None = None
+    color: str | None = None
+
+
+class Plot(LabPart):
+    """Traces against time."""
+
+    ylabel: str | None = None
+    window: float | None = Field(default=None, gt=0)
+    ymin: float | None = None
+    ymax: float | None = None
+    refLines: tuple[Any, ...] = ()
+    traces: tuple[Trace, ...] = Field(min_length=1)
+
+
+class LabConfig(LabPart):
+    """One simulation with its controls, readouts and plots."""
+
+    title: str | None = None
+    model: str | None = None
+    xml: str | None = None
+    key: int | str | None = None
+    setup: Expression | None = None
+    controls: tuple[Slider | Select | Button, ...] = ()
+    controller: Expression | None = None
+    readouts: tuple[Readout, ...] = ()
+    plots: tuple[Plot, ...] = ()
+    trail: Any = None
+    camera: dict[str, Any] | None = None
+    overlays: Any = None
+    toggles: Any = None
+    stopAt: float | Expression | None = None
+    autoplay: bool = False
+    note: str | None = None
+    height: float | None = None
+    dock: bool = False
+
+
+class SimLab(LabConfig):
+    """A lab of a lesson that runs one scene."""
+
+    id: str
+    kind: Literal["simlab"]
+
+
+class IntegratorsLab(LabPart):
+    """A lab of a lesson that runs one scene under all five integrators from one state."""
+
+    id: str
+    kind: Literal["integrators"]
+    title: str | None = None
+    model: str
+    models: tuple[str, ...] = ()
+    key: int | str | None = None
+    timestep: float = Field(default=0.002, gt=0)
+    seconds: float = Field(default=20.0, gt=0, le=60)
+    dock: bool = False
+
+
+Lab = Annotated[SimLab | IntegratorsLab, Field(discriminator="kind")]

@@ -1,0 +1,80 @@
+"""Verdict and Finding: what grading says of one submission; the same JSON everywhere."""
+
+from enum import StrEnum
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Status(StrEnum):
+    """How a submission came out."""
+
+    CORRECT = "correct"
+    PARTIAL = "partial"
+    INCORRECT = "incorrect"
+    NEEDS_REVIEW = "needs_review"
+    INVALID_ANSWER = "invalid_answer"
+    CRASHED = "crashed"
+    TIMED_OUT = "timed_out"
+    OUT_OF_MEMORY = "out_of_memory"
+    OUTPUT_TOO_LARGE = "output_too_large"
+    FORBIDDEN = "forbidden"
+    GRADER_FAULT = "grader_fault"
+
+    @property
+    def uses_attempt(self) -> bool:
+        """An answer that could not be read and a fault of ours cost the learner nothing."""
+        return self not in (Status.INVALID_ANSWER, Status.GRADER_FAULT)
+
+
+class Finding(BaseModel):
+    """The outcome of one check. `passed` is None where it could not be decided."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: str
+    title: str
+    passed: bool | None
+    points: float
+    max_points: float
+    message: str
+    measured: Any = None
+    expected: Any = None
+
+
+class Verdict(BaseModel):
+    """Status, points and findings of one submission; append-only: a regrade is a new one."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    status: Status
+    points: float
+    max_points: float
+    findings: tuple[Finding, ...] = ()
+    diagnosis: str | None = None
+    read_as: str | None = None
+    explain: str | None = None
+    evidence: dict[str, Any] = Field(default_factory=dict)
+    stdout: str = ""
+    stderr: str = ""
+    timing_ms: dict[str, float] = Field(default_factory=dict)
+    environment: dict[str, str] = Field(default_factory=dict)
+    content_digest: str = ""
+    submission_digest: str = ""
+
+
+def status_of(points: float, max_points: float) -> Status:
+    """Correct, partial or incorrect by points; rounding in a sum of shares does not cost the last bit."""
+    if points >= max_points * (1 - 1e-9):
+        return Status.CORRECT
+    return Status.PARTIAL if points > 0 else Status.INCORRECT
+
+
+def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:
+    """The verdict that a set of findings adds up to; `rest` are further fields of Verdict."""
+    max_points = sum(f.max_points for f in findings)
+    points = sum(f.points for f in findings)
+    status = status_of(points, max_points)
+    if status is Status.CORRECT:
+        points = max_points
+    return Verdict(status=status, points=points, max_points=max_points, findings=findings, **rest)
