@@ -25,10 +25,12 @@ class Limits(BaseModel):
 
 @dataclass(frozen=True)
 class Job:
-    """One script to run: `driver` is our source text, run in the jail beside the student's module.
+    """One script to run: `driver` is our source text, run in the jail around the student's module.
 
-    The driver defines `run(student, inputs, submit)`: `student` is the imported module, `inputs` plain JSON,
-    and `submit(name, array)` hands back one named array of numbers (text travels as uint8).
+    The driver is executed BEFORE the student's module is imported, so that what it patches (its optional
+    `prepare(inputs)` is called then) is what the student's `from mujoco import ...` finds. After the import its
+    `run(student, inputs, submit)` is called: `student` is the module, `inputs` plain JSON, and
+    `submit(name, array)` hands back one named array of numbers (text travels as uint8).
     """
 
     source: str
