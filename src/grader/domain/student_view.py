@@ -1,0 +1,61 @@
+"""What a learner may see of a quiz: an allow-list, so that a new field stays hidden until somebody names it here."""
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from grader.domain.lab import IntegratorsLab, Lab, LabConfig
+from grader.domain.quiz import CodeQuestion, PredictQuestion, Question, Quiz
+
+COMMON = ("id", "kind", "label", "title", "q", "points", "attempts")
+BY_KIND = {
+    "mcq": ("options",),
+    "debug": ("options",),
+    "predict": ("options",),
+    "numeric": ("unit",),
+    "open": (),
+    "code": ("entry",),
+}
+LAB = ("id", "kind", "title", "note", "camera", "height", "autoplay")
+INTEGRATORS_LAB = ("id", "kind", "title", "model", "models", "timestep", "seconds")
+CONTROL = ("type", "label", "unit", "min", "max", "step", "value", "digits", "options", "reset")
+READOUT = ("label", "digits", "unit")
+TRACE = ("label", "dash", "color")
+PLOT = ("ylabel", "window", "ymin", "ymax")
+
+
+def student_view(quiz: Quiz) -> dict[str, Any]:
+    """The quiz without answers, tolerances, explanations, references, checks or expressions, as plain JSON."""
+    return {
+        "id": quiz.id,
+        "title": quiz.title,
+        "questions": [question_view(question) for question in quiz.questions],
+        "labs": [lab_view(lab) for lab in quiz.labs],
+    }
+
+
+def question_view(question: Question) -> dict[str, Any]:
+    """One question. The lab of a predict question is only announced: it is shown once the learner has answered."""
+    view = _pick(question, COMMON + BY_KIND[question.kind])
+    if isinstance(question, CodeQuestion):
+        view["limits"] = question.limits.model_dump()
+        view["has_starter"] = question.starter is not None
+    if isinstance(question, PredictQuestion):
+        view["has_lab"] = question.sim is not None
+    return view
+
+
+def lab_view(lab: Lab | LabConfig) -> dict[str, Any]:
+    """The face of a lab: its controls, and the labels of its readouts and traces; no expression, no model source."""
+    if isinstance(lab, IntegratorsLab):
+        return _pick(lab, INTEGRATORS_LAB)
+    return _pick(lab, LAB) | {
+        "controls": [_pick(control, CONTROL) for control in lab.controls],
+        "readouts": [_pick(readout, READOUT) for readout in lab.readouts],
+        "plots": [_pick(plot, PLOT) | {"traces": [_pick(trace, TRACE) for trace in plot.traces]} for plot in lab.plots],
+    }
+
+
+def _pick(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:
+    """The named fields that the part has, as plain JSON values."""
+    return part.model_dump(mode="json", include=set(names))
