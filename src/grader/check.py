@@ -1,7 +1,8 @@
-"""Everything that must hold of a content folder: it loads, its keys are what physics says, its references grade true."""
+"""What must hold of a content folder: it loads, its keys are what physics says, its references grade true."""
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from grader.errors import ContentError, Fault, NotFound
 from grader.library import Library, load
 from grader.pipeline import Pipeline
 
-Progress = Callable[[str], None]
+Say = Callable[[str], None]
 
 
 @dataclass
@@ -35,24 +36,44 @@ class Report:
         }
 
 
-def check_content(root: Path, make_pipeline: Callable[[Library], Pipeline], say: Progress) -> Report:
-    """Load the folder, certify every key, grade every reference solution; `make_pipeline` brings the jail."""
+def content_root(path: Path) -> Path:
+    """The content folder that `path` is or lies in. Raises ContentError where there is none."""
+    for folder in (path.resolve(), *path.resolve().parents):
+        if (folder / "quizzes").is_dir():
+            return folder
+    raise ContentError([Fault(str(path), "-", "no content folder here: a folder with quizzes/ and models/ inside")])
+
+
+def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say) -> Report:
+    """Load the folder that `path` lies in, certify its keys, grade its reference solutions.
+
+    A path inside the folder narrows certificates and references to what lies under it; `pipeline_for` brings the jail.
+    """
     report = Report()
     try:
-        library = load(root)
+        library = load(content_root(path))
     except ContentError as error:
         report.faults.extend(error.faults)
         return report
     report.warnings.extend(library.warnings)
-    certify_library(library, report, say)
-    grade_references(make_pipeline(library), report, say)
+    certify_library(library, path.resolve(), report, say)
+    references = [reference for reference in find_references(library.root) if within(reference.path, path.resolve())]
+    if references:
+        with pipeline_for(library) as pipeline:
+            grade_references(pipeline, references, report, say)
     report.faults.sort()
     return report
 
 
-def certify_library(library: Library, report: Report, say: Progress) -> None:
+def within(path: Path, folder: Path) -> bool:
+    """Whether `path` is `folder` or lies in it."""
+    return path.is_relative_to(folder)
+
+
+def certify_library(library: Library, path: Path, report: Report, say: Say) -> None:
     """Re-derive every key that physics can decide; a key that it contradicts is a fault."""
-    for quiz in library.quizzes.values():
+    chosen = (quiz for quiz in library.quizzes.values() if within(library.root / library.file(quiz.id), path))
+    for quiz in chosen:
         for question in quiz.questions:
             certificate = certify_question(question, library.model_xml)
             if certificate is None:
@@ -85,11 +106,10 @@ def find_references(root: Path) -> Iterator[Reference]:
         yield Reference(path, quiz, question, path.stem.partition("__")[0], diagnosis)
 
 
-def grade_references(pipeline: Pipeline, report: Report, say: Progress) -> None:
+def grade_references(pipeline: Pipeline, references: list[Reference], report: Report, say: Say) -> None:
     """Every reference program must get the status in its name and the diagnosis in its first line."""
     root = pipeline.library.root
     with ThreadPoolExecutor(max_workers=2) as pool:
-        references = list(find_references(root))
         for reference, outcome in zip(references, pool.map(lambda r: grade_one(pipeline, r), references), strict=True):
             name = reference.path.relative_to(root).as_posix()
             say(f"{name}: {outcome['got']}")
