@@ -1,0 +1,110 @@
+"""The command line as people call it: exit codes, one JSON document, errors that name the cure."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+GRADER = Path(sys.executable).parent / "grader"
+
+
+def grader(*arguments: str, content: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "GRADER_CONTENT": str(content)}
+    return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment)
+
+
+def verdict_of(*arguments: str) -> tuple[int, dict[str, Any]]:
+    done = grader("grade", "1.3-check", *arguments, "--json") if "--" not in arguments else grader(*arguments)
+    assert done.stdout, done.stderr
+    return done.returncode, json.loads(done.stdout)
+
+
+def test_seconds_are_converted_to_the_unit_asked_for() -> None:
+    code, verdict = verdict_of("q2", "0.005 s")
+    assert (code, verdict["status"], verdict["read_as"]) == (0, "correct", "5 ms")
+
+
+def test_seconds_without_a_unit_are_told_that_milliseconds_were_asked_for() -> None:
+    code, verdict = verdict_of("q2", "0.005")
+    assert (code, verdict["status"]) == (1, "incorrect")
+    assert "milliseconds" in verdict["diagnosis"]
+
+
+def test_a_negative_answer_goes_after_two_dashes() -> None:
+    code, verdict = verdict_of("grade", "--json", "1.3-check", "q2", "--", "-5")
+    assert (code, verdict["status"]) == (1, "incorrect")
+    assert verdict["read_as"] == "-5 ms"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["grade", "1.3-check", "q99", "1"],
+        ["grade", "nowhere", "q1", "1"],
+        ["grade", "1.3-exercises", "servo-threshold", "no_such_file.py"],
+        ["grade", "1.3-check"],
+        ["no-such-command"],
+        ["check", "/nowhere/at/all"],
+        ["token", "create", "--user", "ada", "--role", "emperor"],
+    ],
+)
+def test_usage_errors_exit_2_with_a_sentence_and_no_traceback(arguments: list[str]) -> None:
+    done = grader(*arguments)
+    assert done.returncode == 2
+    assert done.stderr.strip()
+    assert "Traceback" not in done.stderr
+    assert not done.stdout
+
+
+def test_a_source_that_is_not_utf8_or_too_long_exits_2(tmp_path: Path) -> None:
+    for name, content in (("latin1.py", b"# \xe9\n"), ("long.py", b"#" * 300_000)):
+        (tmp_path / name).write_bytes(content)
+        assert grader("grade", "1.3-exercises", "servo-threshold", str(tmp_path / name)).returncode == 2
+
+
+def test_a_right_script_exits_0_and_a_wrong_one_1() -> None:
+    folder = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
+    for status, code in (("correct", 0), ("incorrect", 1)):
+        script = sorted(folder.glob(f"{status}__*.py"))[0]
+        done = grader("grade", "1.3-exercises", "servo-threshold", str(script), "--json")
+        assert json.loads(done.stdout)["status"] == status
+        assert done.returncode == code
+
+
+@pytest.fixture
+def broken_content(tmp_path: Path) -> Path:
+    """A copy of the content with five faults planted."""
+    for folder in ("quizzes", "models"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    path = tmp_path / "quizzes/1.3-check.json"
+    quiz = json.loads(path.read_text())
+    questions = quiz["questions"]
+    questions[0]["answer"] = 4
+    questions[1]["tol"] = -0.05
+    questions[2]["sim"]["model"] = "pendulum_sevro"
+    questions[3]["referense"] = questions[3].pop("reference")
+    path.write_text(json.dumps(quiz))
+    (tmp_path / "quizzes/broken.json").write_text('{"id": "broken", "title": ')
+    return tmp_path
+
+
+def test_check_names_every_fault_at_once(broken_content: Path) -> None:
+    done = grader("check", "--json", content=broken_content)
+    assert done.returncode == 2
+    faults = json.loads(done.stdout)["faults"]
+    told = [f"{fault['file']}: {fault['key']}: {fault['why']}" for fault in faults]
+    for parts in (
+        ("1.3-check.json", "q1", "answer"),
+        ("1.3-check.json", "q2", "tol"),
+        ("1.3-check.json", "q3", "pendulum_sevro"),
+        ("1.3-check.json", "q4", "referense"),
+        ("broken.json", "line 1"),
+    ):
+        assert [line for line in told if all(part in line for part in parts)], (parts, told)
+    assert len(faults) == 5
