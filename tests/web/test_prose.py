@@ -1,0 +1,136 @@
+"""Authors' HTML and TeX become HTML and MathML that is safe to show."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grader.web.prose import HTML_ATTRIBUTES, HTML_TAGS, MATHML_ATTRIBUTES, MATHML_TAGS, plain_text, safe_html
+
+
+class Tags(HTMLParser):
+    """Every tag with its attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+
+def assert_harmless(text: str) -> None:
+    for tag, attributes in Tags(text).seen:
+        assert tag in HTML_TAGS | MATHML_TAGS, tag
+        allowed = HTML_ATTRIBUTES.get(tag, set()) | MATHML_ATTRIBUTES.get(tag, set()) | {"rel"}
+        assert set(attributes) <= allowed, (tag, attributes)
+        for link in (attributes.get("href"), attributes.get("src")):
+            assert not re.match(r"[\s\x00-\x1f]*(javascript|data|vbscript):", link or "", re.IGNORECASE)
+
+
+@pytest.mark.parametrize(
+    ("prose", "part"),
+    [
+        ("the $h^2K$ term", "<msup><mi>h</mi><mn>2</mn></msup><mi>K</mi>"),
+        (r"$2\sqrt{I/k_p}$", "<msqrt>"),
+        (r"$h < 2I/c = 2 \times 0.05 / 20$", "<mo>&lt;</mo>"),
+        ("$h &lt; 2$", "<mo>&lt;</mo>"),
+        ("$a<b$ and <b>bold</b>", "<mi>a</mi><mo>&lt;</mo><mi>b</mi>"),
+        ("$$x$$", '<math display="block">'),
+        (r"\$5 and \$6", "$5 and $6"),
+        ("between $5 and $6", "between $5 and $6"),
+        ("<code>echo $PATH$HOME</code>", "<code>echo $PATH$HOME</code>"),
+        ('<a href="https://x.org/$a$">$a$</a>', 'href="https://x.org/$a$"'),
+        (r"$\frac{$ is a slip", "is a slip"),
+    ],
+)
+def test_tex_becomes_mathml_where_it_is_text(prose: str, part: str) -> None:
+    assert part in safe_html(prose)
+
+
+def test_tex_that_cannot_be_read_is_shown_as_typed() -> None:
+    assert safe_html(r"so $\sqrt$ here") == r"so <code>\sqrt</code> here"
+
+
+@pytest.mark.parametrize(
+    "prose",
+    [
+        "<script>alert(1)</script>",
+        '<img src="x" onerror="alert(1)">',
+        '<a href="javascript:alert(1)">x</a>',
+        '<math><mi xlink:href="javascript:alert(1)" onclick="x">x</mi></math>',
+        r"$\href{javascript:alert(1)}{x}$",
+        r"$\style{background:url(x)}{a}$",
+        r"$\text{<script>alert(1)</script>}$",
+        "<math><mtext><table><mglyph><style><img src=x onerror=alert(1)></style></mglyph></table></mtext></math>",
+        "<svg><script>alert(1)</script></svg>",
+        "<code><script>alert(1)</script></code>",
+        "<style>*{}</style><iframe src=x></iframe><form action=x><input name=y></form>",
+    ],
+)
+def test_what_could_run_is_removed(prose: str) -> None:
+    assert_harmless(safe_html(prose))
+
+
+HOSTILE = st.sampled_from(
+    [
+        *(
+            "<script>",
+            "</script>",
+            "<img src=x onerror=alert(1)>",
+            "<a href='javascript:x'>",
+            "<math>",
+            "<mtext>",
+            "<b",
+        ),
+        *(
+            "$",
+            "$$",
+            r"\$",
+            r"\href{javascript:x}{y}",
+            r"\text{",
+            r"\style{a}{b}",
+            "{",
+            "}",
+            "^",
+            "_",
+            "&lt;",
+            "&#x3c;",
+        ),
+        *(
+            "<code>",
+            "</code>",
+            "<!--",
+            "-->",
+            "<svg onload=x>",
+            " ",
+            "x",
+            "1",
+            r"\frac",
+            r"\begin{matrix}",
+            '"',
+            "'",
+            ">",
+        ),
+    ]
+)
+
+
+@settings(max_examples=250, deadline=None)
+@given(st.lists(HOSTILE | st.text(max_size=4), max_size=25).map("".join))
+def test_no_text_gets_anything_through_that_could_run(prose: str) -> None:
+    assert_harmless(safe_html(prose))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(alphabet="xyz01^_{}\\&<>+-=()[]|$ frac sqrt left right", max_size=40))
+def test_no_tex_takes_the_page_down(tex: str) -> None:
+    assert_harmless(safe_html(f"${tex}$"))
+
+
+def test_a_label_is_plain_text() -> None:
+    assert plain_text("Use <code>a &lt; b</code>") == "Use a < b"
