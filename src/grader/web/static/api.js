@@ -1,0 +1,98 @@
+// Requests to the API under the session cookie; every failure is an Error whose message is a sentence for the reader.
+
+const ROOT = "/api/v1";
+const POLL_MS = 700;
+
+export class Problem extends Error {
+  constructor(message, status) {
+    super(message);
+    this.status = status;
+  }
+}
+
+export async function request(method, path, body, headers = {}) {
+  let response;
+  try {
+    response = await fetch(ROOT + path, {
+      method,
+      credentials: "same-origin",
+      headers: { Accept: "application/json", ...(body === undefined ? {} : { "Content-Type": "application/json" }), ...headers },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+  } catch {
+    throw new Problem("The server cannot be reached. Check the connection and try again.", 0);
+  }
+  if (!response.ok) throw await problemOf(response);
+  return response.status === 204 ? null : response.json();
+}
+
+async function problemOf(response) {
+  const wait = Number(response.headers.get("Retry-After"));
+  let sentence = `The server refused this (${response.status}).`;
+  try {
+    const problem = await response.json();
+    sentence = problem.detail || problem.title || sentence;
+  } catch {
+    // no JSON: the sentence above has to do
+  }
+  if (response.status === 401) sentence = "You are not signed in any more. Reload this page.";
+  if (response.status === 429 && wait > 0) sentence += ` Try again in ${wait} s.`;
+  return new Problem(sentence, response.status);
+}
+
+export const get = (path) => request("GET", path);
+export const post = (path, body, headers) => request("POST", path, body, headers);
+
+export function submit(quiz, question, answer) {
+  // One key for one press of the button: a repeat after a lost connection makes no second submission.
+  const key = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+  return post("/submissions", { quiz, question, answer }, { "Idempotency-Key": key });
+}
+
+export function atRest(submission) {
+  return Boolean(submission.verdict) && !["queued", "running"].includes(submission.status);
+}
+
+// Waits for the verdict: by server-sent events, or by asking again where they do not come through.
+export async function awaitVerdict(submission, onStatus) {
+  const path = `/submissions/${encodeURIComponent(submission.id)}`;
+  for (;;) {
+    await Promise.race([nextEvent(path, onStatus), pause(20 * POLL_MS)]);
+    const now = await get(path);
+    if (atRest(now)) return now;
+    onStatus(now.status);
+    await pause(POLL_MS);
+  }
+}
+
+function nextEvent(path, onStatus) {
+  return new Promise((resolve) => {
+    const source = new EventSource(`${ROOT}${path}/events`);
+    const end = () => { source.close(); resolve(); };
+    for (const name of ["queued", "running"]) source.addEventListener(name, () => onStatus(name));
+    for (const name of ["graded", "needs_review", "error"]) source.addEventListener(name, end);
+  });
+}
+
+export function pause(milliseconds) {
+  return new Promise((resolve) => setTimeout(resolve, milliseconds));
+}
+
+// Every item of a list, page after page.
+export async function all(path, itemsMax = 1000) {
+  const items = [];
+  let cursor = null;
+  do {
+    const page = await get(path + (cursor ? `${path.includes("?") ? "&" : "?"}cursor=${encodeURIComponent(cursor)}` : ""));
+    items.push(...page.items);
+    cursor = page.next_cursor;
+  } while (cursor && items.length < itemsMax);
+  return items;
+}
+
+// Authors' HTML with TeX, made safe by the server: the only text that is ever set as HTML.
+export async function setProse(node, prose) {
+  const response = await fetch("/prose", { method: "POST", headers: { "Content-Type": "text/plain" }, body: prose });
+  if (response.ok) node.innerHTML = await response.text();
+  else node.textContent = prose.replace(/<[^>]*>/g, "");
+}

@@ -1,0 +1,127 @@
+// A line chart as SVG: series against x, linear or logarithmic, with marked values.
+// chart({ title, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points}], marks: [{x | y, label}] })
+
+import { el, number, svg } from "./dom.js";
+
+const WIDTH = 640, HEIGHT = 260, LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 40;
+const COLOURS = 6;
+
+export function chart(spec) {
+  const across = scale(spec.x, values(spec, "x"), LEFT, WIDTH - RIGHT);
+  const up = scale(spec.y, values(spec, "y"), HEIGHT - BOTTOM, TOP);
+  const picture = svg("svg", { class: "chart", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": described(spec) });
+  picture.append(...gridX(across, spec.x), ...gridY(up, spec.y), frame());
+  for (const mark of spec.marks ?? []) picture.append(...marked(mark, across, up));
+  spec.series.forEach((line, index) => picture.append(...drawn(line, index, across, up)));
+  return el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
+}
+
+function values(spec, axis) {
+  const all = spec.series.flatMap((line) => Array.from(line[axis])).concat((spec.marks ?? []).map((mark) => mark[axis]));
+  return all.filter((value) => Number.isFinite(value) && (!spec[axis]?.log || value > 0));
+}
+
+function scale(axis = {}, all, from, to) {
+  const turn = axis.log ? Math.log10 : (value) => value;
+  let low = turn(axis.min ?? all.reduce((a, b) => Math.min(a, b), Infinity));
+  let high = turn(axis.max ?? all.reduce((a, b) => Math.max(a, b), -Infinity));
+  if (!Number.isFinite(low) || !Number.isFinite(high)) [low, high] = [0, 1];
+  if (high - low < 1e-12 * Math.max(1, Math.abs(high))) [low, high] = [low - 0.5, high + 0.5];
+  if (axis.log && axis.min === undefined) [low, high] = [Math.floor(low * 2) / 2, Math.ceil(high * 2) / 2];
+  const place = (value) => from + ((turn(value) - low) / (high - low)) * (to - from);
+  return { place, ticks: axis.log ? decades(low, high) : steps(low, high), from, to };
+}
+
+function steps(low, high) {
+  const raw = (high - low) / 5, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= raw * 0.999);
+  const ticks = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i++) ticks.push(Number((i * step).toPrecision(12)));
+  return ticks;
+}
+
+function decades(low, high) {
+  const whole = [];
+  const stride = Math.max(1, Math.ceil((high - low) / 7));
+  for (let power = Math.ceil(low - 1e-9); power <= high + 1e-9; power += stride) whole.push(10 ** power);
+  return whole.length >= 2 ? whole : [1, 2, 5].flatMap((f) => [f * 10 ** Math.floor(low), f * 10 ** Math.ceil(low)])
+    .filter((value) => Math.log10(value) >= low - 1e-9 && Math.log10(value) <= high + 1e-9);
+}
+
+function gridX(across, axis) {
+  const lines = across.ticks.flatMap((tick) => {
+    const x = across.place(tick);
+    return [
+      svg("line", { class: "grid", x1: x, x2: x, y1: TOP, y2: HEIGHT - BOTTOM }),
+      svg("text", { x, y: HEIGHT - BOTTOM + 15, "text-anchor": "middle" }, number(tick)),
+    ];
+  });
+  const label = svg("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, axis?.label ?? "");
+  return [...lines, label];
+}
+
+function gridY(up, axis) {
+  const lines = up.ticks.flatMap((tick) => {
+    const y = up.place(tick);
+    return [
+      svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
+      svg("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end" }, number(tick)),
+    ];
+  });
+  const middle = (TOP + HEIGHT - BOTTOM) / 2;
+  const label = svg("text", { x: 12, y: middle, "text-anchor": "middle", transform: `rotate(-90 12 ${middle})` }, axis?.label ?? "");
+  return [...lines, label];
+}
+
+function frame() {
+  return svg("path", { class: "frame", d: `M${LEFT} ${TOP}V${HEIGHT - BOTTOM}H${WIDTH - RIGHT}` });
+}
+
+function marked(mark, across, up) {
+  if (mark.x !== undefined) {
+    const x = across.place(mark.x);
+    const onLeft = x > (LEFT + WIDTH) / 2;
+    return [
+      svg("line", { class: "mark-line", x1: x, x2: x, y1: TOP, y2: HEIGHT - BOTTOM }),
+      svg("text", { x: x + (onLeft ? -4 : 4), y: TOP + 10, "text-anchor": onLeft ? "end" : "start" }, mark.label ?? ""),
+    ];
+  }
+  const y = up.place(mark.y);
+  return [
+    svg("line", { class: "mark-line", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
+    svg("text", { x: WIDTH - RIGHT - 4, y: y - 4, "text-anchor": "end" }, mark.label ?? ""),
+  ];
+}
+
+const DASHES = ["none", "6 3", "2 3", "8 3 2 3", "12 4", "4 2"];
+const dashOf = (line, index) => (Array.isArray(line.dash) ? line.dash.join(" ") : line.dash ? "6 4" : DASHES[index % DASHES.length]);
+
+function drawn(line, index, across, up) {
+  const inside = (y) => Math.min(Math.max(y, TOP - 1), HEIGHT - BOTTOM + 1);
+  let d = "", pen = "M";
+  const points = [];
+  for (let i = 0; i < line.x.length; i++) {
+    const x = across.place(line.x[i]), y = up.place(line.y[i]);
+    if (line.x[i] === null || line.y[i] === null || !Number.isFinite(x) || !Number.isFinite(y)) { pen = "M"; continue; }
+    d += `${pen}${x.toFixed(1)} ${inside(y).toFixed(1)}`;
+    pen = "L";
+    if (line.points) points.push(svg("circle", { class: `line series-${index % COLOURS}`, cx: x, cy: inside(y), r: 3 }));
+  }
+  return [svg("path", { class: `line series-${index % COLOURS}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
+}
+
+// Colour is never the only sign: every line has its own dashes.
+function legend(series) {
+  const named = series.filter((line) => line.label);
+  if (!named.length) return null;
+  return el("ul", { class: "legend" }, series.map((line, index) => line.label && el("li", {},
+    svg("svg", { viewBox: "0 0 24 10", "aria-hidden": "true" },
+      svg("path", { class: `line series-${index % COLOURS}`, d: "M0 5H24", "stroke-dasharray": dashOf(line, index) })),
+    line.label)));
+}
+
+function described(spec) {
+  const lines = spec.series.map((line) => line.label).filter(Boolean).join(", ");
+  const marks = (spec.marks ?? []).map((mark) => mark.label).filter(Boolean).join(", ");
+  return [spec.title, `${spec.y?.label ?? "value"} against ${spec.x?.label ?? "time"}`, lines, marks].filter(Boolean).join("; ");
+}

@@ -1,0 +1,5 @@
+// The measurements behind a verdict, as pictures.
+
+export function evidenceFigures(evidence) {
+  return [];
+}

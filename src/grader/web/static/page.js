@@ -1,0 +1,34 @@
+// The student page: questions, their latest verdicts, and the lesson's labs.
+
+import { all } from "./api.js";
+import { number } from "./dom.js";
+import { openLab } from "./lab.js";
+import { Question } from "./question.js";
+
+for (const section of document.querySelectorAll("[data-quiz]")) start(section);
+
+async function start(section) {
+  const quiz = section.dataset.quiz;
+  const points = new Map();
+  const score = section.querySelector("[data-score]");
+  const questions = Array.from(section.querySelectorAll("[data-question]"), (card) => new Question(card, quiz, (question, submission) => {
+    points.set(question.id, submission.verdict.points);
+    const total = questions.reduce((sum, one) => sum + Number(one.card.dataset.points), 0);
+    const reached = Array.from(points.values()).reduce((sum, one) => sum + one, 0);
+    score.textContent = `${number(reached)} of ${number(total)} points`;
+  }));
+  for (const lab of section.querySelectorAll("[data-lab]")) openLab(lab, { quiz, lab: lab.dataset.lab });
+  if (questions.length) await restore(quiz, questions, score);
+}
+
+async function restore(quiz, questions, score) {
+  try {
+    const newestFirst = await all(`/submissions?quiz=${encodeURIComponent(quiz)}`);
+    for (const question of questions) {
+      const latest = newestFirst.find((submission) => submission.question === question.id);
+      if (latest) question.restore(latest);
+    }
+  } catch (error) {
+    score.textContent = error.message;
+  }
+}
