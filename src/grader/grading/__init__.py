@@ -1,0 +1,1 @@
+"""Grading: answers and evidence in, verdicts out. Pure."""
