@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 Expression = str
 """A small JavaScript expression or statement; grader.labs parses it when content is loaded."""
@@ -55,6 +55,17 @@ class Button(LabPart):
     run: Expression
 
 
+def _control_type(control: Any) -> str:
+    """Authors leave the type of a slider out."""
+    return str(control.get("type", "slider") if isinstance(control, dict) else getattr(control, "type", "slider"))
+
+
+Control = Annotated[
+    Annotated[Slider, Tag("slider")] | Annotated[Select, Tag("select")] | Annotated[Button, Tag("button")],
+    Discriminator(_control_type),
+]
+
+
 class Readout(LabPart):
     """A labelled number or text under the view."""
 
@@ -92,7 +103,7 @@ class LabConfig(LabPart):
     xml: str | None = None
     key: int | str | None = None
     setup: Expression | None = None
-    controls: tuple[Slider | Select | Button, ...] = ()
+    controls: tuple[Control, ...] = ()
     controller: Expression | None = None
     readouts: tuple[Readout, ...] = ()
     plots: tuple[Plot, ...] = ()

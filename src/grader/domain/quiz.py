@@ -3,10 +3,23 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import Lab, LabConfig
 from grader.domain.run import Limits
+
+
+def _index_of_option(answer: int, info: ValidationInfo) -> int:
+    options = info.data.get("options")
+    if options is not None and answer >= len(options):
+        count = {"answer": answer, "count": len(options), "last": len(options) - 1}
+        raise PydanticCustomError("option_index", "there is no option {answer}: the {count} are 0 to {last}", count)
+    return answer
+
+
+OptionIndex = Annotated[int, Field(ge=0, strict=True), AfterValidator(_index_of_option)]
+"""The 0-based index of one of the `options`, which must stand before it in the class."""
 
 
 class QuestionPart(BaseModel):
@@ -19,8 +32,8 @@ class QuestionPart(BaseModel):
     label: str | None = None
     title: str | None = None
     explain: str | None = None
-    points: float = Field(default=1.0, gt=0, le=1000)
-    attempts: int | None = Field(default=None, ge=1)
+    points: float = Field(default=1.0, gt=0, le=1000, strict=True, allow_inf_nan=False)
+    attempts: int | None = Field(default=None, ge=1, strict=True)
     verify: dict[str, Any] | None = None
 
 
@@ -29,7 +42,7 @@ class ChoiceQuestion(QuestionPart):
 
     kind: Literal["mcq", "debug"]
     options: tuple[str, ...] = Field(min_length=2)
-    answer: int = Field(ge=0, strict=True)
+    answer: OptionIndex
 
 
 class PredictQuestion(QuestionPart):
@@ -37,7 +50,7 @@ class PredictQuestion(QuestionPart):
 
     kind: Literal["predict"]
     options: tuple[str, ...] = Field(min_length=2)
-    answer: int = Field(ge=0, strict=True)
+    answer: OptionIndex
     sim: LabConfig | None = None
 
 
@@ -45,8 +58,8 @@ class NumericQuestion(QuestionPart):
     """A number in `unit`; right within `tol` (absolute, in that unit; 2 % of |answer| where it is not given)."""
 
     kind: Literal["numeric"]
-    answer: float = Field(allow_inf_nan=False)
-    tol: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    answer: float = Field(allow_inf_nan=False, strict=True)
+    tol: float | None = Field(default=None, ge=0, allow_inf_nan=False, strict=True)
     unit: str | None = None
 
     @property
