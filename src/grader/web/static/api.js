@@ -2,6 +2,7 @@
 
 const ROOT = "/api/v1";
 const POLL_MS = 700;
+const SILENCE_MS = 4000;
 
 export class Problem extends Error {
   constructor(message, status) {
@@ -56,8 +57,8 @@ export function atRest(submission) {
 // Waits for the verdict: by server-sent events, or by asking again where they do not come through.
 export async function awaitVerdict(submission, onStatus) {
   const path = `/submissions/${encodeURIComponent(submission.id)}`;
+  await lastEvent(path, onStatus);
   for (;;) {
-    await Promise.race([nextEvent(path, onStatus), pause(20 * POLL_MS)]);
     const now = await get(path);
     if (atRest(now)) return now;
     onStatus(now.status);
@@ -65,11 +66,15 @@ export async function awaitVerdict(submission, onStatus) {
   }
 }
 
-function nextEvent(path, onStatus) {
+// Settles with the last event, or as soon as the stream fails or stays silent.
+function lastEvent(path, onStatus) {
   return new Promise((resolve) => {
     const source = new EventSource(`${ROOT}${path}/events`);
-    const end = () => { source.close(); resolve(); };
-    for (const name of ["queued", "running"]) source.addEventListener(name, () => onStatus(name));
+    const end = () => { clearTimeout(silence); source.close(); resolve(); };
+    const silence = setTimeout(end, SILENCE_MS);
+    for (const name of ["queued", "running"]) {
+      source.addEventListener(name, () => { clearTimeout(silence); onStatus(name); });
+    }
     for (const name of ["graded", "needs_review", "error"]) source.addEventListener(name, end);
   });
 }
@@ -78,16 +83,17 @@ export function pause(milliseconds) {
   return new Promise((resolve) => setTimeout(resolve, milliseconds));
 }
 
-// Every item of a list, page after page.
-export async function all(path, itemsMax = 1000) {
-  const items = [];
+// The newest submission of each question, by question; a learner's own.
+export async function latestOf(quiz, user, questions) {
+  const latest = new Map();
   let cursor = null;
   do {
-    const page = await get(path + (cursor ? `${path.includes("?") ? "&" : "?"}cursor=${encodeURIComponent(cursor)}` : ""));
-    items.push(...page.items);
+    const query = new URLSearchParams({ quiz, limit: 100, ...(user ? { user } : {}), ...(cursor ? { cursor } : {}) });
+    const page = await get(`/submissions?${query}`);
+    for (const one of page.items) if (!latest.has(one.question)) latest.set(one.question, one);
     cursor = page.next_cursor;
-  } while (cursor && items.length < itemsMax);
-  return items;
+  } while (cursor && latest.size < questions);
+  return latest;
 }
 
 // Authors' HTML with TeX, made safe by the server: the only text that is ever set as HTML.

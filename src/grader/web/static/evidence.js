@@ -1,5 +1,50 @@
-// The measurements behind a verdict, as pictures.
+// The measurements behind a verdict, as pictures. Which keys there are is up to the checker of the exercise.
 
-export function evidenceFigures(evidence) {
-  return [];
+import { chart } from "./chart.js";
+
+const PICTURES = { angles: angleCharts, stability: stabilityChart };
+
+export function evidenceFigures(evidence, findings) {
+  const titleOf = (id) => findings.find((finding) => finding.id === id)?.title ?? id;
+  return Object.entries(PICTURES).flatMap(([key, draw]) => (evidence[key]?.length ? draw(evidence[key], titleOf) : []));
+}
+
+// The angle against time at both ends of a claimed bracket, one picture for each case.
+function angleCharts(runs, titleOf) {
+  return Array.from(groups(runs, "case"), ([id, ends]) => {
+    const reach = 1.2 * Math.max(...ends.map(settledReach));
+    return chart({
+      title: `${titleOf(id)}: the angle at both ends of your bracket`,
+      x: { label: "time (s)" },
+      y: { label: "angle (rad)", min: -reach, max: reach },
+      series: ends.map((run) => ({
+        label: `${run.end}, ${run.timestep_ms.toPrecision(4)} ms${run.diverged ? ": diverges" : ""}`,
+        x: run.time_s, y: run.angle,
+      })),
+    });
+  });
+}
+
+// A run that diverges leaves the picture; it must not flatten the others.
+function settledReach(run) {
+  const start = 2 * Math.abs(run.angle[0] ?? 1);
+  return run.diverged ? start : run.angle.reduce((most, one) => Math.max(most, Math.abs(one)), 0.1);
+}
+
+function stabilityChart(lines, titleOf) {
+  const known = lines.filter((line) => line.radius.length);
+  if (!known.length) return [];
+  return [chart({
+    title: "Spectral radius of one step at rest: above 1, a small deviation grows for ever",
+    x: { label: "timestep (ms)" },
+    y: { label: "spectral radius", max: Math.min(2, Math.max(...known.flatMap((line) => line.radius), 1.05)) },
+    series: known.map((line) => ({ label: titleOf(line.case), x: line.timestep_ms, y: line.radius })),
+    marks: [{ y: 1 }],
+  })];
+}
+
+function groups(items, key) {
+  const grouped = new Map();
+  for (const item of items) grouped.set(item[key], [...(grouped.get(item[key]) ?? []), item]);
+  return grouped;
 }

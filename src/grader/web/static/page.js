@@ -1,6 +1,6 @@
 // The student page: questions, their latest verdicts, and the lesson's labs.
 
-import { all } from "./api.js";
+import { latestOf } from "./api.js";
 import { number } from "./dom.js";
 import { openLab } from "./lab.js";
 import { Question } from "./question.js";
@@ -23,10 +23,9 @@ async function start(section) {
 
 async function restore(quiz, questions, score) {
   try {
-    const newestFirst = await all(`/submissions?quiz=${encodeURIComponent(quiz)}`);
+    const latest = await latestOf(quiz, document.body.dataset.user, questions.length);
     for (const question of questions) {
-      const latest = newestFirst.find((submission) => submission.question === question.id);
-      if (latest) question.restore(latest);
+      if (latest.has(question.id)) question.restore(latest.get(question.id));
     }
   } catch (error) {
     score.textContent = error.message;

@@ -18,7 +18,7 @@ const WORDS = {
   grader_fault: ["The grader failed, not you; it used up no attempt", "wait"],
 };
 
-export const wordsFor = (status) => (WORDS[status] ?? [status, "wait"])[0];
+const wordsFor = (status) => (WORDS[status] ?? [status, "wait"])[0];
 export const toneOf = (status) => (WORDS[status] ?? [status, "wait"])[1];
 
 export function showVerdict(box, submission) {
@@ -28,7 +28,7 @@ export function showVerdict(box, submission) {
     head(submission, verdict),
     verdict.diagnosis ? el("p", { class: "diagnosis" }, verdict.diagnosis) : null,
     findingsTable(verdict.findings ?? []),
-    ...evidenceFigures(verdict.evidence ?? {}),
+    ...evidenceFigures(verdict.evidence ?? {}, verdict.findings ?? []),
     explanation(verdict.explain),
     output("What your script printed", verdict.stdout),
     output("What your script wrote to stderr", verdict.stderr),

@@ -1,0 +1,73 @@
+"""What the student page shows of a quiz: the student's view, worded, its prose made safe."""
+
+import re
+from functools import lru_cache
+from typing import Any
+
+from markupsafe import Markup
+
+from grader.domain.quiz import Quiz
+from grader.domain.student_view import student_view
+from grader.web.prose import plain_text, safe_html
+
+HEADINGS = {
+    "mcq": "Choose one",
+    "debug": "Find the fault",
+    "predict": "Predict, then see",
+    "numeric": "Give a number",
+    "open": "In your own words",
+    "code": "Exercise",
+}
+
+BLOCK = re.compile(r"\s*<(p|div|ul|ol|pre|table|figure|h[1-6]|blockquote)\b", re.IGNORECASE)
+
+prose = lru_cache(maxsize=4096)(safe_html)
+
+
+def page_of(quiz: Quiz) -> dict[str, Any]:
+    """The quiz as the templates take it."""
+    view = student_view(quiz)
+    return {
+        "id": view["id"],
+        "title": plain_text(view["title"]),
+        "questions": [card_of(quiz.id, question) for question in view["questions"]],
+        "labs": [{"id": lab["id"], "title": plain_text(lab["title"] or "")} for lab in view["labs"]],
+    }
+
+
+def card_of(quiz_id: str, question: dict[str, Any]) -> dict[str, Any]:
+    """One question: text as safe HTML, the rest in words."""
+    return question | {
+        "heading": plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]]),
+        "prompt": paragraphs(question["q"]),
+        "options": [prose(option) for option in question.get("options", ())],
+        "worth": worth(question["points"], question["attempts"]),
+        "allowance": allowance(question["limits"]) if "limits" in question else "",
+        "starter_url": f"/quizzes/{quiz_id}/{question['id']}/starter.py",
+    }
+
+
+def paragraphs(text: str) -> Markup:
+    """The prompt as safe HTML; a text that does not begin with a tag of its own begins a paragraph."""
+    return prose(text if BLOCK.match(text) else f"<p>{text}</p>")
+
+
+def worth(points: float, attempts: int | None) -> str:
+    """For example `2 points, 3 attempts`."""
+    parts = [count(points, "point")]
+    if attempts is not None:
+        parts.append(count(attempts, "attempt"))
+    return ", ".join(parts)
+
+
+def allowance(limits: dict[str, float]) -> str:
+    """What a script may use, as a sentence."""
+    return (
+        f"A script may use {limits['cpu_s']:g} s of processor time, {limits['memory_mb']:g} MB of memory "
+        f"and {limits['output_kb']:g} KB of output. It has no network and no files but its own."
+    )
+
+
+def count(number: float, noun: str) -> str:
+    """`1 point`, `2.5 points`."""
+    return f"{number:g} {noun}{'' if number == 1 else 's'}"

@@ -1,0 +1,59 @@
+// The instructor page: what was handed in, newest first; a row opens the submission under the table.
+
+import { get } from "./api.js";
+import { el, number } from "./dom.js";
+import { showVerdict, toneOf } from "./verdict.js";
+
+const find = (name) => document.querySelector(`[data-${name}]`);
+const [filters, status, rows, more, one] = ["filters", "status", "submissions", "more", "one"].map(find);
+let cursor = null;
+
+filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
+more.addEventListener("click", () => load(false));
+load(true);
+
+async function load(afresh) {
+  const query = new URLSearchParams({ limit: 50 });
+  for (const [name, value] of new FormData(filters)) if (value.trim()) query.set(name, value.trim());
+  if (!afresh && cursor) query.set("cursor", cursor);
+  try {
+    const page = await get(`/submissions?${query}`);
+    if (afresh) rows.replaceChildren();
+    rows.append(...page.items.map(row));
+    cursor = page.next_cursor;
+    more.hidden = !cursor;
+    status.textContent = rows.children.length ? "" : "Nothing yet.";
+  } catch (error) {
+    status.textContent = error.message;
+  }
+}
+
+function row(submission) {
+  const { verdict } = submission;
+  const when = new Date(submission.created_at);
+  const open = el("button", { type: "button", class: "link", onclick: () => show(submission.id) }, `${submission.quiz} ${submission.question}`);
+  return el("tr", {},
+    el("td", {}, el("time", { datetime: submission.created_at }, when.toLocaleString())),
+    el("td", {}, submission.user),
+    el("td", {}, open),
+    el("td", {}, verdict ? el("span", { class: `mark ${toneOf(verdict.status)}` }, verdict.status.replaceAll("_", " ")) : submission.status),
+    el("td", { class: "number" }, verdict ? `${number(verdict.points)} / ${number(verdict.max_points)}` : ""));
+}
+
+async function show(id) {
+  try {
+    const submission = await get(`/submissions/${encodeURIComponent(id)}`);
+    if (!submission.verdict) return;
+    showVerdict(one, submission);
+    one.prepend(el("h3", {}, `${submission.user}: ${submission.quiz} ${submission.question}`), answer(submission.answer));
+    one.focus({ preventScroll: true });
+    one.scrollIntoView({ block: "start" });
+  } catch (error) {
+    status.textContent = error.message;
+  }
+}
+
+function answer(given) {
+  const text = typeof given === "object" && given !== null ? given.source : String(given);
+  return el("pre", { tabindex: 0, "aria-label": "Answer" }, text);
+}
