@@ -1,0 +1,67 @@
+"""A child's locks, read from outside before it is given the first byte of a script."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import JailFault
+
+NAMESPACES = ("user", "pid", "mnt", "net", "ipc", "uts")
+CAPABILITIES = ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb")
+DESCRIPTORS = {"0", "1", "2", "3", "4"}
+
+
+def pid_of(pidfd: int) -> int:
+    """The process behind a pidfd, in our own numbering; -1 when it is gone."""
+    lines = Path(f"/proc/self/fdinfo/{pidfd}").read_text().splitlines()
+    return int(dict(line.split(":", 1) for line in lines)["Pid"])
+
+
+def namespaces(pid: int) -> dict[str, str]:
+    """The namespaces a process is in."""
+    return {name: str(Path(f"/proc/{pid}/ns/{name}").readlink()) for name in NAMESPACES}
+
+
+def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
+    """The names of the locks that the child lacks; empty when it may be given a script.
+
+    `probed` is the child's own trial of what cannot be seen from outside (said before any script is in it), `zygote`
+    the namespaces of the zygote (None where there are none), `uid` the user it must run as.
+    """
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
+    faults = [name for name in CAPABILITIES if zygote is not None and int(status[name], 16)]
+    held = {
+        "seccomp": status["Seccomp"] == "2",
+        "no new privileges": status["NoNewPrivs"] == "1",
+        "one thread": status["Threads"] == "1",
+        "user": set(status["Uid"].split()) == {str(uid)},
+        "descriptors": set(os.listdir(f"/proc/{pid}/fd")) <= DESCRIPTORS,  # noqa: PTH208
+        "landlock": probed.get("reads_outside") is False,
+        "limits": _limits(pid).get("Max core file size") == ["0", "0"],
+    }
+    if zygote is not None:
+        held["pid 1"] = status["NSpid"].split()[-1] == "1"
+        ours, its = namespaces(os.getpid()), namespaces(pid)
+        faults += [f"{name} namespace" for name in NAMESPACES if its[name] in (ours[name], zygote[name])]
+    return faults + [name for name, holds in held.items() if not holds]
+
+
+def check(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> None:
+    """Refuse a child that lacks a lock.
+
+    Raises:
+        JailFault: naming what is missing.
+    """
+    try:
+        faults = missing(pid, probed, zygote, uid)
+    except (OSError, KeyError, ValueError) as error:
+        raise JailFault(f"A child of the jail cannot be attested: {error}") from error
+    if faults:
+        raise JailFault(f"A child of the jail lacks: {', '.join(faults)}")
+
+
+def _limits(pid: int) -> dict[str, list[str]]:
+    rows = Path(f"/proc/{pid}/limits").read_text().splitlines()[1:]
+    return {row[:26].strip(): row[26:].split()[:2] for row in rows}

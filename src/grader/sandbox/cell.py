@@ -1,0 +1,141 @@
+"""The bubblewrap cell around the zygote: what of this machine is in it, found out and not assumed."""
+
+import importlib.util
+import os
+import re
+import shutil
+import sys
+import sysconfig
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import JailRefused
+from .policy import ENVIRONMENT, MODELS, SCRATCH
+
+INSIDE = Path(__file__).parent / "inside"
+OURS = Path(__file__).parents[1]
+NULL = Path("/dev/null")
+# -I would ignore PYTHONHASHSEED; these leave out the working directory, the user's packages, bytecode and `site`.
+ISOLATED = ("-P", "-s", "-S", "-B")
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """The interpreter of this process, as the cell needs it."""
+
+    executable: Path
+    binds: tuple[Path, ...]  # files and folders, readable
+    links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr
+    packages: tuple[Path, ...]  # folders for sys.path
+
+    @property
+    def readable(self) -> tuple[Path, ...]:
+        """Everything a script may read of the runtime: what is bound, without our own package."""
+        return tuple(entry for path in self.binds for entry in _without_ours(path))
+
+
+def discover() -> Runtime:
+    """Find the interpreter, its library, MuJoCo's and NumPy's folder, and the system's shared libraries.
+
+    Raises:
+        JailRefused: MuJoCo, NumPy or the C library cannot be found.
+    """
+    executable = Path(getattr(sys, "_base_executable", sys.executable)).resolve()
+    packages = tuple(dict.fromkeys(_package_folder(name) for name in ("mujoco", "numpy")))
+    library = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")}
+    if sys.prefix != sys.base_prefix:  # sysconfig answers for the base interpreter, wherever it is
+        library = {path for path in library if path.is_relative_to(Path(sys.base_prefix).resolve())} or library
+    wanted = [executable, *_shared_python(), *library, *packages, *_system_libraries(), *_zone_data()]
+    links = tuple((str(link.readlink()), link) for link in (Path("/lib"), Path("/lib64")) if link.is_symlink())
+    binds = [path for path in wanted if path.exists() and not path.is_symlink()]
+    return Runtime(executable, _outermost(binds), links, packages)
+
+
+def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
+    """The command that starts the zygote in its cell.
+
+    As root there is no user namespace around the cell: the zygote becomes nobody for real, and the two capabilities
+    for that are all it is given.
+
+    Raises:
+        JailRefused: bubblewrap is not installed.
+    """
+    program = shutil.which("bwrap")
+    if program is None:
+        raise JailRefused("bubblewrap (bwrap) is not installed.")
+    if os.geteuid() == 0:
+        user = ["--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
+    else:
+        user = ["--unshare-user"]
+    fences = (
+        "--unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try --die-with-parent --new-session"
+    )
+    command = [program, *fences.split(), "--hostname", "cell", "--cap-drop", "ALL", *user, "--proc", "/proc"]
+    for target, link in runtime.links:
+        command += ["--symlink", target, str(link)]
+    for folder in _parents([NULL, *runtime.binds, Path(SCRATCH, "x"), Path("/cell/inside")]):
+        command += ["--perms", "0755", "--dir", str(folder)]  # bubblewrap's own default lets only root through
+    command += ["--dev-bind", str(NULL), str(NULL)]
+    for path in runtime.binds:
+        command += ["--ro-bind", str(path), str(path)]
+    for path in runtime.binds:
+        if OURS.is_relative_to(path):
+            command += ["--tmpfs", str(OURS)]  # installed among the packages: covered up
+    command += ["--ro-bind", str(models.resolve()), MODELS, "--ro-bind", str(inside.resolve()), "/cell/inside"]
+    command += ["--remount-ro", "/", "--chdir", "/", "--clearenv"]
+    for name, value in ENVIRONMENT.items():
+        command += ["--setenv", name, value]
+    return [*command, *interpreter(runtime, "/cell", control)]
+
+
+def interpreter(runtime: Runtime, folder: str, control: int) -> list[str]:
+    """The zygote's own command; `folder` holds the package `inside`."""
+    paths = [folder, *map(str, runtime.packages)]
+    code = f"import sys; sys.path += {paths!r}; from inside import zygote; zygote.main()"
+    return [str(runtime.executable), *ISOLATED, "-c", code, str(control)]
+
+
+def _package_folder(name: str) -> Path:
+    found = importlib.util.find_spec(name)
+    if found is None or found.origin is None:
+        raise JailRefused(f"The package {name} is not installed.")
+    return Path(found.origin).resolve().parent.parent
+
+
+def _shared_python() -> list[Path]:
+    if not sysconfig.get_config_var("Py_ENABLE_SHARED"):
+        return []
+    folder, name = sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("INSTSONAME")
+    return [(Path(str(folder)) / str(name)).resolve()] if folder and name else []
+
+
+def _system_libraries() -> list[Path]:
+    """The folder of the C library and of its loader."""
+    mapped = re.findall(
+        r"\s(/\S*/(?:libc\.so\.6|libc-[\d.]+\.so|ld-linux\S*))$", Path("/proc/self/maps").read_text(), re.M
+    )
+    if not mapped:
+        raise JailRefused("The C library of this machine cannot be found.")
+    return list({Path(path).resolve().parent for path in mapped} | {Path("/lib64"), Path("/usr/lib64")})
+
+
+def _zone_data() -> list[Path]:
+    return [Path("/usr/share/zoneinfo")]
+
+
+def _outermost(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """Without what lies under another one, in the order in which they must be bound."""
+    unique = sorted(set(paths))
+    return tuple(p for p in unique if not any(p != other and p.is_relative_to(other) for other in unique))
+
+
+def _parents(paths: Iterable[Path]) -> list[Path]:
+    """Every folder above the paths, the outer ones first."""
+    return sorted({folder for path in paths for folder in path.parents if folder != Path("/")})
+
+
+def _without_ours(path: Path) -> list[Path]:
+    if not OURS.is_relative_to(path):
+        return [path]
+    return [deeper for entry in path.iterdir() if entry != OURS for deeper in _without_ours(entry)]

@@ -1,0 +1,30 @@
+"""What a script printed, made safe to show: no terminal commands, no invisible or reordering characters."""
+
+import re
+import unicodedata
+
+# CSI and OSC sequences, then any other two-character escape. Source: ECMA-48.
+ESCAPES = re.compile(
+    r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|(?:\x1b\]|\x9d)[^\x07\x1b\x9c]*(?:\x07|\x1b\\|\x9c)?|\x1b[ -/]*[0-~]"
+)
+NEWLINES = re.compile(r"\r\n?|[\x0b\x0c\x85\u2028\u2029]")
+# Controls, formats (bidi among them), surrogates, private use, unassigned.
+UNSHOWABLE = {"Cc", "Cf", "Cs", "Co", "Cn"}
+REASON_CHARS_MAX = 300
+
+
+def clean(raw: bytes, bytes_max: int) -> str:
+    """The first `bytes_max` bytes as text; what cannot be shown becomes U+FFFD."""
+    return _showable(raw[:bytes_max].decode("utf-8", "replace"))
+
+
+def one_line(text: str) -> str:
+    """A reason: one cleaned line, cut after 300 characters."""
+    line = " ".join(_showable(text).split())
+    return line if len(line) <= REASON_CHARS_MAX else line[: REASON_CHARS_MAX - 1] + "…"
+
+
+def _showable(text: str) -> str:
+    text = NEWLINES.sub("\n", ESCAPES.sub("", text))
+    bad = {c for c in set(text) if c not in "\n\t" and unicodedata.category(c) in UNSHOWABLE}
+    return text.translate({ord(character): "\ufffd" for character in bad})

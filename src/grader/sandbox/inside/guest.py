@@ -1,0 +1,201 @@
+"""Runs one job in a child that is already locked down: our driver around the student's module.
+
+Everything after the first byte of the student's source happens in a process that may be the student's in all but
+name: what it sends is a claim. Order: the driver is executed, its `prepare(inputs)` called if it has one, the
+student's source imported as a module (never as `__main__`), the driver's `run(student, inputs, submit)` called.
+"""
+
+import builtins
+import contextlib
+import ctypes
+import errno
+import io
+import json
+import linecache
+import os
+import random
+import re
+import struct
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NoReturn
+
+import numpy as np
+
+STDOUT, STDERR, RESULTS, JOB = 1, 2, 3, 4
+DTYPES = {"float64": b"d", "float32": b"f", "int64": b"q", "int32": b"i", "uint8": b"B", "bool": b"?"}
+KINDS = {"returned": 0, "crashed": 1, "forbidden": 2, "out_of_memory": 3}
+REFUSALS = {errno.EPERM, errno.EACCES, errno.ENOSYS, errno.EROFS}
+REASON_BYTES_MAX = 2000
+COURSE = "mjcourse"
+
+
+def prepare(models: str) -> None:
+    """In the zygote: the course's own module, and the names that `site` would have added."""
+    course = ModuleType(COURSE, "The course's helpers: where the lesson's models are.")
+
+    def model_path(name: str) -> Path:
+        """Path of the lesson's model of that name, e.g. model_path("pendulum")."""
+        path = Path(models) / f"{Path(str(name)).name.removesuffix('.xml')}.xml"
+        if not path.is_file():
+            known = ", ".join(sorted(p.stem for p in Path(models).glob("*.xml")))
+            raise FileNotFoundError(f"There is no model {name!r}; the course has: {known}")
+        return path
+
+    course.__dict__["model_path"] = model_path
+    sys.modules[COURSE] = course
+    for name in ("exit", "quit"):
+        setattr(builtins, name, sys.exit)
+
+
+def reseed() -> None:
+    """Every job starts from the same random state, so that a script graded twice does the same."""
+    random.seed(0)
+    np.random.seed(0)
+
+
+def say_ready(probed: dict[str, Any]) -> None:
+    """One line on the results channel: locked down."""
+    _write(RESULTS, json.dumps(probed).encode() + b"\n")
+
+
+def read_job() -> dict[str, Any]:
+    """Block until the job is here, all of it, then close its channel."""
+    with open(JOB, "rb") as channel:
+        size = channel.read(4)
+        if len(size) < 4:
+            os._exit(0)  # a spare that is no longer needed
+        work: dict[str, Any] = json.loads(channel.read(struct.unpack("<I", size)[0]))
+    return work
+
+
+def play(work: dict[str, Any]) -> NoReturn:
+    """Run the job, send how it ended, and leave without any of the student's clean-up."""
+    leave, write = os._exit, _write
+    filename = work["filename"]
+    sys.stdout = io.TextIOWrapper(io.FileIO(STDOUT, "w"), "utf-8", "backslashreplace", write_through=True)
+    sys.stderr = io.TextIOWrapper(io.FileIO(STDERR, "w"), "utf-8", "backslashreplace", write_through=True)
+    kind, reason = "returned", ""
+    try:
+        _run(work, filename)
+    except BaseException as error:
+        kind, reason = _explain(error, filename)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(BaseException):  # the student's own stream, and its own loss
+            stream.flush()
+    ctypes.CDLL(None).fflush(None)
+    text = reason.encode("utf-8", "replace")[:REASON_BYTES_MAX]
+    write(RESULTS, b"E" + struct.pack("<BH", KINDS[kind], len(text)) + text)
+    leave(0)
+
+
+def submit(name: str, value: Any) -> None:
+    """Send one named array of numbers back.
+
+    Raises:
+        TypeError: not numbers.
+    """
+    array = np.ascontiguousarray(value).reshape(np.shape(value))
+    if array.dtype.kind in "iu" and array.dtype.name not in DTYPES:
+        array = array.astype(np.int64)
+    if array.dtype.name not in DTYPES:
+        raise TypeError(f"{name} is not an array of numbers")
+    label, payload = name.encode("ascii"), array.tobytes()
+    head = b"A" + struct.pack("<B", len(label)) + label + DTYPES[array.dtype.name]
+    shape = struct.pack(f"<B{array.ndim}I", array.ndim, *array.shape)
+    _write(RESULTS, head + shape + struct.pack("<I", len(payload)) + payload)
+
+
+def _run(work: dict[str, Any], filename: str) -> None:
+    driver: dict[str, Any] = {"__name__": "driver", "__builtins__": builtins}
+    exec(compile(work["driver"], "<driver>", "exec"), driver)  # noqa: S102
+    if "prepare" in driver:
+        driver["prepare"](work["inputs"])
+    student = _import(work["source"], filename)
+    driver["run"](student, work["inputs"], submit)
+
+
+def _import(source: str, filename: str) -> ModuleType:
+    """The student's source as a module named for its file; dataclasses and pickle look for it in sys.modules."""
+    name = re.sub(r"\W", "_", Path(filename).stem)
+    if name in sys.modules or name in sys.stdlib_module_names or name == "__main__":
+        name = "submission"
+    module = ModuleType(name)
+    module.__file__ = filename
+    sys.modules[name] = module
+    linecache.cache[filename] = (len(source), None, source.splitlines(True), filename)
+    sys.path.insert(0, "")
+    with contextlib.suppress(OSError, UnicodeError):  # without a scratch directory it cannot read its own file
+        Path(filename).write_text(source, encoding="utf-8")
+    exec(compile(source, filename, "exec", dont_inherit=True), module.__dict__)  # noqa: S102
+    return module
+
+
+def _explain(error: BaseException, filename: str) -> tuple[str, str]:
+    """The kind of end, and the last line of a traceback that shows the student's own lines on stderr."""
+    kind = _kind(error)
+    if kind == "out_of_memory":
+        traceback.clear_frames(error.__traceback__)
+    try:
+        shown = traceback.TracebackException.from_exception(error)
+        _only_own_lines(shown, filename, set())
+        text = "".join(shown.format())
+        _write(STDERR, text.encode("utf-8", "backslashreplace"))
+        last = [line for line in shown.format_exception_only() if line.strip()]
+        reason = last[-1].strip() if last else type(error).__name__
+    except BaseException:
+        reason = type(error).__name__
+    return kind, _said(error, reason)
+
+
+def _said(error: BaseException, reason: str) -> str:
+    if isinstance(error, SystemExit):
+        return "The script called exit() before it was graded."
+    return reason
+
+
+def _kind(error: BaseException) -> str:
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return "out_of_memory"
+    if type(error).__name__ == "FatalError" and "alloc" in str(error):
+        return "out_of_memory"  # MuJoCo's own: it could not allocate
+    if isinstance(error, OSError) and any(map(_is_refusal, _chain(error))):
+        return "forbidden"
+    return "crashed"
+
+
+def _is_refusal(error: BaseException) -> bool:
+    """Did the jail say no? Also by hiding: a file outside what a script may read is simply not there."""
+    if not isinstance(error, OSError):
+        return False
+    if error.errno == errno.ENOENT and isinstance(error.filename, str):
+        return error.filename.startswith("/") and not error.filename.startswith(("/scratch/", "/models/"))
+    return error.errno in REFUSALS or type(error).__name__ == "gaierror"
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        seen.add(id(error))
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _only_own_lines(shown: traceback.TracebackException, filename: str, seen: set[int]) -> None:
+    """Keep the frames of the student's file, in the exception and in those it came from."""
+    if id(shown) in seen:
+        return
+    seen.add(id(shown))
+    shown.stack = traceback.StackSummary.from_list([f for f in shown.stack if f.filename == filename])
+    for other in (shown.__cause__, shown.__context__, *(shown.exceptions or ())):
+        if other is not None:
+            _only_own_lines(other, filename, seen)
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]

@@ -1,0 +1,31 @@
+"""System calls that Python does not offer, by way of the C library."""
+
+import ctypes
+import os
+import platform
+
+libc = ctypes.CDLL(None, use_errno=True)
+
+# The same number on every architecture.
+LANDLOCK_CREATE_RULESET, LANDLOCK_ADD_RULE, LANDLOCK_RESTRICT_SELF = 444, 445, 446
+SECCOMP = {"x86_64": 317, "aarch64": 277}.get(platform.machine(), -1)
+
+PR_SET_PDEATHSIG, PR_SET_DUMPABLE, PR_CAPBSET_DROP, PR_SET_NO_NEW_PRIVS, PR_CAP_AMBIENT = 1, 4, 24, 38, 47
+
+
+def fail(what: str) -> OSError:
+    """The error of the last call, naming what was tried."""
+    number = ctypes.get_errno()
+    return OSError(number, f"{what}: {os.strerror(number)}")
+
+
+def prctl(option: int, *values: int) -> int:
+    """The result of prctl(2), -1 on error."""
+    padded = [ctypes.c_ulong(value) for value in (*values, 0, 0, 0, 0)[:4]]
+    return int(libc.prctl(option, *padded))
+
+
+def syscall(number: int, *values: object) -> int:
+    """The result of a system call by number, -1 on error."""
+    libc.syscall.restype = ctypes.c_long
+    return int(libc.syscall(ctypes.c_long(number), *values))

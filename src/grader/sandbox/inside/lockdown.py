@@ -1,0 +1,105 @@
+"""The locks that a child puts on itself: limits, no new privileges, Landlock, seccomp; in that order, for good."""
+
+import ctypes
+import os
+import resource
+import stat
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .kernel import (
+    LANDLOCK_ADD_RULE,
+    LANDLOCK_CREATE_RULESET,
+    LANDLOCK_RESTRICT_SELF,
+    PR_SET_DUMPABLE,
+    PR_SET_NO_NEW_PRIVS,
+    SECCOMP,
+    fail,
+    prctl,
+    syscall,
+)
+
+# include/uapi/linux/landlock.h
+LANDLOCK_VERSION_FLAG, LANDLOCK_RULE_PATH_BENEATH = 1, 1
+WRITE_FILE, READ_FILE, READ_DIR = 1 << 1, 1 << 2, 1 << 3
+REMOVE_DIR, REMOVE_FILE, MAKE_DIR, MAKE_REG, TRUNCATE = 1 << 4, 1 << 5, 1 << 7, 1 << 8, 1 << 14
+READ = READ_FILE | READ_DIR
+# Plain files and directories only: no sockets, FIFOs, devices or links, and nothing is executed.
+READ_WRITE = READ | WRITE_FILE | REMOVE_DIR | REMOVE_FILE | MAKE_DIR | MAKE_REG | TRUNCATE
+ON_FILES = READ_FILE | WRITE_FILE | TRUNCATE
+NET_BIND_AND_CONNECT_TCP = 3
+SCOPE_ABSTRACT_SOCKETS_AND_SIGNALS = 3
+
+
+def limit(rlimits: Mapping[str, int]) -> None:
+    """Soft and hard resource limits, by their names in `resource`."""
+    for name, value in rlimits.items():
+        resource.setrlimit(getattr(resource, name), (value, value))
+
+
+def no_new_privileges() -> None:
+    """No set-user-id program gives anything, and nobody of the same user may look into this process."""
+    if prctl(PR_SET_NO_NEW_PRIVS, 1):
+        raise fail("NO_NEW_PRIVS")
+    if prctl(PR_SET_DUMPABLE, 0):
+        raise fail("DUMPABLE")
+
+
+def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> None:
+    """Only `read` and `read_write` can be reached from now on; no TCP, abstract sockets or signals to others.
+
+    Raises:
+        OSError: this kernel's Landlock is missing or older than `abi_min`.
+    """
+    abi = syscall(LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), LANDLOCK_VERSION_FLAG)
+    if abi < max(abi_min, 1):
+        raise OSError(f"Landlock ABI {abi}, at least {abi_min} is needed")
+    handled = _handled(abi)
+    attributes = struct.pack("=QQQ", handled, NET_BIND_AND_CONNECT_TCP, SCOPE_ABSTRACT_SOCKETS_AND_SIGNALS)
+    size = 8 if abi < 4 else 16 if abi < 6 else 24
+    ruleset = syscall(LANDLOCK_CREATE_RULESET, attributes[:size], ctypes.c_size_t(size), 0)
+    if ruleset < 0:
+        raise fail("landlock_create_ruleset")
+    for paths, rights in ((read, READ), (read_write, READ_WRITE)):
+        for path in paths:
+            _allow(ruleset, path, rights & handled)
+    if syscall(LANDLOCK_RESTRICT_SELF, ruleset, 0):
+        raise fail("landlock_restrict_self")
+    os.close(ruleset)
+
+
+def seccomp(program: bytes) -> None:
+    """Load the filter on every thread; last, for it forbids everything above."""
+
+    class Program(ctypes.Structure):
+        _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
+
+    set_mode_filter, tsync = 1, 1
+    loaded = Program(len(program) // 8, program)
+    if syscall(SECCOMP, set_mode_filter, tsync, ctypes.byref(loaded)):
+        raise fail("seccomp")
+
+
+def probe(outside: str) -> dict[str, Any]:
+    """What attestation cannot see from outside, tried for itself: is Landlock on, are the limits set?"""
+    try:
+        os.close(os.open(outside, os.O_RDONLY))
+        reads_outside = True
+    except PermissionError:
+        reads_outside = False
+    return {"reads_outside": reads_outside}
+
+
+def _handled(abi: int) -> int:
+    bits = 13 if abi < 2 else 14 if abi < 3 else 15 if abi < 5 else 16
+    return int((1 << bits) - 1)
+
+
+def _allow(ruleset: int, path: str, rights: int) -> None:
+    handle = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    if not stat.S_ISDIR(os.fstat(handle).st_mode):
+        rights &= ON_FILES
+    if syscall(LANDLOCK_ADD_RULE, ruleset, LANDLOCK_RULE_PATH_BENEATH, struct.pack("=Qi", rights, handle), 0):
+        raise fail(f"landlock_add_rule {path}")
+    os.close(handle)

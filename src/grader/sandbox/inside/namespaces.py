@@ -1,0 +1,56 @@
+"""Namespaces, mounts and capabilities of one child: a world with nobody and nothing else in it."""
+
+import ctypes
+import os
+from pathlib import Path
+
+from .kernel import PR_CAP_AMBIENT, PR_CAPBSET_DROP, PR_SET_PDEATHSIG, fail, libc, prctl
+
+NEWNS, NEWUTS, NEWIPC, NEWUSER, NEWPID, NEWNET = 0x20000, 0x04000000, 0x08000000, 0x10000000, 0x20000000, 0x40000000
+RDONLY, NOSUID, NODEV, NOEXEC, REC, PRIVATE = 1, 2, 4, 8, 0x4000, 0x40000
+CAPABILITY_VERSION_3 = 0x20080522
+CAP_AMBIENT_CLEAR_ALL = 4
+SIGKILL = 9
+
+
+def enter(scratch: str, scratch_bytes: int, scratch_inodes: int) -> None:
+    """New user, pid, mount, network, IPC and UTS namespaces; an empty scratch directory; nothing in /proc.
+
+    The pid namespace begins with the next fork.
+    """
+    uid, gid = os.getuid(), os.getgid()
+    # A process of its own making is what the kernel ends first when memory is short, never the zygote.
+    Path("/proc/self/oom_score_adj").write_text("1000")
+    if libc.unshare(NEWUSER | NEWPID | NEWNS | NEWNET | NEWIPC | NEWUTS):
+        raise fail("unshare")
+    Path("/proc/self/setgroups").write_text("deny")
+    Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
+    Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
+    _mount(None, "/", None, REC | PRIVATE, "")
+    limits = f"size={scratch_bytes},nr_inodes={scratch_inodes},mode=0700"
+    _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, limits)
+    _mount("tmpfs", "/proc", "tmpfs", RDONLY | NOSUID | NODEV | NOEXEC, "size=4k,nr_inodes=2")
+
+
+def begin() -> None:
+    """First acts of pid 1: die with the parent, and a session without a terminal."""
+    if prctl(PR_SET_PDEATHSIG, SIGKILL):
+        raise fail("PDEATHSIG")
+    os.setsid()
+
+
+def drop_capabilities() -> None:
+    """Empty every capability set, the bounding set first: it takes a capability to drop it."""
+    for capability in range(64):
+        if prctl(PR_CAPBSET_DROP, capability):
+            break
+    prctl(PR_CAP_AMBIENT, CAP_AMBIENT_CLEAR_ALL)
+    header = (ctypes.c_uint32 * 2)(CAPABILITY_VERSION_3, 0)
+    if libc.capset(header, (ctypes.c_uint32 * 6)()):
+        raise fail("capset")
+
+
+def _mount(source: str | None, target: str, kind: str | None, flags: int, options: str) -> None:
+    texts = [text.encode() if text is not None else None for text in (source, target, kind)]
+    if libc.mount(*texts, ctypes.c_ulong(flags), options.encode()):
+        raise fail(f"mount {target}")

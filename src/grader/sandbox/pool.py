@@ -1,0 +1,145 @@
+"""Children kept ready: one thread owns the zygote, refills, recycles and restarts it."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from ..errors import JailFault
+from .zygote import Child, Zygote
+
+RETRY_S = 0.2
+RETRIES = 3
+
+
+class Pool:
+    """A zygote and its spare children. The keeper is one long-lived thread: the cell dies with the thread that made it.
+
+    Raises:
+        JailFault: the first zygote does not start.
+    """
+
+    def __init__(self, start: Callable[[], Zygote], spares: int, recycle_after: int) -> None:
+        self._start, self._spares, self._recycle_after = start, spares, recycle_after
+        self._ready: deque[Child] = deque()
+        self._change = threading.Condition()
+        self._closing = False
+        self._fault: JailFault | None = None
+        self._zygote: Zygote | None = None
+        self._retired: list[Zygote] = []
+        self.restarts = 0
+        self._keeper = threading.Thread(target=self._keep, name="jail-keeper", daemon=True)
+        self._keeper.start()
+
+    def take(self, patience_s: float) -> Child:
+        """A child that is ready; waits for one.
+
+        Raises:
+            JailFault: none could be made.
+        """
+        deadline = time.monotonic() + patience_s
+        with self._change:
+            while True:
+                if self._closing:
+                    raise JailFault("The jail is closed.")
+                while self._ready:
+                    child = self._ready.popleft()
+                    self._change.notify_all()
+                    if child.alive() and child.zygote.alive():
+                        return child
+                    child.close()
+                if self._fault is not None:
+                    raise JailFault(str(self._fault))
+                if not self._change.wait(max(0.0, deadline - time.monotonic())):
+                    raise JailFault("The jail had no room in time.")
+
+    def give_back(self, child: Child) -> None:
+        """The child has died and has been read; its descriptors go."""
+        child.kill()
+        with self._change:
+            child.close()
+            self._change.notify_all()
+
+    def close(self) -> None:
+        """End everything, and wait for it."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+        self._keeper.join()
+
+    def _keep(self) -> None:
+        failures = 0
+        while True:
+            with self._change:
+                self._change.wait_for(self._needed, timeout=1.0)
+                if self._closing:
+                    break
+            self._bury()
+            try:
+                child = self._living().child() if self._lacking() else None
+                failures = 0
+            except JailFault as fault:
+                failures += 1
+                self._broken(fault, failures)
+                continue
+            with self._change:
+                self._fault = None
+                if child is not None:
+                    self._ready.append(child)
+                self._change.notify_all()
+        self._end()
+
+    def _needed(self) -> bool:
+        dead = self._zygote is None or not self._zygote.alive()
+        return self._closing or self._lacking() or dead or any(z.children == 0 for z in self._retired)
+
+    def _lacking(self) -> bool:
+        return len(self._ready) < self._spares
+
+    def _living(self) -> Zygote:
+        """The zygote in use: a new one when it has died or has made enough children."""
+        if self._zygote is not None and not self._zygote.alive():
+            self.restarts += 1
+            self._retire()
+        if self._zygote is not None and self._zygote.made >= self._recycle_after:
+            self._retire()
+        if self._zygote is None:
+            self._zygote = self._start()
+        return self._zygote
+
+    def _retire(self) -> None:
+        if self._zygote is not None:
+            self._retired.append(self._zygote)
+            self._zygote = None
+
+    def _bury(self) -> None:
+        """End retired zygotes whose last child is gone, and drop spares that died with theirs."""
+        with self._change:
+            living = deque(child for child in self._ready if child.alive() and child.zygote.alive())
+            for child in self._ready:
+                if child not in living:
+                    child.close()
+            self._ready = living
+            done = [zygote for zygote in self._retired if zygote.children == 0]
+            self._retired = [zygote for zygote in self._retired if zygote.children > 0]
+        for zygote in done:
+            zygote.close()
+
+    def _broken(self, fault: JailFault, failures: int) -> None:
+        self._retire()
+        with self._change:
+            if failures >= RETRIES:
+                self._fault = fault
+            self._change.notify_all()
+            self._change.wait_for(lambda: self._closing, timeout=RETRY_S * failures)
+
+    def _end(self) -> None:
+        with self._change:
+            ready, self._ready = list(self._ready), deque()
+        for child in ready:
+            child.kill()
+            child.close()
+        self._retire()
+        for zygote in self._retired:
+            zygote.close()
+        self._retired = []

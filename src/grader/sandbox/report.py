@@ -1,0 +1,74 @@
+"""How a run ended, as a RunReport with one sentence; evidence from outside goes before the script's own words."""
+
+import os
+import signal
+
+from ..domain.run import Limits, RunReport, RunStatus
+from .cleaning import clean, one_line
+from .frames import Malformed, Message, parse
+from .policy import KB, RESULT_BYTES_MAX
+from .watch import Cause, Ending
+
+NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
+
+
+def report(ending: Ending, limits: Limits) -> RunReport:
+    """Decide the status. Nothing that a script does can make this raise."""
+    status, reason, message = _decide(ending, limits)
+    cap = limits.output_kb * KB
+    return RunReport(
+        status=status,
+        reason=one_line(reason),
+        results=message.results if message and status is RunStatus.RETURNED else {},
+        stdout=clean(ending.stdout, cap),
+        stderr=clean(ending.stderr, cap),
+        cpu_s=ending.cpu_s,
+        wall_s=ending.wall_s,
+    )
+
+
+def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | None]:
+    stopped = _stopped(ending, limits)
+    if stopped:
+        return *stopped, None
+    code = os.waitstatus_to_exitcode(ending.wait_status)
+    if code < 0:
+        return *_signalled(-code, ending), None
+    try:
+        message = parse(ending.results)
+    except Malformed as error:
+        return RunStatus.CRASHED, f"The results that the script sent back cannot be used: {error}.", None
+    if message.end is None or code != 0:
+        return RunStatus.CRASHED, f"The script ended its own process (exit code {code}) before it was graded.", None
+    return message.end, message.reason, message
+
+
+def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
+    """We ended it, or the kernel did at a limit that we set."""
+    killed = os.WIFSIGNALED(ending.wait_status) and os.WTERMSIG(ending.wait_status) == signal.SIGKILL
+    if ending.cause is Cause.CPU or (killed and ending.cause is None and ending.cpu_s >= limits.cpu_s):
+        return RunStatus.TIMED_OUT, f"The script used up its CPU time of {limits.cpu_s:g} s."
+    if ending.cause is Cause.WALL:
+        return RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."
+    if ending.cause is Cause.OUTPUT:
+        return RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."
+    if ending.cause is Cause.RESULTS:
+        return (
+            RunStatus.OUTPUT_TOO_LARGE,
+            f"The script sent back more than {RESULT_BYTES_MAX // KB // KB} MB of results.",
+        )
+    if killed:
+        return RunStatus.OUT_OF_MEMORY, "The machine ended the script because it took too much memory."
+    return None
+
+
+def _signalled(number: int, ending: Ending) -> tuple[RunStatus, str]:
+    if number == signal.SIGSYS:
+        return RunStatus.FORBIDDEN, "The script made a system call that scripts may not make."
+    if any(words in ending.stderr for words in NO_MEMORY):
+        return RunStatus.OUT_OF_MEMORY, "The script ran out of memory."
+    try:
+        name = signal.Signals(number).name
+    except ValueError:
+        name = f"signal {number}"
+    return RunStatus.CRASHED, f"The script's process was ended by {name} ({signal.strsignal(number) or 'unknown'})."

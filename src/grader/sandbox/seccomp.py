@@ -1,0 +1,64 @@
+"""The policy as a kernel filter, built once on the trusted side and loaded by every child."""
+
+import errno
+import os
+from functools import cache
+
+from .policy import ALLOWED, FCNTL_COMMANDS, KILLED, PR_SET_NAME, REFUSED
+
+CLONE_VM, CLONE_SIGHAND, CLONE_THREAD = 0x100, 0x800, 0x10000
+A_THREAD = CLONE_VM | CLONE_SIGHAND | CLONE_THREAD
+# NEWNS, NEWCGROUP, NEWUTS, NEWIPC, NEWUSER, NEWPID, NEWNET, NEWTIME
+NEW_NAMESPACES = 0x20000 | 0x02000000 | 0x04000000 | 0x08000000 | 0x10000000 | 0x20000000 | 0x40000000 | 0x80
+
+
+@cache
+def build(own_pid: int | None = 1) -> bytes:
+    """The filter as BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, None for nobody.
+
+    Raises:
+        OSError, ImportError: libseccomp is missing.
+    """
+    import pyseccomp as sc  # forks helpers when imported: never inside the cell
+
+    eperm, enosys, enotty = (sc.ERRNO(number) for number in (errno.EPERM, errno.ENOSYS, errno.ENOTTY))
+    rules = sc.SyscallFilter(enosys)
+    rules.set_attr(sc.Attr.ACT_BADARCH, sc.KILL_PROCESS)  # int 0x80 and x32
+    rules.set_attr(sc.Attr.CTL_NNP, 1)
+
+    def add(action: int, name: str, *conditions: object) -> None:
+        try:
+            rules.add_rule(action, name, *conditions)
+        except OSError as error:
+            if error.errno != errno.EFAULT:  # a call that this machine or libseccomp does not know
+                raise
+
+    for names, action in ((ALLOWED, sc.ALLOW), (REFUSED, eperm), (KILLED, sc.KILL_PROCESS)):
+        for name in names:
+            add(action, name)
+    for command in FCNTL_COMMANDS:
+        add(sc.ALLOW, "fcntl", sc.Arg(1, sc.EQ, command))
+    add(enotty, "ioctl")  # isatty() asks
+    add(sc.ALLOW, "clone", sc.Arg(0, sc.MASKED_EQ, A_THREAD | NEW_NAMESPACES, A_THREAD))
+    add(eperm, "clone", sc.Arg(0, sc.MASKED_EQ, CLONE_THREAD, 0))
+    add(sc.ALLOW, "prlimit64", sc.Arg(2, sc.EQ, 0))  # reading only
+    add(eperm, "prlimit64", sc.Arg(2, sc.NE, 0))
+    add(sc.ALLOW, "prctl", sc.Arg(0, sc.EQ, PR_SET_NAME))
+    add(eperm, "prctl", sc.Arg(0, sc.NE, PR_SET_NAME))
+    if own_pid is None:
+        add(eperm, "tgkill")
+    else:
+        add(sc.ALLOW, "tgkill", sc.Arg(0, sc.EQ, own_pid))
+        add(eperm, "tgkill", sc.Arg(0, sc.NE, own_pid))
+    return _export(rules)
+
+
+def _export(rules: object) -> bytes:
+    """The compiled program; pyseccomp 0.1.2 exports to a file only."""
+    handle = os.memfd_create("filter")
+    try:
+        with open(handle, "w+b", closefd=False) as file:
+            rules.export_bpf(file)  # type: ignore[attr-defined]
+        return os.pread(handle, 1 << 20, 0)
+    finally:
+        os.close(handle)
