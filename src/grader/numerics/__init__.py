@@ -1,0 +1,1 @@
+"""MuJoCo measurements: scenes, rollouts, thresholds, references. Pure: no I/O beyond MJCF text."""

@@ -1,0 +1,167 @@
+"""What a compiled model provably does not need, each with its reason in words.
+
+A need is denied only where the model leaves no way to it, whatever state, control or applied force is set at run
+time. What may be skipped is bitwise without effect on the trajectory; the tests hold that for all integrators.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import mujoco
+import numpy as np
+from mujoco import mjtDisableBit, mjtEnableBit
+
+# Never among the flags: AUTORESET, WARMSTART and FILTERPARENT, which change trajectories.
+_UNPROVABLE = int(mjtEnableBit.mjENBL_SLEEP | mjtEnableBit.mjENBL_FWDINV | mjtEnableBit.mjENBL_IPC)
+
+
+@dataclass(frozen=True)
+class Need:
+    """One part of the engine: does the scene need it, why (not), and the disable bit that skips it (0: none)."""
+
+    part: str
+    needed: bool
+    reason: str
+    flag: int = 0
+
+
+def prove(model: mujoco.MjModel) -> tuple[Need, ...]:
+    """Everything that is decided about `model`, in a fixed order."""
+    if model.nplugin:
+        return (Need("everything", True, "the model has plug-ins, which may read or change anything"),)
+    if int(model.opt.enableflags) & _UNPROVABLE:
+        return (Need("everything", True, "sleep, forward-inverse comparison or IPC is enabled"),)
+    parts = [_equality(model), _friction_loss(model), _limits(model), _contacts(model)]
+    parts.append(_constraints(parts))
+    parts.append(_islands(model, parts[-1]))
+    parts += [_springs(model), _dampers(model), _gravity(model), _actuation(model), _sensors(model), _visuals(model)]
+    return tuple(parts)
+
+
+def skippable(needs: tuple[Need, ...], *, sensors_read: bool = False) -> int:
+    """The disable bits of all parts that are not needed; sensors stay where `sensors_read`."""
+    bits = 0
+    for need in needs:
+        if (need.part == "sensors" and not sensors_read) or not need.needed:
+            bits |= need.flag
+    return bits
+
+
+def assert_proved(needs: tuple[Need, ...], data: mujoco.MjData) -> None:
+    """Hold the proofs against an unskipped run's final `data`; a failure is a bug of this module."""
+    counts: dict[str, Callable[[], int]] = {
+        "equality constraints": lambda: int(data.ne),
+        "friction loss": lambda: int(data.nf),
+        "contacts": lambda: int(data.ncon),
+        "constraints": lambda: int(data.nefc),
+    }
+    for need in needs:
+        if not need.needed and need.part in counts:
+            assert counts[need.part]() == 0, f"{need.part} appeared although {need.reason}"
+
+
+def _equality(model: mujoco.MjModel) -> Need:
+    reason = f"{model.neq} equality constraints" if model.neq else "no equality constraint is defined"
+    return Need("equality constraints", model.neq > 0, reason, int(mjtDisableBit.mjDSBL_EQUALITY))
+
+
+def _friction_loss(model: mujoco.MjModel) -> Need:
+    needed = bool(np.any(model.dof_frictionloss != 0) or np.any(model.tendon_frictionloss != 0))
+    reason = "a joint or tendon has friction loss" if needed else "frictionloss is zero on all joints and tendons"
+    return Need("friction loss", needed, reason, int(mjtDisableBit.mjDSBL_FRICTIONLOSS))
+
+
+def _limits(model: mujoco.MjModel) -> Need:
+    needed = bool(np.any(model.jnt_limited) or np.any(model.tendon_limited))
+    reason = "a joint or tendon is limited" if needed else "no joint or tendon is limited"
+    return Need("limits", needed, reason, int(mjtDisableBit.mjDSBL_LIMIT))
+
+
+def _contacts(model: mujoco.MjModel) -> Need:
+    reason = next(_collisions(model), None)
+    words = reason or "no two geoms of bodies that move against each other may collide"
+    return Need("contacts", reason is not None, words, int(mjtDisableBit.mjDSBL_CONTACT))
+
+
+def _collisions(model: mujoco.MjModel) -> Iterator[str]:
+    """Reasons why two geoms might touch; the filters are those of MuJoCo's collision driver."""
+    if model.nflex:
+        yield "flexible bodies may collide"
+    if model.npair:
+        yield f"{model.npair} explicit contact pairs"
+    excluded = {int(signature) for signature in model.exclude_signature}
+    active = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
+    for first, second in combinations(active, 2):
+        body1, body2 = sorted((int(model.geom_bodyid[first]), int(model.geom_bodyid[second])))
+        if _bits_match(model, first, second) and not _filtered(model, body1, body2, excluded):
+            yield f"geoms {first} and {second} may collide"
+
+
+def _bits_match(model: mujoco.MjModel, first: int, second: int) -> bool:
+    one = int(model.geom_contype[first]) & int(model.geom_conaffinity[second])
+    return bool(one or int(model.geom_contype[second]) & int(model.geom_conaffinity[first]))
+
+
+def _filtered(model: mujoco.MjModel, body1: int, body2: int, excluded: set[int]) -> bool:
+    """Same rigid body, excluded pair, or parent and child (where neither is the world)."""
+    weld1, weld2 = int(model.body_weldid[body1]), int(model.body_weldid[body2])
+    if weld1 == weld2 or (body1 << 16) + body2 in excluded:
+        return True
+    if int(model.opt.disableflags) & mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld1, weld2):
+        return False
+    parent1 = int(model.body_weldid[model.body_parentid[weld1]])
+    parent2 = int(model.body_weldid[model.body_parentid[weld2]])
+    return parent2 == weld1 or parent1 == weld2
+
+
+def _constraints(parts: list[Need]) -> Need:
+    wanted = [part.part for part in parts if part.needed]
+    reason = "there are " + ", ".join(wanted) if wanted else "none of " + ", ".join(part.part for part in parts)
+    return Need("constraints", bool(wanted), reason, int(mjtDisableBit.mjDSBL_CONSTRAINT))
+
+
+def _islands(model: mujoco.MjModel, constraints: Need) -> Need:
+    if not constraints.needed:
+        return Need("islands", False, "there are no constraints to split", int(mjtDisableBit.mjDSBL_ISLAND))
+    needed = model.ntree > 1 or model.nflex > 0
+    reason = "constraints among several kinematic trees" if needed else "one kinematic tree is one island"
+    return Need("islands", needed, reason, int(mjtDisableBit.mjDSBL_ISLAND))
+
+
+def _springs(model: mujoco.MjModel) -> Need:
+    arrays = (model.jnt_stiffness, model.jnt_stiffnesspoly, model.tendon_stiffness, model.tendon_stiffnesspoly)
+    needed = model.nflex > 0 or any(np.any(values != 0) for values in arrays)
+    reason = "a joint, tendon or flex has stiffness" if needed else "no joint or tendon has stiffness"
+    return Need("springs", needed, reason)
+
+
+def _dampers(model: mujoco.MjModel) -> Need:
+    arrays = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+    needed = model.nflex > 0 or any(np.any(values != 0) for values in arrays)
+    reason = "a joint, tendon or flex has damping" if needed else "no joint or tendon has damping"
+    return Need("dampers", needed, reason)
+
+
+def _gravity(model: mujoco.MjModel) -> Need:
+    needed = bool(np.any(model.opt.gravity != 0))
+    return Need("gravity", needed, "gravity acts" if needed else "gravity is zero")
+
+
+def _actuation(model: mujoco.MjModel) -> Need:
+    reason = f"{model.nu} actuators" if model.nu else "there are no actuators"
+    return Need("actuation", model.nu > 0, reason, int(mjtDisableBit.mjDSBL_ACTUATION))
+
+
+def _sensors(model: mujoco.MjModel) -> Need:
+    """Sensors never act on the motion; with a history they are part of the state, and stay."""
+    if model.nhistory:
+        return Need("sensors", True, "sensors or controls keep a history")
+    reason = f"{model.nsensor} sensors, needed only where they are read" if model.nsensor else "there are no sensors"
+    return Need("sensors", model.nsensor > 0, reason, int(mjtDisableBit.mjDSBL_SENSOR))
+
+
+def _visuals(model: mujoco.MjModel) -> Need:
+    """No flag: geoms without collision already cost no more than their pose."""
+    shown = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
+    return Need("visuals", False, f"{shown} geoms, {model.ncam} cameras and {model.nlight} lights only show")

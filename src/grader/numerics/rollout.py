@@ -1,0 +1,121 @@
+"""Rollout: a simulated time series that never contains a silently reset state.
+
+MuJoCo resets the state when it diverges and goes on. Here a run ends at the first warning of any kind, or where
+time runs backwards, and says at which step.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from mujoco import mjtWarning
+from numpy.typing import NDArray
+
+from grader.numerics.needs import assert_proved
+from grader.numerics.scene import Scene, Vector, Workspace, frozen
+from grader.numerics.stepping import STEPS_MAX, Controller, advance_controlled, advance_exactly, first_warning
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Read-only arrays: time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na), step (n,) from the start on.
+
+    `diverged_at_step` is the number of whole steps before the one that raised `warning`; the states of steps
+    0..diverged_at_step are real, later ones do not exist. `warning` is None where time ran backwards without one.
+    `steps` counts the steps that were completed.
+    """
+
+    step: NDArray[np.int64]
+    time: Vector
+    qpos: Vector
+    qvel: Vector
+    act: Vector
+    timestep_s: float
+    integrator: int
+    steps: int
+    diverged_at_step: int | None
+    warning: mjtWarning | None
+
+
+def simulate(
+    scene: Scene,
+    *,
+    seconds: float | None = None,
+    steps: int | None = None,
+    timestep_s: float | None = None,
+    integrator: int | None = None,
+    every: int = 1,
+    at_s: Sequence[float] | Vector | None = None,
+    controller: Controller | None = None,
+    skip: bool = True,
+) -> Rollout:
+    """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
+
+    States are kept every `every` steps and at the end, or at the steps nearest to the times `at_s` [s after the
+    start]. A `controller(model, data)` is called before every step and may read and write anything; nothing is
+    then skipped. Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX.
+    """
+    keep = controller is None
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=skip and keep, keep=keep) as workspace:
+        count = _steps(workspace, seconds, steps)
+        wanted = _wanted(count, every, at_s, float(workspace.option.timestep))
+        advance = advance_exactly if controller is None else advance_controlled(controller)
+        rollout = _record(workspace, wanted, advance)
+        if keep and not skip and rollout.diverged_at_step is None:
+            assert_proved(scene.needs, workspace.data)
+        return rollout
+
+
+Advance = Callable[[Workspace, int], int]
+
+
+def _steps(workspace: Workspace, seconds: float | None, steps: int | None) -> int:
+    if (seconds is None) == (steps is None):
+        raise ValueError("give either seconds or steps")
+    if seconds is not None:
+        if not isfinite(seconds) or not 0 <= seconds / workspace.option.timestep <= STEPS_MAX:
+            raise ValueError(f"{seconds} s cannot be simulated in steps of {workspace.option.timestep} s")
+        steps = round(seconds / workspace.option.timestep)
+    assert steps is not None
+    if not 0 <= steps <= STEPS_MAX:
+        raise ValueError(f"{steps} steps is not between 0 and {STEPS_MAX}")
+    return int(steps)
+
+
+def _wanted(count: int, every: int, at_s: Sequence[float] | Vector | None, timestep_s: float) -> NDArray[np.int64]:
+    """The steps whose states are kept: ascending, without repeats."""
+    if at_s is None:
+        if every < 1:
+            raise ValueError("every must be 1 or more")
+        return np.unique(np.append(np.arange(0, count + 1, every, dtype=np.int64), count))
+    times = np.asarray(at_s, dtype=np.float64)
+    if not np.all((times >= 0) & (times <= (count + 0.5) * timestep_s)):
+        raise ValueError(f"times must lie between 0 and {count * timestep_s} s")
+    return np.unique(np.rint(times / timestep_s).astype(np.int64))
+
+
+def _record(workspace: Workspace, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
+    data = workspace.data
+    time = np.empty(len(wanted))
+    qpos, qvel, act = (np.empty((len(wanted), part.size)) for part in (data.qpos, data.qvel, data.act))
+    kept = done = 0
+    target = 0
+    for target in wanted.tolist():
+        done += advance(workspace, target - done)
+        if done < target:
+            break
+        time[kept], qpos[kept], qvel[kept], act[kept] = data.time, data.qpos, data.qvel, data.act
+        kept += 1
+    return Rollout(
+        step=wanted[:kept],
+        time=frozen(time[:kept]),
+        qpos=frozen(qpos[:kept]),
+        qvel=frozen(qvel[:kept]),
+        act=frozen(act[:kept]),
+        timestep_s=float(workspace.option.timestep),
+        integrator=int(workspace.option.integrator),
+        steps=done,
+        diverged_at_step=done if done < target else None,
+        warning=first_warning(workspace) if done < target else None,
+    )

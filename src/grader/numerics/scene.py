@@ -1,0 +1,236 @@
+"""Scene: a model, its initial state, its named quantities, and what it does not need.
+
+Threads: a Scene is immutable and may be shared. Its model is never stepped and never written; every run borrows a
+workspace (a copy of the model and one MjData) that no other run holds at that time, and gives it back. So two
+threads, or a run inside a run, never share an MjData or a mutable MjModel, and one thread always reuses the same.
+"""
+
+import copy
+import hashlib
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from math import isfinite
+
+import mujoco
+import numpy as np
+from mujoco import mjtObj, mjtState
+from numpy.typing import NDArray
+
+from grader.numerics import needs as proofs
+from grader.numerics.process import prepare
+
+Vector = NDArray[np.float64]
+Values = Sequence[float] | Vector
+
+FULL_STATE = int(mjtState.mjSTATE_INTEGRATION)
+
+
+@dataclass(frozen=True)
+class State:
+    """A named point of phase space: time [s], qpos (nq,), qvel (nv,), act (na,), ctrl (nu,); read-only arrays."""
+
+    time_s: float
+    qpos: Vector
+    qvel: Vector
+    act: Vector
+    ctrl: Vector
+
+
+class Workspace:
+    """A model and a data that one run holds alone. `counts` (7,) are the live warning counters."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = copy.copy(model)
+        self.data = mujoco.MjData(self.model)
+        self.option = self.model.opt
+        self.counts: NDArray[np.int32] = self.data.warning.number
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Built by `Scene.from_xml`, or `Scene.of_model`, which copies the model it is given."""
+
+    model: mujoco.MjModel
+    start_vector: Vector
+    needs: tuple[proofs.Need, ...]
+    digest: str = ""
+    _pool: deque[Workspace] = field(default_factory=deque, repr=False)
+
+    @staticmethod
+    def from_xml(xml: str, *, key: int | str | None = None) -> "Scene":
+        """The scene of an MJCF text, compiled once per content, at `qpos0` or keyframe `key`.
+
+        Raises ValueError where MuJoCo cannot compile the text, KeyError where there is no such keyframe.
+        """
+        return _compiled(xml, key)
+
+    @staticmethod
+    def of_model(model: mujoco.MjModel, *, digest: str = "") -> "Scene":
+        """The scene of a private copy of `model`, at `qpos0`."""
+        prepare()
+        return _scene_of(copy.copy(model), digest)
+
+    def changed(self, change: Callable[[mujoco.MjModel], object]) -> "Scene":
+        """A scene with a private copy of the model, written by `change`, its needs proved anew; the start is kept."""
+        model = copy.copy(self.model)
+        change(model)
+        return replace(self, model=model, needs=proofs.prove(model), digest="", _pool=deque())
+
+    def at(
+        self,
+        *,
+        key: int | str | None = None,
+        qpos: Values | None = None,
+        qvel: Values | None = None,
+        act: Values | None = None,
+        ctrl: Values | None = None,
+        time_s: float | None = None,
+    ) -> "Scene":
+        """The same model from another start: the parts given replace those of keyframe `key`, or of this start.
+
+        Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length.
+        """
+        with self.borrow() as workspace:
+            data = workspace.data
+            if key is not None:
+                mujoco.mj_resetDataKeyframe(self.model, data, self.id_of(mjtObj.mjOBJ_KEY, key))
+            for name, values in (("qpos", qpos), ("qvel", qvel), ("act", act), ("ctrl", ctrl)):
+                if values is not None:
+                    _write(getattr(data, name), values, name)
+            if time_s is not None:
+                data.time = time_s
+            return replace(self, start_vector=_full_state(self.model, data))
+
+    @property
+    def start(self) -> State:
+        """Where every run begins."""
+        with self.borrow() as workspace:
+            return state_of(workspace.data)
+
+    @property
+    def flags(self) -> int:
+        """The disable bits that are proved to change nothing."""
+        return proofs.skippable(self.needs)
+
+    def steps_in(self, seconds: float, timestep_s: float) -> int:
+        """How many steps make `seconds`, as the lesson counts them: round(seconds / timestep)."""
+        return round(seconds / timestep_s)
+
+    @contextmanager
+    def borrow(
+        self,
+        *,
+        timestep_s: float | None = None,
+        integrator: int | None = None,
+        skip: bool = False,
+        keep: bool = True,
+    ) -> Iterator[Workspace]:
+        """A workspace at the start, for this run alone; `keep=False` where the run may write its model.
+
+        Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
+        """
+        timestep_s, integrator = checked_options(self.model, timestep_s, integrator)
+        workspace = self._take()
+        workspace.option.timestep = timestep_s
+        workspace.option.integrator = integrator
+        workspace.option.disableflags = int(self.model.opt.disableflags) | (self.flags if skip else 0)
+        mujoco.mj_resetData(workspace.model, workspace.data)
+        mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
+        try:
+            yield workspace
+        finally:
+            if keep:
+                self._pool.append(workspace)
+
+    def _take(self) -> Workspace:
+        try:
+            return self._pool.pop()
+        except IndexError:
+            return Workspace(self.model)
+
+    def id_of(self, kind: mjtObj, name: int | str) -> int:
+        """The index of an object by its name (an index is checked and passed through); KeyError if there is none."""
+        names = {mujoco.mj_id2name(self.model, kind, i): i for i in range(self._count(kind))}
+        index = names.get(name) if isinstance(name, str) else name
+        if index is None or not 0 <= index < len(names):
+            known = ", ".join(sorted(str(n) for n in names)) or "none"
+            raise KeyError(f"no {kind.name[6:].lower()} {name!r}; there are: {known}")
+        return index
+
+    def _count(self, kind: mjtObj) -> int:
+        sizes = {
+            mjtObj.mjOBJ_KEY: self.model.nkey,
+            mjtObj.mjOBJ_JOINT: self.model.njnt,
+            mjtObj.mjOBJ_ACTUATOR: self.model.nu,
+            mjtObj.mjOBJ_BODY: self.model.nbody,
+            mjtObj.mjOBJ_SITE: self.model.nsite,
+        }
+        return int(sizes[kind])
+
+    def qpos_of(self, joint: int | str) -> slice:
+        """Where the joint's coordinates stand in qpos."""
+        index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
+        return _run_of(self.model.jnt_qposadr, index, int(self.model.nq))
+
+    def qvel_of(self, joint: int | str) -> slice:
+        """Where the joint's velocities stand in qvel."""
+        index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
+        return _run_of(self.model.jnt_dofadr, index, int(self.model.nv))
+
+
+def checked_options(model: mujoco.MjModel, timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
+    """Timestep [s] and integrator as asked for, or the model's own; ValueError where they mean nothing."""
+    timestep_s = float(model.opt.timestep if timestep_s is None else timestep_s)
+    if not (isfinite(timestep_s) and timestep_s > 0):
+        raise ValueError(f"the timestep must be positive and finite, not {timestep_s}")
+    integrator = int(model.opt.integrator if integrator is None else integrator)
+    if not 0 <= integrator < len(mujoco.mjtIntegrator.__members__):
+        raise ValueError(f"there is no integrator {integrator}")
+    return timestep_s, integrator
+
+
+def state_of(data: mujoco.MjData) -> State:
+    """A frozen copy of the state in `data`."""
+    return State(float(data.time), *(frozen(values) for values in (data.qpos, data.qvel, data.act, data.ctrl)))
+
+
+def frozen(values: Vector) -> Vector:
+    """A read-only copy."""
+    values = np.array(values, dtype=np.float64)
+    values.flags.writeable = False
+    return values
+
+
+@lru_cache(maxsize=128)
+def _compiled(xml: str, key: int | str | None) -> Scene:
+    prepare()
+    if key is not None:
+        return _compiled(xml, None).at(key=key)
+    digest = hashlib.sha256(xml.encode()).hexdigest()
+    return _scene_of(mujoco.MjModel.from_xml_string(xml), digest)
+
+
+def _scene_of(model: mujoco.MjModel, digest: str) -> Scene:
+    start = _full_state(model, mujoco.MjData(model))
+    return Scene(model, start, proofs.prove(model), digest)
+
+
+def _full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:
+    vector = np.empty(mujoco.mj_stateSize(model, FULL_STATE))
+    mujoco.mj_getState(model, data, vector, FULL_STATE)
+    return frozen(vector)
+
+
+def _write(target: Vector, values: Values, name: str) -> None:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != target.shape:
+        raise ValueError(f"{name} has {target.size} entries in this model, not {array.size}")
+    target[:] = array
+
+
+def _run_of(addresses: NDArray[np.int32], index: int, size: int) -> slice:
+    stop = addresses[index + 1] if index + 1 < len(addresses) else size
+    return slice(int(addresses[index]), int(stop))

@@ -1,0 +1,162 @@
+"""Threshold: a stable and an unstable timestep, both simulated, with horizon, criterion and start.
+
+"Stable" here means: no warning within the horizon. It is a statement about a finite run from one start;
+`spectral_limit` is the statement about all time and small amplitudes.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import isfinite
+
+from mujoco import mjtWarning
+
+from grader.numerics.scene import Scene, State, Workspace
+from grader.numerics.stepping import STEPS_MAX, advance_coarsely, advance_counting
+
+STEPS_MIN = 16
+"""With fewer steps in the horizon, a divergence has no time to show; the run then goes on to STEPS_EXTENDED."""
+
+STEPS_EXTENDED = 64
+"""Growth of 1.44 a step reaches MuJoCo's limit of 1e10 within this many steps."""
+
+
+class Criterion(StrEnum):
+    """What ends stability."""
+
+    ANY_WARNING = "any warning, or time running backwards"
+    BADQACC = "a BADQACC warning, as the lesson's own script tests it"
+
+
+class Outcome(StrEnum):
+    """What a run at one timestep showed."""
+
+    STABLE = "stable"
+    UNSTABLE = "unstable"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One simulated timestep [s], its outcome, and the reason in words."""
+
+    timestep_s: float
+    outcome: Outcome
+    reason: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Two trials of a claimed bracket: from `start` for `horizon_s` under `criterion`."""
+
+    low: Trial
+    high: Trial
+    horizon_s: float
+    criterion: Criterion
+    start: State
+
+    @property
+    def holds(self) -> bool | None:
+        """Stable at the low end and unstable at the high end; None where either could not be decided."""
+        outcomes = (self.low.outcome, self.high.outcome)
+        if outcomes == (Outcome.STABLE, Outcome.UNSTABLE):
+            return True
+        decided = self.low.outcome is Outcome.UNSTABLE or self.high.outcome is Outcome.STABLE
+        return False if decided else None
+
+
+def certify(
+    scene: Scene,
+    low_s: float,
+    high_s: float,
+    horizon_s: float = 3.0,
+    *,
+    integrator: int | None = None,
+    criterion: Criterion = Criterion.ANY_WARNING,
+) -> Certificate:
+    """Simulate both ends of the claim that the limit lies between `low_s` and `high_s`."""
+    low, high = (try_timestep(scene, h, horizon_s, integrator=integrator, criterion=criterion) for h in (low_s, high_s))
+    return Certificate(low, high, horizon_s, criterion, scene.start)
+
+
+def try_timestep(
+    scene: Scene,
+    timestep_s: float,
+    horizon_s: float,
+    *,
+    integrator: int | None = None,
+    criterion: Criterion = Criterion.ANY_WARNING,
+) -> Trial:
+    """Run the scene from its start for `horizon_s` (rounded to whole steps) at `timestep_s`."""
+    if not (isfinite(timestep_s) and timestep_s > 0):
+        return Trial(timestep_s, Outcome.UNDECIDED, "the timestep is not a positive number of seconds")
+    if not (isfinite(horizon_s) and horizon_s > 0):
+        return Trial(timestep_s, Outcome.UNDECIDED, "the horizon is not a positive number of seconds")
+    if horizon_s / timestep_s > STEPS_MAX:
+        return Trial(timestep_s, Outcome.UNDECIDED, f"the horizon takes more than {STEPS_MAX} steps")
+    steps = round(horizon_s / timestep_s)
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=True) as workspace:
+        outcome, reason = _run(workspace, steps, criterion)
+    return Trial(timestep_s, outcome, reason)
+
+
+def _run(workspace: Workspace, steps: int, criterion: Criterion) -> tuple[Outcome, str]:
+    advance = advance_coarsely if criterion is Criterion.ANY_WARNING else advance_counting(mjtWarning.mjWARN_BADQACC)
+    data = workspace.data
+    origin = data.qpos.tobytes()
+    if advance(workspace, 1) < 1:
+        return Outcome.UNDECIDED, "MuJoCo refuses the start itself, which says nothing about the timestep"
+    if advance(workspace, steps - 1) < steps - 1:
+        return Outcome.UNSTABLE, f"a warning within {steps} steps"
+    if data.qpos.tobytes() == origin and not data.qvel.any():
+        return Outcome.UNDECIDED, "the run starts at rest in an equilibrium, so nothing can grow"
+    if steps < STEPS_MIN:
+        more = STEPS_EXTENDED - max(steps, 1)
+        if advance(workspace, more) < more:
+            return (
+                Outcome.UNDECIDED,
+                f"no warning in the {steps} steps of the horizon, too few to tell: later ones warn",
+            )
+    return Outcome.STABLE, f"no warning within {steps} steps"
+
+
+class Found(StrEnum):
+    """What a search came to."""
+
+    BRACKET = "a stable timestep with an unstable one above it"
+    ALL_STABLE = "stable over the whole range"
+    NONE_STABLE = "unstable from the lower end on"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Window:
+    """Timesteps above the threshold that look stable again: the first and last that were found stable [s]."""
+
+    low_s: float
+    high_s: float
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """The lowest stable/unstable bracket found, and under what it holds; every end was simulated.
+
+    `low` is stable and `high` unstable, both None unless `found` is BRACKET; `reason` says it in words.
+    `windows` are seen only if wider than `scan_step_s`. `simulations` counts the runs that the search cost.
+    """
+
+    low: Trial | None
+    high: Trial | None
+    windows: tuple[Window, ...]
+    found: Found
+    reason: str
+    horizon_s: float
+    criterion: Criterion
+    start: State
+    integrator: int
+    scan_step_s: float
+    simulations: int
+
+    @property
+    def bracket_s(self) -> tuple[float, float] | None:
+        """(stable, unstable) [s], or None."""
+        return (self.low.timestep_s, self.high.timestep_s) if self.low and self.high else None

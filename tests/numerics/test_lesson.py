@@ -1,0 +1,67 @@
+"""The lesson's own numbers."""
+
+import mujoco
+import pytest
+
+from grader.numerics.measures import energy
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.threshold import Outcome, try_timestep
+from numerics.models import LESSON
+
+EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
+DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
+
+
+def servo(kp: float, kv: float, q0: float = 1.0) -> Scene:
+    def gains(model: mujoco.MjModel) -> None:
+        model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 1:3] = kp, (-kp, -kv)
+
+    return Scene.from_xml(LESSON["pendulum_servo"]).changed(gains).at(qpos=[q0])
+
+
+def energy_error_percent(integrator: int, seconds: float = 20.0) -> float:
+    rollout = simulate(DOUBLE, seconds=seconds, timestep_s=0.002, integrator=integrator, every=1_000_000)
+    first, last = energy(DOUBLE, rollout)
+    return float(100 * (last - first) / abs(first))
+
+
+@pytest.mark.parametrize(
+    ("integrator", "percent"),
+    [(EULER, -10.0488), (RK4, 0.0), (IMPLICIT, 21.6355), (IMPLICITFAST, -10.0488), (DISCRETE, -10.0488)],
+)
+def test_energy_table(integrator: int, percent: float) -> None:
+    """To 0.01 % of the initial energy, on the build that made the table: the system is chaotic."""
+    assert energy_error_percent(integrator) == pytest.approx(percent, abs=0.01)
+
+
+def test_the_methods_without_damping_are_one_method_bit_for_bit() -> None:
+    euler, implicitfast, discrete = (
+        simulate(DOUBLE, seconds=20, timestep_s=0.002, integrator=i) for i in (EULER, IMPLICITFAST, DISCRETE)
+    )
+    assert euler.qpos.tobytes() == implicitfast.qpos.tobytes() == discrete.qpos.tobytes()
+    assert euler.qvel.tobytes() == implicitfast.qvel.tobytes() == discrete.qvel.tobytes()
+
+
+@pytest.mark.parametrize("integrator", range(5))
+def test_the_same_build_reruns_bit_for_bit(integrator: int) -> None:
+    one, other = (simulate(DOUBLE, seconds=20, timestep_s=0.002, integrator=integrator) for _ in range(2))
+    assert one.qpos.tobytes() == other.qpos.tobytes()
+
+
+def test_rk4_conserves_energy() -> None:
+    assert abs(energy_error_percent(RK4)) < 0.01
+
+
+UNSTABLE_CELLS = {(100, 60, EULER, h) for h in (0.01, 0.02)} | {
+    (20000, 5, integrator, h) for integrator in (EULER, IMPLICITFAST) for h in (0.01, 0.02)
+}
+
+
+@pytest.mark.parametrize("integrator", [EULER, IMPLICITFAST, DISCRETE])
+@pytest.mark.parametrize("timestep_s", [0.002, 0.01, 0.02])
+@pytest.mark.parametrize(("kp", "kv"), [(100, 60), (20000, 5)])
+def test_the_18_cells_of_the_servo_table(kp: float, kv: float, timestep_s: float, integrator: int) -> None:
+    unstable = (kp, kv, integrator, timestep_s) in UNSTABLE_CELLS
+    trial = try_timestep(servo(kp, kv), timestep_s, 3.0, integrator=integrator)
+    assert trial.outcome is (Outcome.UNSTABLE if unstable else Outcome.STABLE)

@@ -1,0 +1,97 @@
+"""The largest stable timestep: simulated, linearised and in closed form."""
+
+import mujoco
+import pytest
+
+from grader.numerics.scene import Scene
+from grader.numerics.search import find_threshold, spectral_limit
+from grader.numerics.servo import Servo
+from grader.numerics.threshold import Criterion, Found, Outcome, certify
+from numerics.models import LESSON
+
+EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
+US = 1e-6
+
+
+def servo_scene(kp: float = 2000, kv: float = 5, mass: float = 1.0, q0: float = 1.0) -> Scene:
+    def parameters(model: mujoco.MjModel) -> None:
+        model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 1:3] = kp, (-kp, -kv)
+        model.body_mass[1] *= mass
+        model.body_inertia[1] *= mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    return Scene.from_xml(LESSON["pendulum_servo"]).changed(parameters).at(qpos=[q0])
+
+
+SERVO = servo_scene()
+TABLE_MS = {
+    EULER: (20.116, 20.014, 20.009, 19.983),
+    IMPLICIT: (25.194, 25.019, 25.011, 24.970),
+    IMPLICITFAST: (25.194, 25.019, 25.011, 24.970),
+    RK4: (33.677, 33.109, 33.057, 33.010),
+}
+
+
+@pytest.mark.parametrize("integrator", TABLE_MS)
+@pytest.mark.parametrize(("column", "horizon_s"), [(0, 3.0), (1, 30.0), (2, 300.0)])
+def test_table_of_simulated_limits(integrator: int, column: int, horizon_s: float) -> None:
+    limit_s = TABLE_MS[integrator][column] / 1000
+    threshold = find_threshold(
+        SERVO,
+        low_s=limit_s - 0.002,
+        high_s=limit_s + 0.002,
+        horizon_s=horizon_s,
+        integrator=integrator,
+        scan_step_s=0.001,
+    )
+    assert threshold.bracket_s is not None
+    low, high = threshold.bracket_s
+    assert high - low <= 1 * US
+    assert abs(0.5 * (low + high) - limit_s) <= 1 * US
+    assert threshold.low is not None and threshold.low.outcome is Outcome.STABLE
+    assert threshold.high is not None and threshold.high.outcome is Outcome.UNSTABLE
+
+
+@pytest.mark.parametrize("integrator", TABLE_MS)
+def test_table_of_limits_for_ever(integrator: int) -> None:
+    limit = spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=integrator)
+    assert limit == pytest.approx(TABLE_MS[integrator][3] / 1000, abs=1 * US)
+
+
+def test_discrete_has_no_limit() -> None:
+    assert find_threshold(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE).found is Found.ALL_STABLE
+    assert spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE) is None
+
+
+def test_discrete_with_pgs_is_explicit() -> None:
+    pgs = SERVO.changed(lambda model: setattr(model.opt, "solver", int(mujoco.mjtSolver.mjSOL_PGS)))
+    threshold = find_threshold(pgs, low_s=0.001, high_s=0.05, integrator=DISCRETE)
+    assert threshold.bracket_s == pytest.approx((20.116e-3, 20.117e-3), abs=1 * US)
+
+
+def test_windows_of_rk4_under_the_lessons_criterion() -> None:
+    """BADQVEL fires first there and resets the state, so a script that only counts BADQACC sees stability."""
+    search = {"low_s": 0.03, "high_s": 0.16, "integrator": RK4, "scan_step_s": 0.0004, "width_s": 1e-5}
+    naive = find_threshold(SERVO, criterion=Criterion.BADQACC, **search)  # type: ignore[arg-type]
+    edges_ms = [(1000 * window.low_s, 1000 * window.high_s) for window in naive.windows]
+    assert edges_ms == [pytest.approx((57.37, 57.84), abs=0.02), pytest.approx((129.5, 146.6), abs=0.05)]
+    assert find_threshold(SERVO, **search).windows == ()  # type: ignore[arg-type]
+
+
+def test_closed_forms_of_the_lessons_servo() -> None:
+    held = Servo(0.2501, 2000, 5, 0.5 * 9.81)
+    assert held.euler_s == pytest.approx(19.983e-3, abs=1 * US)
+    assert held.implicit_s == pytest.approx(24.970e-3, abs=1 * US)
+    assert held.rk4_s == pytest.approx(33.010e-3, abs=1 * US)
+    bare = Servo(0.2501, 2000, 5)
+    assert 1000 * bare.euler_s == pytest.approx(20.004, abs=1e-3)
+    assert 1000 * bare.implicit_s == pytest.approx(25.004, abs=1e-3)
+    assert 1000 * bare.rk4_s == pytest.approx(33.051, abs=1e-3)
+    assert 1000 * bare.bound_s == pytest.approx(22.365, abs=1e-3)
+
+
+def test_a_claim_is_certified_by_two_simulations() -> None:
+    assert certify(SERVO, 0.0200, 0.0204, integrator=EULER).holds is True
+    assert certify(SERVO, 0.0190, 0.0195, integrator=EULER).holds is False
+    assert certify(SERVO, 0.0210, 0.0215, integrator=EULER).holds is False
+    assert certify(SERVO, 0.0200, 0.0204, integrator=DISCRETE).holds is False
