@@ -13,8 +13,8 @@ from grader.domain.run import Limits
 def _index_of_option(answer: int, info: ValidationInfo) -> int:
     options = info.data.get("options")
     if options is not None and answer >= len(options):
-        count = {"answer": answer, "count": len(options), "last": len(options) - 1}
-        raise PydanticCustomError("option_index", "there is no option {answer}: the {count} are 0 to {last}", count)
+        which = {"answer": answer, "last": len(options) - 1}
+        raise PydanticCustomError("option_index", "there is no option {answer}: they go from 0 to {last}", which)
     return answer
 
 

@@ -1,0 +1,40 @@
+"""Files of a content folder: inside it, regular, not too large, UTF-8."""
+
+from pathlib import Path
+
+from grader.errors import Fault
+
+QUIZ_BYTES_MAX = 1 << 20
+MODEL_BYTES_MAX = 4 << 20
+
+
+def list_files(root: Path, folder: str, suffix: str) -> list[str]:
+    """The files of one folder, by path relative to the root, in order of name."""
+    return sorted(path.relative_to(root).as_posix() for path in (root / folder).glob(f"*{suffix}"))
+
+
+def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
+    """The text of a file named relative to `root`, or what is wrong with it."""
+    try:
+        if why := _path_fault(root, name):
+            return Fault(name, "path", why)
+        if (root / name).stat().st_size > bytes_max:
+            return Fault(name, "size", f"is larger than {bytes_max // 1024} KB: make it smaller")
+        return (root / name).read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        return Fault(name, f"byte {error.start}", "is not UTF-8: save it as UTF-8")
+    except OSError as error:
+        return Fault(name, "path", f"cannot be read: {error.strerror}")
+
+
+def _path_fault(root: Path, name: str) -> str | None:
+    """Why a path does not lead to a regular file inside the root. Raises OSError."""
+    if not name or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name or "\0" in name:
+        return "must be relative to the content folder and stay inside it"
+    try:
+        real = (root / name).resolve()
+    except RuntimeError:
+        return "is a link that leads back to itself"
+    if not real.is_relative_to(root.resolve()):
+        return "is a link out of the content folder: put the file itself there"
+    return None if real.is_file() else "is no file of the content folder"

@@ -1,0 +1,71 @@
+"""JSON as authors write it: repeated keys and NaN are faults, keys that begin with `x-` are remarks."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from grader.errors import Fault
+
+DEPTH_MAX = 50
+"""Deeper nesting is a mistake."""
+
+
+class JsonObject(dict[str, Any]):
+    """One JSON object that remembers which of its keys stood there more than once."""
+
+    def __init__(self, pairs: list[tuple[str, Any]]) -> None:
+        super().__init__(pairs)
+        names = [name for name, _ in pairs]
+        self.repeated = sorted({name for name in names if names.count(name) > 1}) if len(names) > len(self) else []
+
+
+def parse_json(text: str, file: str) -> Any | Fault:
+    """The value, or a fault with line and column."""
+    try:
+        value = json.loads(text, object_pairs_hook=JsonObject)
+    except json.JSONDecodeError as error:
+        return Fault(file, f"line {error.lineno}, column {error.colno}", f"broken JSON: {error.msg}")
+    except (RecursionError, ValueError):
+        return Fault(file, "whole file", "broken JSON: nested too deeply, or a number with too many digits")
+    too_deep = depth(value) > DEPTH_MAX
+    return Fault(file, "whole file", f"nested deeper than {DEPTH_MAX} levels") if too_deep else value
+
+
+def depth(value: Any) -> int:
+    """How many lists and objects stand in one another."""
+    level, levels = [value], 0
+    while level:
+        level = [inner for item in level if isinstance(item, dict | list) for inner in _inside(item)]
+        levels += 1
+    return levels - 1
+
+
+def _inside(item: dict[str, Any] | list[Any]) -> Iterable[Any]:
+    return item.values() if isinstance(item, dict) else item
+
+
+def without_remarks(value: Any) -> Any:
+    """The value without keys that begin with `x-`, at any depth."""
+    if isinstance(value, dict):
+        return {name: without_remarks(item) for name, item in value.items() if not name.startswith("x-")}
+    return [without_remarks(item) for item in value] if isinstance(value, list) else value
+
+
+def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
+    """Repeated keys and numbers that JSON does not have, wherever they stand."""
+    if isinstance(value, JsonObject):
+        for name in value.repeated:
+            yield Fault(file, join(key, name), "stands there more than once: keep one")
+        for name, item in value.items():
+            yield from json_faults(item, file, join(key, name))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from json_faults(item, file, join(key, index))
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield Fault(file, key, "must be a finite number: JSON has no NaN and no infinity")
+
+
+def join(key: str, *parts: str | int) -> str:
+    """A dotted key: `q3.sim.controls.0.set`."""
+    return ".".join([*([key] if key else []), *map(str, parts)])
