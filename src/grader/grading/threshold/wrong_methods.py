@@ -1,0 +1,302 @@
+"""Believable wrong ways to a largest stable timestep; a claim that one of them would have made names the mistake.
+
+Each is a sentence and one small function: would this method, put to this cell, have given this claim?
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import pi
+
+import mujoco
+import numpy as np
+
+from grader.grading.threshold.claims import Bracket, Claim, NoLimit
+from grader.grading.threshold.parameters import INTEGRATORS, Cell, Problem
+from grader.grading.threshold.truth import Judged, judge_claim, warns
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.servo import Servo
+
+FORMULA_TOLERANCE = 1e-4
+"""Relative: a formula is reported as it is, as an end or as the middle of the bracket."""
+
+METHOD_TOLERANCE = 0.005
+"""Relative: how differently the same wrong method may be written (rounding of the number of steps, the criterion)."""
+
+Gives = Callable[[Problem, Cell, Claim], bool]
+
+
+@dataclass(frozen=True)
+class WrongMethod:
+    """A mistake: the sentence for the student, and whether it would have given a claim.
+
+    It must explain every wrong claim; with `all_claims` the right ones too (they may be right by accident).
+    """
+
+    id: str
+    sentence: str
+    gives: Gives
+    all_claims: bool = False
+
+
+def servo_of(cell: Cell) -> Servo | None:
+    """Inertia and gains read off a model of one joint and one position servo; None for any other model."""
+    model = cell.scene.model
+    if model.nv != 1 or model.nu != 1:
+        return None
+    kp, kv = float(model.actuator_gainprm[0, 0]), float(-model.actuator_biasprm[0, 2])
+    if kp <= 0 or kv < 0 or model.actuator_biasprm[0, 1] != -kp:
+        return None
+    return Servo(float(model.dof_M0[0]), kp, kv)
+
+
+def formula(value: Callable[[Servo], float]) -> Gives:
+    """The method that reports a closed form."""
+
+    def gives(problem: Problem, cell: Cell, claim: Claim) -> bool:
+        servo = servo_of(cell)
+        if servo is None or not isinstance(claim, Bracket):
+            return False
+        limit = value(servo)
+        ends = (claim.low, claim.high, (claim.low + claim.high) / 2)
+        return any(abs(end - limit) <= FORMULA_TOLERANCE * limit for end in ends)
+
+    return gives
+
+
+def simulated(
+    change: Callable[[Scene], Scene | None] = lambda scene: scene, *, code: int | None = None, seconds: float = 0
+) -> Gives:
+    """The method that bisects rightly, but another scene, under another integrator, or for another time."""
+
+    def gives(problem: Problem, cell: Cell, claim: Claim) -> bool:
+        scene = change(cell.scene)
+        return scene is not None and claim_fits(problem, cell, claim, scene, code, seconds=seconds)
+
+    return gives
+
+
+def claim_fits(
+    problem: Problem, cell: Cell, claim: Claim, scene: Scene, code: int | None = None, *, seconds: float = 0
+) -> bool:
+    """Whether a bisection of this scene would have ended in this claim, give or take one step in the run's length."""
+    integrator = cell.code if code is None else code
+    horizon = seconds or problem.parameters.horizon_s
+    shortest, longest = problem.parameters.search_s
+    if isinstance(claim, NoLimit):
+        return not warns(scene, integrator, longest, horizon)
+    if not isinstance(claim, Bracket) or not shortest / 2 <= claim.low <= claim.high <= 2 * longest:
+        return False
+    low, high = claim.low * (1 - METHOD_TOLERANCE), claim.high * (1 + METHOD_TOLERANCE)
+    return not warns(scene, integrator, low, horizon - low) and warns(scene, integrator, high, horizon + high)
+
+
+def without_kv(scene: Scene) -> Scene:
+    """The servo without its damper."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.actuator_biasprm[:, 2] = 0
+
+    return scene.changed(change)
+
+
+def damped_joint(scene: Scene) -> Scene | None:
+    """The damper in the joint instead of the servo."""
+    if scene.model.nv != 1 or scene.model.nu != 1:
+        return None
+
+    def change(model: mujoco.MjModel) -> None:
+        model.dof_damping[0] -= model.actuator_biasprm[0, 2]
+        model.actuator_biasprm[0, 2] = 0
+
+    return scene.changed(change)
+
+
+def pgs(scene: Scene) -> Scene:
+    """The scene with another constraint solver."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
+
+    return scene.changed(change)
+
+
+def in_milliseconds(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """The right claim, a thousand times as large."""
+    return isinstance(claim, Bracket) and judge_claim(problem.parameters, cell, claim.scaled(1e-3)).right
+
+
+def swapped(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """The right bracket, turned round."""
+    if not isinstance(claim, Bracket) or claim.number is not None or claim.width >= 0:
+        return False
+    return judge_claim(problem.parameters, cell, Bracket(claim.high, claim.low)).right
+
+
+def too_wide(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """A bracket that holds the limit, but not narrow enough."""
+    if not isinstance(claim, Bracket) or claim.width <= problem.parameters.width_s:
+        return False
+    return claim_fits(problem, cell, claim, cell.scene)
+
+
+def nothing_unstable(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """None where there is a limit."""
+    return isinstance(claim, NoLimit)
+
+
+def swings_out(problem: Problem, cell: Cell, timestep_s: float) -> bool:
+    """Whether some coordinate gets further from zero than it started."""
+    rollout = simulate(cell.scene, seconds=problem.parameters.horizon_s, timestep_s=timestep_s, integrator=cell.code)
+    start = np.abs(cell.scene.start.qpos)
+    return rollout.diverged_at_step is not None or bool(np.any(np.abs(rollout.qpos) > start * (1 + 1e-9)))
+
+
+def overshoots(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """A limit where the motion first swings further out than it started."""
+    if not isinstance(claim, Bracket) or not problem.parameters.search_s[0] <= claim.low <= claim.high:
+        return False
+    return not swings_out(problem, cell, claim.low * (1 - 1e-3)) and swings_out(problem, cell, claim.high * (1 + 1e-3))
+
+
+def another_model(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """The limit of the first model, reported for another one."""
+    first = next(c for c in problem.cells if c.integrator == cell.integrator)
+    return first.model != cell.model and claim_fits(problem, cell, claim, first.scene)
+
+
+def model_of_the_file(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """The limit of the model as it stands in its file."""
+    return claim_fits(problem, cell, claim, problem.as_in_the_file)
+
+
+METHODS: tuple[WrongMethod, ...] = (
+    WrongMethod(
+        "milliseconds",
+        "You reported milliseconds, not seconds: divide by 1000.",
+        in_milliseconds,
+    ),
+    WrongMethod(
+        "swapped",
+        "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
+        swapped,
+    ),
+    WrongMethod(
+        "nothing unstable",
+        "You found nothing unstable where there is a limit: start the run at 1 rad, and look at data.warning (or at "
+        "data.time running backwards), because after a warning MuJoCo has reset the state to a calm one.",
+        nothing_unstable,
+    ),
+    WrongMethod(
+        "bound",
+        "You reported the bound 2*sqrt(I/kp), which ignores the damper{shift}; simulate instead of computing it.",
+        formula(lambda servo: servo.bound_s),
+    ),
+    WrongMethod(
+        "damping bound",
+        "You reported the damping bound 2*I/kv, which ignores the spring and holds for explicit damping only.",
+        formula(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
+    ),
+    WrongMethod(
+        "smaller bound",
+        "You reported the smaller of the bounds 2*sqrt(I/kp) and 2*I/kv; spring and damper act together, so simulate.",
+        formula(lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)),
+    ),
+    WrongMethod(
+        "half the bound",
+        "You reported sqrt(I/kp) = 1/omega; the explicit spring limit is twice that, and the damper moves it again.",
+        formula(lambda servo: servo.bound_s / 2),
+    ),
+    WrongMethod(
+        "period",
+        "You reported the period 2*pi*sqrt(I/kp) of the oscillation, not a stability limit.",
+        formula(lambda servo: pi * servo.bound_s),
+    ),
+    WrongMethod(
+        "too wide",
+        "Your brackets hold the limit but are too wide: go on halving until they are no wider than {width} ms.",
+        too_wide,
+    ),
+    WrongMethod(
+        "model of the file",
+        "You measured the model as it stands in its file, with its own gains: measure the model you were given.",
+        model_of_the_file,
+    ),
+    WrongMethod(
+        "another model",
+        "You reported the limits of the first model for every model: measure the model you were given.",
+        another_model,
+    ),
+    WrongMethod(
+        "Euler everywhere",
+        "Every integrator got Euler's limit: either model.opt.integrator is not set, or the servo's torque is computed "
+        "in Python (as for a motor), which is explicit whatever the integrator.",
+        simulated(code=INTEGRATORS["Euler"]),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "PGS",
+        "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit.",
+        simulated(pgs),
+    ),
+    WrongMethod(
+        "kv forgotten",
+        "Your limits are those of a servo without its damping kv: keep the actuator's third bias parameter, -kv.",
+        simulated(without_kv),
+    ),
+    WrongMethod(
+        "damped joint",
+        "Your limits are those of a pendulum with the joint's damping in place of the servo's kv: Euler treats a "
+        "joint's damping implicitly, an actuator's explicitly.",
+        simulated(damped_joint),
+    ),
+    WrongMethod(
+        "RK4",
+        "Every integrator got RK4's limit: set model.opt.integrator to the integrator you are given.",
+        simulated(code=INTEGRATORS["RK4"]),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "implicitfast everywhere",
+        "Every integrator got implicitfast's limit: set model.opt.integrator to the integrator you are given.",
+        simulated(code=INTEGRATORS["implicitfast"]),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "half a second",
+        "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s.",
+        simulated(seconds=0.5),
+    ),
+    WrongMethod(
+        "one second",
+        "Your runs are too short: within one second a slow divergence does not show yet. Run for {horizon} s.",
+        simulated(seconds=1.0),
+    ),
+    WrongMethod(
+        "overshoot",
+        "You called an overshoot unstable: the motion first swings out further than it started, but then decays.",
+        overshoots,
+    ),
+)
+
+
+def name_the_mistake(problem: Problem, judged: Sequence[Judged]) -> str | None:
+    """The sentence of the first method that explains what is wrong, or None."""
+    wrong = [one for one in judged if not one.right]
+    for method in METHODS:
+        claims = judged if method.all_claims else wrong
+        if wrong and all(method.gives(problem, one.cell, one.claim) for one in claims):
+            return method.sentence.format(**particulars(problem))
+    return None
+
+
+def particulars(problem: Problem) -> dict[str, str]:
+    """What a sentence may say: the exercise's public numbers, and those of its first visible model."""
+    parameters = problem.parameters
+    visible = next((servo_of(cell) for cell in problem.cells if not cell.hidden), None)
+    shift = (
+        f": the servo's own damping lowers Euler's limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms"
+        if visible
+        else ""
+    )
+    return {"shift": shift, "width": f"{1000 * parameters.width_s:g}", "horizon": f"{parameters.horizon_s:g}"}
