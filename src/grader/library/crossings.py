@@ -15,6 +15,7 @@ from grader.errors import Fault
 from grader.grading.units import known_unit
 from grader.library.files import read_text
 from grader.library.json_text import join
+from grader.numerics.process import prepare
 
 PROSE = ("q", "title", "options", "explain", "reference", "note")
 """Keys of texts that are shown with TeX between dollar signs."""
@@ -24,6 +25,7 @@ DOLLAR = re.compile(r"(?<!\\)\$")
 
 def model_faults(models: Mapping[str, str]) -> Iterator[Fault]:
     """Models that MuJoCo does not compile, with its own reason."""
+    prepare()
     for name, xml in models.items():
         try:
             mujoco.MjModel.from_xml_string(xml)

@@ -132,7 +132,8 @@ def complaint(detail: ErrorDetails) -> str:
             steps = [step for step in detail["loc"] if isinstance(step, str)]
             return f"unknown key: {suggestion(steps)}remove it, or begin it with x-"
         case "union_tag_not_found":
-            return f"is missing: add one of {', '.join(KINDS)}"
+            near = difflib.get_close_matches("kind", map(str, detail["input"]), n=1)
+            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'}, one of {', '.join(KINDS)}"
         case "union_tag_invalid":
             return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
         case "option_index":
