@@ -1,21 +1,24 @@
 """The door of the sandbox: `Jail.run(job)`."""
 
 import json
+import math
 import os
 import threading
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from ..domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
 from ..errors import JailFault, JailRefused
-from . import cell, selftest
+from . import cell, cgroup, selftest
 from .policy import MB
 from .pool import Pool
 from .report import report
 from .tier import Tier
 from .watch import Watch
-from .zygote import Zygote, lower
+from .zygote import Zygote
 
 QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0
@@ -23,13 +26,18 @@ RECYCLE_AFTER = 2000
 
 
 class Jail:
-    """Runs students' scripts, `workers` at a time; thread-safe; the rest wait in a queue.
+    """Runs students' scripts, `workers` at a time (default: one for each core); thread-safe; the rest wait in a queue.
 
-    `models` is the folder of MJCF files that scripts may read. `allow_t2` accepts a machine without user namespaces.
+    `models`: the folder of MJCF files that scripts may read. `spares`: children kept ready (default: as `workers`).
+    `allow_t2`: accept a machine without user namespaces. `recycle_after`: children that one zygote makes.
+    `inside`: the folder of the code that runs in the cell; another one only in tests.
 
     Raises:
         JailRefused: this machine cannot hold the jail, or the self-test found a hole.
     """
+
+    tier: Tier
+    self_test: selftest.SelfTest
 
     def __init__(
         self,
@@ -41,19 +49,28 @@ class Jail:
         recycle_after: int = RECYCLE_AFTER,
         inside: Path = cell.INSIDE,
     ) -> None:
+        if not models.is_dir():
+            raise JailRefused(f"There is no folder of models at {models}.")
         self.workers = workers or os.cpu_count() or 1
         self._places = threading.Semaphore(self.workers)
-        self._closed = False
-        self.tier = Tier.T1
-        self._pool = Pool(lambda: Zygote(models, inside), self.workers if spares is None else spares, recycle_after)
-        try:
-            self.self_test = selftest.run(self.run)
-        except JailFault as fault:
-            self.close()
-            raise JailRefused(str(fault)) from fault
-        except BaseException:
-            self.close()
-            raise
+        group = cgroup.delegated()
+        full = partial(Zygote, models, inside, group=group)
+        tries: list[tuple[Tier, Callable[[], Zygote]]] = [(Tier.T0 if group else Tier.T1, full)]
+        if allow_t2:
+            tries.append((Tier.T2, partial(Zygote, models, inside, alone=True)))
+        faults = []
+        for self.tier, start in tries:
+            self._pool = Pool(start, spares or self.workers, recycle_after)
+            try:
+                self.self_test = selftest.run(self.run)
+                return
+            except JailRefused:  # a hole: no lower tier will do instead
+                self.close()
+                raise
+            except JailFault as fault:
+                self.close()
+                faults.append(f"{self.tier}: {fault}")
+        raise JailRefused("The jail cannot be set up on this machine. " + " ".join(faults))
 
     def run(self, job: Job) -> RunReport:
         """Run one script to its end; blocks, and waits for a place when all are taken.
@@ -71,17 +88,18 @@ class Jail:
             self._places.release()
 
     def _run(self, job: Job) -> RunReport:
+        # In ASCII escapes a lone surrogate travels too: what it means is for the student's interpreter to say.
         packed = json.dumps(
             {
                 "source": job.source,
                 "driver": job.driver,
                 "inputs": dict(job.inputs),
-                "filename": Path(job.filename).name,
+                "filename": Path(job.filename).name or "submission.py",
             }
         ).encode()
         child = self._pool.take(CHILD_S_MAX)
         try:
-            lower(child, job.limits.memory_mb * MB, -int(-job.limits.cpu_s // 1))
+            child.limit(job.limits.memory_mb * MB, math.ceil(job.limits.cpu_s))
             return report(Watch(child, job.limits, packed).run(), job.limits)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
@@ -89,10 +107,8 @@ class Jail:
             self._pool.give_back(child)
 
     def close(self) -> None:
-        """End every process of the jail."""
-        if not self._closed:
-            self._closed = True
-            self._pool.close()
+        """End every process of the jail; jobs that still run end with a JailFault."""
+        self._pool.close()
 
     def __enter__(self) -> Self:
         return self

@@ -43,6 +43,8 @@ RLIMITS: Final = {
 }
 # Address space beyond RLIMIT_DATA: libraries, thread stacks, shared memory (which DATA does not count).
 ADDRESS_SPACE_EXTRA: Final = 512 * MB
+# A cgroup's limit stands a little above RLIMIT_DATA: page tables, the scratch directory, pipes.
+CGROUP_MEMORY_EXTRA: Final = 64 * MB
 # RLIMIT_CPU counts whole seconds and only backs up the supervisor's own clock.
 CPU_BACKSTOP_S: Final = 1
 

@@ -6,9 +6,10 @@ from collections import deque
 from collections.abc import Callable
 
 from ..errors import JailFault
-from .zygote import Child, Zygote
+from .child import Child
+from .zygote import Zygote
 
-RETRY_S = 0.2
+RETRY_S, RETRY_S_MAX = 0.2, 5.0
 RETRIES = 3
 
 
@@ -20,7 +21,7 @@ class Pool:
     """
 
     def __init__(self, start: Callable[[], Zygote], spares: int, recycle_after: int) -> None:
-        self._start, self._spares, self._recycle_after = start, spares, recycle_after
+        self._start, self._spares, self._recycle_after = start, max(1, spares), recycle_after
         self._ready: deque[Child] = deque()
         self._change = threading.Condition()
         self._closing = False
@@ -45,7 +46,7 @@ class Pool:
                 while self._ready:
                     child = self._ready.popleft()
                     self._change.notify_all()
-                    if child.alive() and child.zygote.alive():
+                    if child.alive():
                         return child
                     child.close()
                 if self._fault is not None:
@@ -55,9 +56,8 @@ class Pool:
 
     def give_back(self, child: Child) -> None:
         """The child has died and has been read; its descriptors go."""
-        child.kill()
+        child.close()
         with self._change:
-            child.close()
             self._change.notify_all()
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class Pool:
             try:
                 child = self._living().child() if self._lacking() else None
                 failures = 0
-            except JailFault as fault:
+            except (JailFault, OSError) as fault:
                 failures += 1
                 self._broken(fault, failures)
                 continue
@@ -91,7 +91,7 @@ class Pool:
 
     def _needed(self) -> bool:
         dead = self._zygote is None or not self._zygote.alive()
-        return self._closing or self._lacking() or dead or any(z.children == 0 for z in self._retired)
+        return self._closing or self._lacking() or dead or any(not zygote.children for zygote in self._retired)
 
     def _lacking(self) -> bool:
         return len(self._ready) < self._spares
@@ -115,29 +115,28 @@ class Pool:
     def _bury(self) -> None:
         """End retired zygotes whose last child is gone, and drop spares that died with theirs."""
         with self._change:
-            living = deque(child for child in self._ready if child.alive() and child.zygote.alive())
+            living = deque(child for child in self._ready if child.alive())
             for child in self._ready:
                 if child not in living:
                     child.close()
             self._ready = living
-            done = [zygote for zygote in self._retired if zygote.children == 0]
-            self._retired = [zygote for zygote in self._retired if zygote.children > 0]
+            done = [zygote for zygote in self._retired if not zygote.children]
+            self._retired = [zygote for zygote in self._retired if zygote.children]
         for zygote in done:
             zygote.close()
 
-    def _broken(self, fault: JailFault, failures: int) -> None:
+    def _broken(self, fault: Exception, failures: int) -> None:
         self._retire()
         with self._change:
             if failures >= RETRIES:
-                self._fault = fault
+                self._fault = JailFault(str(fault))
             self._change.notify_all()
-            self._change.wait_for(lambda: self._closing, timeout=RETRY_S * failures)
+            self._change.wait_for(lambda: self._closing, timeout=min(RETRY_S * failures, RETRY_S_MAX))
 
     def _end(self) -> None:
         with self._change:
             ready, self._ready = list(self._ready), deque()
         for child in ready:
-            child.kill()
             child.close()
         self._retire()
         for zygote in self._retired:

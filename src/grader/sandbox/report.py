@@ -6,7 +6,7 @@ import signal
 from ..domain.run import Limits, RunReport, RunStatus
 from .cleaning import clean, one_line
 from .frames import Malformed, Message, parse
-from .policy import KB, RESULT_BYTES_MAX
+from .policy import KB, MB, RESULT_BYTES_MAX
 from .watch import Cause, Ending
 
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
@@ -45,18 +45,19 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
 
 def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
     """We ended it, or the kernel did at a limit that we set."""
+    if ending.oom_killed:
+        return RunStatus.OUT_OF_MEMORY, "The script ran out of memory."
     killed = os.WIFSIGNALED(ending.wait_status) and os.WTERMSIG(ending.wait_status) == signal.SIGKILL
-    if ending.cause is Cause.CPU or (killed and ending.cause is None and ending.cpu_s >= limits.cpu_s):
-        return RunStatus.TIMED_OUT, f"The script used up its CPU time of {limits.cpu_s:g} s."
-    if ending.cause is Cause.WALL:
-        return RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."
-    if ending.cause is Cause.OUTPUT:
-        return RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."
-    if ending.cause is Cause.RESULTS:
-        return (
-            RunStatus.OUTPUT_TOO_LARGE,
-            f"The script sent back more than {RESULT_BYTES_MAX // KB // KB} MB of results.",
-        )
+    out_of_time = killed and ending.cause is None and ending.cpu_s >= limits.cpu_s
+    stops = {
+        Cause.CPU: (RunStatus.TIMED_OUT, f"The script used up its CPU time of {limits.cpu_s:g} s."),
+        Cause.WALL: (RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."),
+        Cause.OUTPUT: (RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."),
+        Cause.RESULTS: (RunStatus.OUTPUT_TOO_LARGE, f"The script sent back more than {RESULT_BYTES_MAX // MB} MB."),
+    }
+    cause = Cause.CPU if out_of_time else ending.cause
+    if cause is not None:
+        return stops[cause]
     if killed:
         return RunStatus.OUT_OF_MEMORY, "The machine ended the script because it took too much memory."
     return None

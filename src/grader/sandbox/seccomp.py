@@ -4,6 +4,7 @@ import errno
 import os
 from functools import cache
 
+from ..errors import JailRefused
 from .policy import ALLOWED, FCNTL_COMMANDS, KILLED, PR_SET_NAME, REFUSED
 
 CLONE_VM, CLONE_SIGHAND, CLONE_THREAD = 0x100, 0x800, 0x10000
@@ -17,9 +18,12 @@ def build(own_pid: int | None = 1) -> bytes:
     """The filter as BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, None for nobody.
 
     Raises:
-        OSError, ImportError: libseccomp is missing.
+        JailRefused: libseccomp is missing.
     """
-    import pyseccomp as sc  # forks helpers when imported: never inside the cell
+    try:
+        import pyseccomp as sc  # forks helpers when imported: never inside the cell
+    except (ImportError, RuntimeError) as error:
+        raise JailRefused(f"libseccomp is not installed: {error}") from error
 
     eperm, enosys, enotty = (sc.ERRNO(number) for number in (errno.EPERM, errno.ENOSYS, errno.ENOTTY))
     rules = sc.SyscallFilter(enosys)

@@ -10,7 +10,7 @@ from ..errors import JailRefused
 ATTACKS = {
     "reads the host's files": "open('/etc/passwd')",
     "lists processes": "import os; assert not os.listdir('/proc'); open('/proc/1/status')",
-    "writes outside its directory": "open('/models/x.xml', 'w')",
+    "writes outside its directory": "open('/x.txt', 'w')",
     "opens a socket": "import socket; socket.socket()",
     "starts a program": "import os; os.execv('/bin/sh', ['sh'])",
     "forks": "import os; os.fork()",

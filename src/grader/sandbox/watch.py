@@ -11,8 +11,8 @@ from pathlib import Path
 
 from ..domain.run import Limits
 from ..errors import JailFault
+from .child import Child
 from .policy import KB, RESULT_BYTES_MAX
-from .zygote import Child
 
 READ_BYTES = 1 << 16
 POLL_S_MIN = 0.005
@@ -40,6 +40,7 @@ class Ending:
     stdout: bytes
     stderr: bytes
     results: bytes
+    oom_killed: bool = False
 
 
 class Watch:
@@ -74,8 +75,11 @@ class Watch:
             self._drain()
         wall_s = time.monotonic() - self._began
         wait_status, cpu_s = self._last_word()
-        streams = [bytes(self._read[descriptor]) for descriptor in (child.stdout, child.stderr, child.results)]
-        return Ending(self._cause, wait_status, max(0.0, cpu_s - self._cpu_before), wall_s, *streams)
+        stdout, stderr, results = (bytes(buffer) for buffer in self._read.values())
+        oom_killed = child.group is not None and child.group.ran_out()
+        return Ending(
+            self._cause, wait_status, max(0.0, cpu_s - self._cpu_before), wall_s, stdout, stderr, results, oom_killed
+        )
 
     def _until_dead(self) -> None:
         killed_at: float | None = None

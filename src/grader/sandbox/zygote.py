@@ -1,142 +1,122 @@
-"""The supervisor's end of the zygote: start it, ask it for children, end it."""
+"""The supervisor's end of the zygote: start it in its cell, ask it for children, end it."""
 
 import base64
-import contextlib
 import json
 import os
 import select
-import signal
 import socket
 import subprocess
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import JailFault
 from . import attest, cell, policy, seccomp
+from .cgroup import Group
+from .child import PACKET_BYTES_MAX, Child
 
 START_S_MAX = 60.0
 CHILD_S_MAX = 20.0
-PACKET_BYTES_MAX = 4096
-
-
-@dataclass
-class Child:
-    """A process that is locked down and waits for its one job; the descriptors are ours to close."""
-
-    pid: int
-    pidfd: int
-    job: int
-    stdout: int
-    stderr: int
-    results: int
-    status: socket.socket
-    zygote: "Zygote"
-    _closed: bool = field(default=False)
-
-    def kill(self) -> None:
-        """End it, and with it all that is in its pid namespace."""
-        with contextlib.suppress(ProcessLookupError):
-            signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
-
-    def alive(self) -> bool:
-        """Has it not ended yet?"""
-        return not select.select([self.pidfd], [], [], 0)[0]
-
-    def hang_up(self) -> None:
-        """Close the way in: the script is all there."""
-        if self.job >= 0:
-            os.close(self.job)
-            self.job = -1
-
-    def close(self) -> None:
-        """Let go of every descriptor; the zygote has one child less."""
-        if self._closed:
-            return
-        self._closed = True
-        self.hang_up()
-        for descriptor in (self.pidfd, self.stdout, self.stderr, self.results):
-            os.close(descriptor)
-        self.status.close()
-        self.zygote.children -= 1
 
 
 class Zygote:
-    """One warm process in its cell. Used by one thread only, the one that started it and that must live as long."""
+    """One warm process in its cell. One thread starts it, asks it and ends it, and must live as long: bubblewrap's
+    --die-with-parent follows the thread.
 
-    def __init__(self, models: Path, inside: Path = cell.INSIDE, alone: bool = False) -> None:
-        self.children = 0
+    `alone` leaves out the cell and the namespaces (tier T2). `group` makes a cgroup for a child, where delegated.
+
+    Raises:
+        JailFault: it does not start.
+    """
+
+    def __init__(
+        self,
+        models: Path,
+        inside: Path = cell.INSIDE,
+        *,
+        alone: bool = False,
+        group: Callable[[int], Group] | None = None,
+    ) -> None:
+        self.children: set[Child] = set()
         self.made = 0
-        self._alone = alone
+        self._alone, self._group = alone, group
         self._namespaces: dict[str, str] | None = None
-        self.uid = policy.NOBODY if os.geteuid() == 0 else os.geteuid()
+        self._uid = policy.NOBODY if os.geteuid() == 0 else os.geteuid()
+        self._pidfd = -1
         runtime = cell.discover()
-        ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        configuration = json.dumps(self._configuration(runtime, models)).encode()
+        self._control, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its:
-            if alone:
-                command = cell.interpreter(runtime, str(inside.parent), its.fileno())
-                environment = {**policy.ENVIRONMENT, "HOME": "/", "TMPDIR": "/"}
-            else:
-                command, environment = cell.bubblewrap(runtime, models, inside, its.fileno()), {}
-            self._process = subprocess.Popen(  # noqa: S603
-                command, env=environment, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd="/",
-            )  # fmt: skip
-        assert self._process.stderr is not None
-        self._errors = self._process.stderr
-        self.control = ours
+            self._process = self._start(runtime, models, inside, its.fileno())
         try:
-            self._configure(self._configuration(runtime, models))
+            self._greet(configuration)
         except BaseException:
             self.close()
             raise
 
+    def _start(self, runtime: cell.Runtime, models: Path, inside: Path, control: int) -> subprocess.Popen[bytes]:
+        if self._alone:
+            command = cell.interpreter(runtime, str(inside.parent), control)
+            environment = {**policy.ENVIRONMENT, "HOME": "/", "TMPDIR": "/"}
+        else:
+            # The cell's own environment is in the command: bubblewrap's pid 1 shows what it was started with.
+            command, environment = cell.bubblewrap(runtime, models, inside, control), {}
+        return subprocess.Popen(  # noqa: S603
+            command,
+            env=environment,
+            pass_fds=[control],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            cwd="/",
+        )
+
     def _configuration(self, runtime: cell.Runtime, models: Path) -> dict[str, Any]:
+        """What the zygote must know; its form is in inside/zygote.py."""
         models_inside = str(models.resolve()) if self._alone else policy.MODELS
-        read_write = [str(cell.NULL)] + ([] if self._alone else [policy.SCRATCH])
-        rlimits = {k: v for k, v in policy.RLIMITS.items() if not (self._alone and k == "RLIMIT_NPROC")}
-        scratch = {
-            "scratch": policy.SCRATCH,
-            "scratch_bytes": policy.SCRATCH_BYTES,
-            "scratch_inodes": policy.SCRATCH_INODES,
-        }
+        scratch = {"scratch": policy.SCRATCH, "size": policy.SCRATCH_BYTES, "inodes": policy.SCRATCH_INODES}
+        # Without a user namespace of its own, NPROC would count all processes of the user.
+        without = {"RLIMIT_NPROC"} if self._alone else set()
         return {
             "user": policy.NOBODY if os.geteuid() == 0 else None,
             "preload": policy.PRELOAD,
             "models": models_inside,
-            "namespaces": None if self._alone else scratch,
             "directory": "/" if self._alone else policy.SCRATCH,
-            "rlimits": rlimits,
+            "namespaces": None if self._alone else scratch,
+            "rlimits": {name: value for name, value in policy.RLIMITS.items() if name not in without},
             "landlock": {
-                "read": [str(path) for path in runtime.readable] + [models_inside],
-                "read_write": read_write,
+                "read": [*map(str, runtime.readable), models_inside],
+                "read_write": [str(cell.NULL), *([] if self._alone else [policy.SCRATCH])],
                 "abi_min": policy.LANDLOCK_ABI_MIN_ALONE if self._alone else policy.LANDLOCK_ABI_MIN,
             },
             "filter": base64.b64encode(seccomp.build(None if self._alone else 1)).decode(),
         }
 
-    def _configure(self, configuration: dict[str, Any]) -> None:
-        self.control.settimeout(START_S_MAX)
+    def _greet(self, configuration: bytes) -> None:
+        self._control.settimeout(START_S_MAX)
         try:
-            self.control.send(json.dumps(configuration).encode())
-            message, descriptors, _, _ = socket.recv_fds(self.control, PACKET_BYTES_MAX, 1)
+            self._control.send(configuration)
+            message, descriptors, _, _ = socket.recv_fds(self._control, PACKET_BYTES_MAX, 1)
         except OSError as error:
-            raise JailFault(f"The zygote did not start: {error}; {self._complaint()}") from error
+            raise JailFault(f"The zygote did not start ({error}): {self._complaint()}") from error
         if message != b"ready" or len(descriptors) != 1:
             raise JailFault(f"The zygote did not start: {self._complaint()}")
-        self.pidfd = descriptors[0]
-        pid = attest.pid_of(self.pidfd)
-        self.pid = pid
+        self._pidfd = descriptors[0]
         if not self._alone:
-            self._namespaces = attest.namespaces(pid)
+            self._namespaces = attest.namespaces(attest.pid_of(self._pidfd))
 
     def _complaint(self) -> str:
         """The last line that bubblewrap or the zygote wrote before it gave up."""
         self._process.kill()
-        stderr = self._errors.read()
-        lines = stderr.decode(errors="replace").strip().splitlines()
+        assert self._process.stderr is not None
+        lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
+
+    @property
+    def pid(self) -> int:
+        """Its process, in our own numbering."""
+        return attest.pid_of(self._pidfd)
 
     def alive(self) -> bool:
         """Is it still there?"""
@@ -148,89 +128,60 @@ class Zygote:
         Raises:
             JailFault: it could not be made, or lacks a lock.
         """
-        (job_in, job), (stdout, out), (stderr, err), (results, res) = (os.pipe() for _ in range(4))
-        status, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            socket.send_fds(self.control, [b"child"], [job_in, out, err, res, its.fileno()])
-        except OSError as error:
-            for descriptor in (job, stdout, stderr, results):
-                os.close(descriptor)
-            status.close()
-            raise JailFault(f"The zygote is gone: {error}") from error
-        finally:
-            its.close()
-            for descriptor in (job_in, out, err, res):
-                os.close(descriptor)
-        child = Child(-1, -1, job, stdout, stderr, results, status, self)
-        self.children += 1
+        child, its = Child.open(self)
         self.made += 1
+        self.children.add(child)
         try:
-            self._greet(child)
+            try:
+                socket.send_fds(self._control, [b"child"], its)
+            finally:
+                for descriptor in its:
+                    os.close(descriptor)
+            self._meet(child)
+        except (OSError, ValueError) as error:
+            child.close()
+            raise JailFault(f"The zygote made no child: {error}") from error
         except BaseException:
-            if child.pidfd >= 0:
-                child.kill()
-            else:
-                child.pidfd = os.open(cell.NULL, os.O_RDONLY)  # so that there is something to close
             child.close()
             raise
         return child
 
-    def _greet(self, child: Child) -> None:
+    def _meet(self, child: Child) -> None:
         child.status.settimeout(CHILD_S_MAX)
-        try:
-            message, descriptors, _, _ = socket.recv_fds(child.status, PACKET_BYTES_MAX, 1)
-            if message != b"child" or len(descriptors) != 1:
-                raise JailFault(f"The zygote made no child: {message.decode(errors='replace') or 'it is gone'}")
-            child.pidfd = descriptors[0]
-            probed = json.loads(self._first_line(child))
-        except (OSError, ValueError) as error:
-            raise JailFault(f"The zygote made no child: {error}") from error
+        message, descriptors, _, _ = socket.recv_fds(child.status, PACKET_BYTES_MAX, 1)
+        if message != b"child" or len(descriptors) != 1:
+            raise JailFault(f"The zygote made no child: {message.decode(errors='replace') or 'it is gone'}")
+        child.pidfd = descriptors[0]
+        probed = json.loads(_first_line(child))
         child.pid = attest.pid_of(child.pidfd)
-        attest.check(child.pid, probed, self._namespaces, self.uid)
+        attest.check(child.pid, probed, self._namespaces, self._uid)
+        if self._group is not None:
+            child.group = self._group(child.pid)
         for descriptor in (child.job, child.stdout, child.stderr, child.results):
             os.set_blocking(descriptor, False)
 
-    def _first_line(self, child: Child) -> bytes:
-        line, deadline = b"", time.monotonic() + CHILD_S_MAX
-        while not line.endswith(b"\n"):
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([child.results], [], [], left)[0]:
-                raise JailFault("A child of the jail did not lock itself down in time.")
-            read = os.read(child.results, PACKET_BYTES_MAX)
-            if not read:
-                complaint = os.read(child.stderr, PACKET_BYTES_MAX).decode(errors="replace")
-                raise JailFault(f"A child of the jail did not lock itself down: {complaint}")
-            line += read
-        return line
-
     def close(self) -> None:
         """End the zygote and every process in its cell."""
-        self.control.close()
+        self._control.close()
         self._process.kill()
         self._process.wait()
-        self._errors.close()
-        pidfd = getattr(self, "pidfd", -1)
-        if pidfd >= 0:
-            select.select([pidfd], [], [], CHILD_S_MAX)
-            os.close(pidfd)
-            self.pidfd = -1
+        assert self._process.stderr is not None
+        self._process.stderr.close()
+        if self._pidfd >= 0:
+            select.select([self._pidfd], [], [], CHILD_S_MAX)
+            os.close(self._pidfd)
+            self._pidfd = -1
 
 
-def lower(child: Child, memory_bytes: int, cpu_s: int) -> None:
-    """Have the keeper set this job's own limits on a waiting child.
-
-    Raises:
-        JailFault: it does not, or is gone.
-    """
-    limits = {
-        "RLIMIT_DATA": memory_bytes,
-        "RLIMIT_AS": memory_bytes + policy.ADDRESS_SPACE_EXTRA,
-        "RLIMIT_CPU": cpu_s + policy.CPU_BACKSTOP_S,
-    }
-    try:
-        child.status.send(json.dumps(limits).encode())
-        answer = child.status.recv(PACKET_BYTES_MAX)
-    except OSError as error:
-        raise JailFault(f"The limits of a child cannot be set: {error}") from error
-    if answer != b"limited":
-        raise JailFault(f"The limits of a child cannot be set: {answer.decode(errors='replace')}")
+def _first_line(child: Child) -> bytes:
+    line, deadline = b"", time.monotonic() + CHILD_S_MAX
+    while not line.endswith(b"\n"):
+        left = deadline - time.monotonic()
+        if left <= 0 or not select.select([child.results], [], [], left)[0]:
+            raise JailFault("A child of the jail did not lock itself down in time.")
+        read = os.read(child.results, PACKET_BYTES_MAX)
+        if not read:
+            complaint = os.read(child.stderr, PACKET_BYTES_MAX).decode(errors="replace").strip()
+            raise JailFault(f"A child of the jail did not lock itself down: {complaint}")
+        line += read
+    return line

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import resource
+import select
 import stat
 import struct
 from collections.abc import Mapping, Sequence
@@ -82,13 +83,18 @@ def seccomp(program: bytes) -> None:
 
 
 def probe(outside: str) -> dict[str, Any]:
-    """What attestation cannot see from outside, tried for itself: is Landlock on, are the limits set?"""
+    """What attestation cannot see from outside, tried for itself: does Landlock hold, what is still open?"""
     try:
         os.close(os.open(outside, os.O_RDONLY))
         reads_outside = True
     except PermissionError:
         reads_outside = False
-    return {"reads_outside": reads_outside}
+    everything = range(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
+    poll = select.poll()
+    for descriptor in everything:
+        poll.register(descriptor, 0)
+    closed = {descriptor for descriptor, event in poll.poll(0) if event & select.POLLNVAL}
+    return {"reads_outside": reads_outside, "descriptors": [d for d in everything if d not in closed]}
 
 
 def _handled(abi: int) -> int:

@@ -13,7 +13,7 @@ CAP_AMBIENT_CLEAR_ALL = 4
 SIGKILL = 9
 
 
-def enter(scratch: str, scratch_bytes: int, scratch_inodes: int) -> None:
+def enter(scratch: str, size: int, inodes: int) -> None:
     """New user, pid, mount, network, IPC and UTS namespaces; an empty scratch directory; nothing in /proc.
 
     The pid namespace begins with the next fork.
@@ -27,7 +27,7 @@ def enter(scratch: str, scratch_bytes: int, scratch_inodes: int) -> None:
     Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
     Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
     _mount(None, "/", None, REC | PRIVATE, "")
-    limits = f"size={scratch_bytes},nr_inodes={scratch_inodes},mode=0700"
+    limits = f"size={size},nr_inodes={inodes},mode=0700"
     _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, limits)
     _mount("tmpfs", "/proc", "tmpfs", RDONLY | NOSUID | NODEV | NOEXEC, "size=4k,nr_inodes=2")
 

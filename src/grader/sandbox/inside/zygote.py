@@ -37,7 +37,7 @@ def main() -> None:
     _become(config["user"])
     for name in config["preload"]:
         importlib.import_module(name)
-    guest.prepare(config["models"])
+    guest.prepare(config["models"], config["directory"])
     _unbuffer_c_stdio()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     gc.collect()

@@ -1,0 +1,86 @@
+"""Memory and process counts of one child, where cgroup v2 has been delegated to us (tier T0).
+
+Used only where an administrator has made it ready, as systemd does with `Delegate=yes` and `DelegateSubgroup=`: we
+run in a leaf whose parent is ours and holds no process of its own. Nothing is ever moved that is not a child.
+"""
+
+import contextlib
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+from .policy import CGROUP_MEMORY_EXTRA, THREADS_MAX
+
+ROOT = Path("/sys/fs/cgroup")
+CONTROLLERS = {"memory", "pids"}
+GONE_S_MAX = 2.0
+_numbers = count()
+
+
+@dataclass(frozen=True)
+class Group:
+    """The cgroup of one child."""
+
+    path: Path
+
+    def limit(self, memory_bytes: int) -> None:
+        """Set the job's memory; the kernel's killer steps in a little above the child's own limit."""
+        (self.path / "memory.max").write_text(str(memory_bytes + CGROUP_MEMORY_EXTRA))
+
+    def ran_out(self) -> bool:
+        """Did the kernel end a process here because memory was used up?"""
+        rows = dict(row.split() for row in (self.path / "memory.events").read_text().splitlines())
+        return int(rows.get("oom_kill", 0)) > 0
+
+    def remove(self) -> None:
+        """End whatever is left, and the group with it."""
+        deadline = time.monotonic() + GONE_S_MAX
+        with contextlib.suppress(OSError):
+            (self.path / "cgroup.kill").write_text("1")
+        while time.monotonic() < deadline:
+            try:
+                self.path.rmdir()
+            except FileNotFoundError:
+                return
+            except OSError:  # the dead have not left yet
+                time.sleep(0.001)
+            else:
+                return
+
+
+def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Callable[[int], Group] | None:
+    """A maker of groups, given a pid; None where nothing is delegated."""
+    parent = _parent(own, root)
+    if parent is None:
+        return None
+
+    def make(pid: int) -> Group:
+        group = Group(parent / f"jail-{os.getpid()}-{next(_numbers)}")
+        group.path.mkdir()
+        (group.path / "pids.max").write_text(str(THREADS_MAX))
+        with contextlib.suppress(FileNotFoundError):  # without swap there is no such file
+            (group.path / "memory.swap.max").write_text("0")
+        (group.path / "cgroup.procs").write_text(str(pid))
+        return group
+
+    return make
+
+
+def _parent(own: Path, root: Path) -> Path | None:
+    """The group above our own, when it is ours to divide."""
+    rows = [row.split("::", 1)[1] for row in own.read_text().splitlines() if row.startswith("0::")]
+    if not rows or rows[0] in ("", "/") or not (root / "cgroup.controllers").is_file():
+        return None
+    parent = (root / rows[0].lstrip("/")).parent
+    try:
+        if not set((parent / "cgroup.controllers").read_text().split()) >= CONTROLLERS:
+            return None
+        if (parent / "cgroup.procs").read_text().strip() or not os.access(parent, os.W_OK):
+            return None
+        (parent / "cgroup.subtree_control").write_text(" ".join(f"+{name}" for name in sorted(CONTROLLERS)))
+    except OSError:
+        return None
+    return parent
