@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from grader.numerics.needs import assert_proved
 from grader.numerics.scene import Scene, Vector, Workspace, frozen
-from grader.numerics.stepping import STEPS_MAX, Controller, advance_controlled, advance_exactly, first_warning
+from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_by, advance_exactly, first_warning
 
 
 @dataclass(frozen=True)
@@ -48,19 +48,22 @@ def simulate(
     every: int = 1,
     at_s: Sequence[float] | Vector | None = None,
     controller: Controller | None = None,
+    stepper: Stepper | None = None,
     skip: bool = True,
 ) -> Rollout:
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
     States are kept every `every` steps and at the end, or at the steps nearest to the times `at_s` [s after the
     start]. A `controller(model, data)` is called before every step and may read and write anything; nothing is
-    then skipped. Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX.
+    then skipped. A `stepper(model, data)` takes each step in place of mj_step.
+
+    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX.
     """
     keep = controller is None
     with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=skip and keep, keep=keep) as workspace:
         count = _steps(workspace, seconds, steps)
         wanted = _wanted(count, every, at_s, float(workspace.option.timestep))
-        advance = advance_exactly if controller is None else advance_controlled(controller)
+        advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
         rollout = _record(workspace, wanted, advance)
         if keep and not skip and rollout.diverged_at_step is None:
             assert_proved(scene.needs, workspace.data)

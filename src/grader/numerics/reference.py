@@ -1,0 +1,144 @@
+"""Reference solutions: DOP853 on a model's own equations through mj_forward, and Richardson's estimate."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import log2
+
+import mujoco
+import numpy as np
+from mujoco import mjtIntegrator, mjtJoint
+from numpy.typing import NDArray
+from scipy import integrate
+
+from grader.numerics.scene import Scene, Values, Vector, Workspace, frozen
+
+RTOL = 3e-14
+"""Source: measured on the double pendulum; reaches 9e-15 over 1 s. SciPy refuses less than 100 rounding units."""
+
+ATOL = 1e-15
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Read-only arrays: time [s] (n,), qpos (n, nq) with unit quaternions, qvel (n, nv), act (n, na)."""
+
+    time: Vector
+    qpos: Vector
+    qvel: Vector
+    act: Vector
+
+
+def dop853(scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL) -> Reference:
+    """The scene's motion at `times_s` (ascending, from the scene's start on) by SciPy's DOP853 over mj_forward.
+
+    Raises ValueError where the scene has constraints, whose forces are not smooth, and RuntimeError where the
+    solver gives up.
+    """
+    if any(need.part in ("constraints", "everything") and need.needed for need in scene.needs):
+        raise ValueError("a reference solution needs a scene without contacts, limits, friction loss and equalities")
+    # Under `discrete`, qacc would hold a difference quotient over one step: accelerations are read under Euler.
+    with scene.borrow(integrator=int(mjtIntegrator.mjINT_EULER), skip=True) as workspace:
+        data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
+        start = np.concatenate([data.qpos, data.qvel, data.act])
+        values = solve(
+            _rate(workspace), start, np.asarray(times_s) + data.time, start_s=data.time, rtol=rtol, atol=atol
+        )
+        qpos = values[:, :nq].copy()
+        for row in qpos:
+            mujoco.mj_normalizeQuat(workspace.model, row)
+    parts = (np.asarray(times_s) + scene.start.time_s, qpos, values[:, nq : nq + nv], values[:, nq + nv :])
+    return Reference(*(frozen(part) for part in parts))
+
+
+def solve(
+    rate: Callable[[float, Vector], Values],
+    start: Vector,
+    times_s: Values,
+    *,
+    start_s: float = 0.0,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+) -> NDArray[np.float64]:
+    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start; RuntimeError on failure."""
+    times = np.asarray(times_s, dtype=np.float64)
+    span = (start_s, max(float(times[-1]), start_s))
+    solution = integrate.solve_ivp(rate, span, start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
+    if not solution.success:
+        raise RuntimeError(f"DOP853 gave up: {solution.message}")
+    return np.asarray(solution.y.T)
+
+
+def _rate(workspace: Workspace) -> Callable[[float, Vector], Vector]:
+    model, data = workspace.model, workspace.data
+    nq, nv = int(model.nq), int(model.nv)
+    position_rate = _position_rate(model)
+
+    def rate(time: float, state: Vector) -> Vector:
+        data.time = time
+        data.qpos[:], data.qvel[:], data.act[:] = state[:nq], state[nq : nq + nv], state[nq + nv :]
+        mujoco.mj_forward(model, data)
+        return np.concatenate([position_rate(state[:nq], state[nq : nq + nv]), data.qacc, data.act_dot])
+
+    return rate
+
+
+def _position_rate(model: mujoco.MjModel) -> Callable[[Vector, Vector], Vector]:
+    """d qpos / dt from qpos and qvel: q' = q w / 2 for quaternions, with w in the body's frame."""
+    offsets = {int(mjtJoint.mjJNT_BALL): 0, int(mjtJoint.mjJNT_FREE): 3}
+    joints = list(zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True))
+    if not any(kind in offsets for kind, _, _ in joints):
+        return lambda qpos, qvel: qvel
+
+    def rate(qpos: Vector, qvel: Vector) -> Vector:
+        result = np.empty_like(qpos)
+        for kind, at, dof in joints:
+            shift = offsets.get(kind)
+            linear = 1 if shift is None else shift
+            result[at : at + linear] = qvel[dof : dof + linear]
+            if shift is not None:
+                spin = np.concatenate([[0.0], 0.5 * qvel[dof + shift : dof + shift + 3]])
+                where = slice(at + shift, at + shift + 4)
+                mujoco.mju_mulQuat(result[where], qpos[where], spin)
+        return result
+
+    return rate
+
+
+@dataclass(frozen=True)
+class Richardson:
+    """Error estimated for the finest of three solutions; not `valid` where the observed order contradicts the theory.
+
+    `reason` says in words why (not).
+    """
+
+    error: float
+    observed_order: float
+    valid: bool
+    reason: str
+
+
+ORDER_SLACK = 0.25
+"""How far the observed order may be from the method's: beyond it, the next term of the error is not small."""
+
+
+def richardson(coarse: float, fine: float, order: int, *, noise: float = 1e-14) -> Richardson:
+    """Estimate the error at h/4 from the distances |y(h) - y(h/2)| = `coarse` and |y(h/2) - y(h/4)| = `fine`.
+
+    Source: Richardson 1911; error(h/4) = fine / (2^p - 1). Not valid where the distances drown in `noise`, or do
+    not shrink by 2^p.
+    """
+    estimate = fine / (2**order - 1)
+    if not (np.isfinite(coarse) and np.isfinite(fine)):
+        return Richardson(float("inf"), float("nan"), False, "one of the solutions is not finite")
+    if fine <= noise or coarse <= noise:
+        return Richardson(max(estimate, noise), float("nan"), False, "the differences are at rounding level")
+    observed = log2(coarse / fine)
+    if abs(observed - order) > ORDER_SLACK:
+        reason = f"the differences shrink with order {observed:.2f}, not {order}: not in the asymptotic range"
+        return Richardson(estimate, observed, False, reason)
+    return Richardson(estimate, observed, True, f"the differences shrink with order {observed:.2f}, as they should")
+
+
+def sample_times(seconds: float, interval_s: float) -> Sequence[float]:
+    """Times [s] from one interval to `seconds`, for comparisons over the whole run."""
+    return [interval_s * (index + 1) for index in range(round(seconds / interval_s))]

@@ -1,0 +1,74 @@
+"""Orders of the integrators on their asymptotic range."""
+
+from math import inf
+
+import numpy as np
+import pytest
+
+from grader.numerics.convergence import Order, distance, errors, observed_order
+from grader.numerics.reference import dop853, sample_times
+from grader.numerics.rk4 import lie_rk4_step, mujoco_rk4_step
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.stepping import Stepper
+from numerics.models import ALL, LESSON
+
+TIMES = sample_times(1.0, 0.02)
+DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
+RK4 = 1
+
+
+def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: Stepper | None = None) -> Order:
+    found = errors(scene, dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
+    return observed_order(timesteps_s, [error.qpos for error in found])
+
+
+def test_rk4_is_of_fourth_order() -> None:
+    order = order_of(DOUBLE, [0.0008, 0.0004, 0.0002, 0.00016], RK4)
+    assert order.order == pytest.approx(4.0, abs=0.1)
+    assert order.low < order.order < order.high < order.low + 0.2
+
+
+@pytest.mark.parametrize("integrator", [0, 2, 3, 4])
+def test_single_step_methods_are_of_first_order(integrator: int) -> None:
+    assert order_of(DOUBLE, [0.001, 0.0005, 0.00025, 0.0001], integrator).order == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["free_body", "sprung_body", "ball"])
+def test_on_rotations_mujocos_rk4_is_of_second_order_and_the_lie_group_one_of_fourth(name: str) -> None:
+    scene, timesteps_s = Scene.from_xml(ALL[name], key="spin"), [0.005, 0.004, 0.002, 0.001]
+    assert order_of(scene, timesteps_s, RK4).order == pytest.approx(2.0, abs=0.05)
+    assert order_of(scene, timesteps_s, RK4, mujoco_rk4_step).order == pytest.approx(2.0, abs=0.05)
+    assert order_of(scene, timesteps_s, RK4, lie_rk4_step).order == pytest.approx(4.0, abs=0.1)
+
+
+def test_without_rotations_the_two_rk4_agree_to_rounding() -> None:
+    one, other = (
+        simulate(DOUBLE, seconds=1, timestep_s=0.002, integrator=RK4, stepper=stepper)
+        for stepper in (mujoco_rk4_step, lie_rk4_step)
+    )
+    assert distance(DOUBLE, one, other).qpos < 1e-13
+
+
+def test_the_interval_of_an_order_covers_a_known_slope() -> None:
+    rng = np.random.default_rng(3)
+    timesteps = [0.008, 0.004, 0.002, 0.001, 0.0005]
+    covered = 0
+    for _ in range(400):
+        noisy = [h**2 * float(np.exp(0.1 * rng.standard_normal())) for h in timesteps]
+        order = observed_order(timesteps, noisy)
+        covered += order.low <= 2.0 <= order.high
+    assert 0.92 < covered / 400 < 0.98
+
+
+def test_an_order_needs_three_positive_errors() -> None:
+    for timesteps, values in (([0.1, 0.2], [1.0, 2.0]), ([0.1, 0.2, 0.4], [0.0, 1.0, 2.0]), ([1, 2, 4], [1, inf, 2])):
+        with pytest.raises(ValueError, match="three or more"):
+            observed_order(timesteps, values)
+
+
+def test_a_run_that_ended_early_is_infinitely_far() -> None:
+    whole = simulate(DOUBLE, seconds=0.1)
+    assert distance(DOUBLE, whole, simulate(DOUBLE, seconds=0.05)).qpos == inf
+    with pytest.raises(ValueError, match="different times"):
+        distance(DOUBLE, whole, simulate(DOUBLE, steps=50, timestep_s=0.001))

@@ -1,0 +1,109 @@
+"""References against second sources, and Richardson's estimate against the true error."""
+
+from collections.abc import Callable
+from math import cos, pi
+
+import numpy as np
+import pytest
+from scipy import special
+
+from grader.numerics.convergence import distance
+from grader.numerics.equations import DoublePendulum, Pendulum
+from grader.numerics.reference import dop853, richardson, sample_times, solve
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene, Vector
+from numerics.models import ALL, CUBE, LESSON
+
+TIMES = sample_times(1.0, 0.02)
+DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
+PENDULUM = Scene.from_xml(LESSON["pendulum"], key="horizontal")
+RK4 = 1
+
+
+def double_pendulum_by_hand(_time: float, y: Vector) -> list[float]:
+    return [float(y[2]), float(y[3]), *DoublePendulum().acceleration(*y)]
+
+
+def pendulum_by_hand(_time: float, y: Vector) -> list[float]:
+    return [float(y[1]), Pendulum().acceleration(float(y[0]))]
+
+
+@pytest.mark.parametrize(
+    ("scene", "rate"), [(DOUBLE, double_pendulum_by_hand), (PENDULUM, pendulum_by_hand)], ids=["double", "single"]
+)
+def test_the_models_equations_are_those_by_hand(scene: Scene, rate: Callable[[float, Vector], list[float]]) -> None:
+    reference = dop853(scene, TIMES)
+    by_hand = solve(rate, np.concatenate([scene.start.qpos, scene.start.qvel]), TIMES)
+    assert np.abs(by_hand[:, : scene.model.nq] - reference.qpos).max() < 1e-12
+    assert np.abs(by_hand[:, scene.model.nq :] - reference.qvel).max() < 5e-12
+
+
+def test_the_pendulum_has_its_elliptic_period() -> None:
+    """From rest at the horizontal the period is 4 K(sin^2(pi/4)) sqrt(I / m g L)."""
+    hand = Pendulum()
+    period = 4 * special.ellipk(0.5) * np.sqrt(hand.inertia / (hand.mass * 9.81 * hand.length))
+    reference = dop853(PENDULUM, [period / 4, period / 2, period])
+    assert reference.qpos[:, 0] == pytest.approx([0.0, -pi / 2, pi / 2], abs=1e-11)
+
+
+def test_mujocos_rk4_reaches_the_reference() -> None:
+    """The floor is rounding: 20,000 steps of 0.05 ms leave 7e-14 rad."""
+    reference = dop853(DOUBLE, [0.5, 1.0])
+    run = simulate(DOUBLE, seconds=1.0, timestep_s=5e-5, integrator=RK4, at_s=[0.5, 1.0])
+    assert distance(DOUBLE, run, reference).qpos < 1e-12
+
+
+@pytest.mark.parametrize("name", ["free_body", "sprung_body", "ball"])
+def test_quaternions_stay_unit_and_agree_with_themselves(name: str) -> None:
+    scene = Scene.from_xml(ALL[name], key="spin")
+    reference = dop853(scene, TIMES)
+    quaternions = reference.qpos[:, -4:]
+    assert np.linalg.norm(quaternions, axis=1) == pytest.approx(1.0, abs=1e-14)
+    looser = dop853(scene, TIMES, rtol=1e-12)
+    assert distance(scene, looser, reference).qpos < 1e-10
+
+
+def test_torque_free_spin_about_a_principal_axis() -> None:
+    scene = Scene.from_xml(ALL["free_body"], key="spin").at(qvel=[0, 0, 0, 0, 0, 2.0])
+    reference = dop853(scene, TIMES)
+    assert reference.qpos[-1, 3] == pytest.approx(cos(1.0), abs=1e-13)
+
+
+def test_contacts_have_no_smooth_reference() -> None:
+    with pytest.raises(ValueError, match="contacts"):
+        dop853(Scene.from_xml(CUBE), TIMES)
+
+
+def test_a_quaternion_and_its_negative_are_the_same_rotation() -> None:
+    scene = Scene.from_xml(ALL["ball"])
+    quaternion = np.array([0.5, 0.5, 0.5, 0.5])
+    one = simulate(scene.at(qpos=quaternion), steps=0)
+    other = simulate(scene.at(qpos=-quaternion), steps=0)
+    turned = simulate(scene.at(qpos=[cos(0.1), 0.0, 0.0, np.sin(0.1)]), steps=0)
+    assert distance(scene, one, other).qpos == pytest.approx(0, abs=1e-15)
+    assert distance(scene, simulate(scene, steps=0), turned).qpos == pytest.approx(0.2, abs=1e-12)
+
+
+def estimate(timestep_s: float, integrator: int, order: int) -> tuple[float, float, bool]:
+    """(estimated, true) error at a quarter of the timestep, and whether the estimate calls itself valid."""
+    runs = [
+        simulate(DOUBLE, seconds=1.0, timestep_s=timestep_s / 2**k, integrator=integrator, at_s=TIMES) for k in range(3)
+    ]
+    coarse, fine = (distance(DOUBLE, runs[k], runs[k + 1]).qpos for k in range(2))
+    found = richardson(coarse, fine, order)
+    return found.error, distance(DOUBLE, runs[2], dop853(DOUBLE, TIMES)).qpos, found.valid
+
+
+@pytest.mark.parametrize(("integrator", "order"), [(0, 1), (2, 1), (RK4, 4)])
+def test_richardson_estimates_the_true_error(integrator: int, order: int) -> None:
+    estimated, true, valid = estimate(0.001, integrator, order)
+    assert valid
+    assert estimated == pytest.approx(true, rel=0.1)
+
+
+def test_richardson_refuses_what_it_cannot_know() -> None:
+    assert not estimate(0.02, 0, 1)[2]  # far too coarse
+    assert not richardson(1e-3, 5e-4, 4).valid  # shrinks with the wrong order
+    assert not richardson(2e-14, 1e-15, 4).valid  # rounding
+    assert not richardson(np.inf, 1e-3, 1).valid
+    assert not richardson(np.nan, np.nan, 1).valid
