@@ -22,6 +22,7 @@ from grader.api.signin import Doorstep, Welcome
 from grader.identity import Role, create_sign_in_code, create_token
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
+from grader.web.routes import router as pages
 from grader.worker import Worker, worker_of
 
 SHUTDOWN_S = 5
@@ -32,6 +33,7 @@ FAULT = 3
 
 def create_app(settings: Settings) -> FastAPI:
     """The whole service as one ASGI app. Raises ContentError where the content has faults."""
+    log_to_stderr()
     content = Content(settings.content)
     database = Database(settings.database)
     database.migrate()
@@ -49,6 +51,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.checks = {"database": lambda: look_at(database), "content": lambda: describe(content)}
     problems.install(app)
     app.include_router(routes.router)
+    app.include_router(pages)
     app.add_middleware(Welcome, doorstep=app.state.doorstep)
     rules = Rules(settings.hosts, settings.public_origin, settings.body_kb * 1024)
     limit = RateLimit(settings.rate_per_s, settings.rate_burst)
@@ -115,7 +118,6 @@ def in_database(settings: Settings, change: Callable[[Session], str]) -> str:
 
 def run_server(settings: Settings) -> None:
     """Serves until it is told to end; SIGHUP loads the content again. Exits 3 where it cannot start."""
-    log_to_stderr()
     app = create_app(settings)
     content: Content = app.state.context.content
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())

@@ -88,8 +88,16 @@ class Settings(BaseSettings):
 
 
 def log_to_stderr() -> None:
-    """One line per event on stderr: stdout is for documents. Answers, tokens and sources are never logged."""
+    """One line per event on stderr: stdout is for documents.
+
+    Answers, tokens and sources are never logged: tracebacks come without the values of variables.
+    """
     structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso"),
+            structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback),
+        ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.PrintLoggerFactory(sys.stderr),
     )

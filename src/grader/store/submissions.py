@@ -74,7 +74,7 @@ def page(session: Session, chosen: Chosen, before: str | None, limit: int) -> Se
 def attempts_used(session: Session, chosen: Chosen) -> dict[str, int]:
     """How many attempts are used up, by question; those still in the queue are counted."""
     used = select(Submission.question, func.count()).where(*chosen.conditions(), Submission.uses_attempt)
-    return dict(session.execute(used.group_by(Submission.question)).tuples().all())
+    return dict(session.execute(used.group_by(Submission.question)).all())
 
 
 def pending(session: Session, chosen: Chosen) -> int:

@@ -1,0 +1,158 @@
+"""The store on both databases: transactions, migrations, attempts, revisions, pages."""
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+
+from databases import BACKENDS, database_url
+from grader.domain.verdict import Status, Verdict
+from grader.queue.jobs import QueueBase
+from grader.store import submissions
+from grader.store.database import Database
+from grader.store.submissions import Chosen
+from grader.store.tables import Base, Submission, VerdictRow, new_id
+
+
+@pytest.fixture(params=BACKENDS)
+def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
+    with database_url(request.param, tmp_path) as url:
+        database = Database(url)
+        database.migrate()
+        yield database
+        database.close()
+
+
+def an_answer(user: str = "ann", question: str = "q1", course: str = "c") -> Submission:
+    return Submission(
+        id=new_id(),
+        course=course,
+        user=user,
+        quiz="quiz",
+        question=question,
+        answer='"5 ms"',
+        content_digest="d",
+        attempt=1,
+    )
+
+
+def a_verdict(status: Status = Status.CORRECT, points: float = 1.0) -> Verdict:
+    return Verdict(status=status, points=points, max_points=1.0, stdout="a\x00b é", content_digest="d")
+
+
+def keep(database: Database, verdict: Verdict | None, submission: Submission | None = None) -> Submission:
+    submission = submission or an_answer()
+    with database.write() as session:
+        submissions.add(session, submission, verdict)
+    return submission
+
+
+def test_migrations_make_the_tables_that_the_code_describes(database: Database) -> None:
+    with database.engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": True})
+        assert compare_metadata(context, [Base.metadata, QueueBase.metadata]) == []
+
+
+def test_migrating_again_and_at_once_changes_nothing(database: Database) -> None:
+    keep(database, None)
+    others = [Database(database.engine.url.render_as_string(hide_password=False)) for _ in range(3)]
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(Database.migrate, others))
+    for other in others:
+        other.close()
+    with database.read() as session:
+        assert len(submissions.page(session, Chosen("c"), None, 10)) == 1
+
+
+def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
+    with pytest.raises(ZeroDivisionError), database.write() as session:
+        submissions.add(session, an_answer(), None)
+        raise ZeroDivisionError
+    with database.read() as session:
+        assert not submissions.page(session, Chosen("c"), None, 10)
+
+
+def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:
+    kept = keep(database, a_verdict())
+    with database.read() as session:
+        submission = submissions.get(session, kept.id)
+        assert submission is not None
+        assert (submission.status, submission.revision, submission.version) == ("graded", 1, 1)
+        assert submission.created_at.utcoffset() is not None
+        assert submissions.verdicts(session, [submission])[kept.id]["stdout"] == "a\x00b é"
+        assert [event.name for event in submissions.events_after(session, kept.id, 0)] == ["graded"]
+
+
+def test_verdicts_are_added_never_changed(database: Database) -> None:
+    kept = keep(database, a_verdict(Status.NEEDS_REVIEW, 0.0))
+    with database.write() as session:
+        submission = session.get_one(Submission, kept.id)
+        assert submission.status == "needs_review"
+        submissions.append_verdict(session, submission, a_verdict(), "review")
+    with database.read() as session:
+        rows = session.scalars(select(VerdictRow).order_by(VerdictRow.revision)).all()
+        assert [(row.revision, row.cause, row.status) for row in rows] == [
+            (1, "grading", "needs_review"),
+            (2, "review", "correct"),
+        ]
+        submission = session.get_one(Submission, kept.id)
+        assert submission.version == 2
+        assert submissions.verdicts(session, [submission])[kept.id]["status"] == "correct"
+
+
+def test_a_revision_cannot_be_given_twice(database: Database) -> None:
+    kept = keep(database, a_verdict())
+    with pytest.raises(IntegrityError), database.write() as session:
+        submission = session.get_one(Submission, kept.id)
+        submission.revision = 0
+        submissions.append_verdict(session, submission, a_verdict(), "grading")
+
+
+def test_attempts_count_what_is_queued_but_not_what_could_not_be_read_or_graded(database: Database) -> None:
+    for verdict in (None, a_verdict(Status.INVALID_ANSWER), a_verdict(Status.GRADER_FAULT), a_verdict(Status.CRASHED)):
+        keep(database, verdict)
+    keep(database, a_verdict(), an_answer(user="bob"))
+    keep(database, a_verdict(), an_answer(course="other"))
+    keep(database, a_verdict(), an_answer(question="q2"))
+    with database.read() as session:
+        assert submissions.attempts_used(session, Chosen("c", "ann", "quiz")) == {"q1": 2, "q2": 1}
+        assert submissions.pending(session, Chosen("c", "ann")) == 1
+
+
+def test_pages_go_back_in_time_without_gaps(database: Database) -> None:
+    kept = sorted((keep(database, None).id for _ in range(7)), reverse=True)
+    seen: list[str] = []
+    with database.read() as session:
+        while rows := submissions.page(session, Chosen("c", "ann"), seen[-1] if seen else None, 3):
+            seen.extend(row.id for row in rows)
+    assert seen == kept
+
+
+def test_named_locks_make_writers_wait_for_each_other(database: Database) -> None:
+    """Read, then write: without the lock two of them would see the same count."""
+    barrier = threading.Barrier(4)
+
+    def one_more(_: int) -> int:
+        barrier.wait()
+        with database.write() as session:
+            database.lock(session, "ann")
+            used = submissions.attempts_used(session, Chosen("c", "ann")).get("q1", 0)
+            submission = an_answer()
+            submission.attempt = used + 1
+            submissions.add(session, submission, None)
+            return submission.attempt
+
+    with ThreadPoolExecutor(4) as pool:
+        assert sorted(pool.map(one_more, range(4))) == [1, 2, 3, 4]
+
+
+def test_ids_sort_by_time_and_differ() -> None:
+    ids = [new_id() for _ in range(1000)]
+    assert len(set(ids)) == 1000
+    assert [each[:12] for each in ids] == sorted(each[:12] for each in ids)
