@@ -87,11 +87,15 @@ def top_level_names(source: str) -> set[str]:
     return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
-def quiz_warnings(quiz: Quiz, raw: Any, file: str) -> Iterator[Fault]:
-    """What is suspicious but not wrong: an odd number of dollar signs, a unit or a tolerance that accepts little."""
-    for place, text in prose(raw, ""):
+def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
+    """Texts with an odd number of dollar signs."""
+    for place, text in prose(raw, key):
         if len(DOLLAR.findall(text)) % 2:
             yield Fault(file, place, "an odd number of $ signs: TeX stands between two; write \\$ for a dollar")
+
+
+def number_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
+    """Units and tolerances that accept less than an author may think."""
     for question in quiz.questions:
         if not isinstance(question, NumericQuestion):
             continue

@@ -8,11 +8,11 @@ from typing import Any
 
 from grader.domain.quiz import Quiz
 from grader.errors import ContentError, Fault
-from grader.library.crossings import model_faults, quiz_warnings, read_starter, unknown_models
+from grader.library.crossings import model_faults, number_warnings, prose_warnings, read_starter, unknown_models
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import json_faults, parse_json
 from grader.library.library import Library, digest_of
-from grader.library.schema import named_labs, named_questions, read_quiz
+from grader.library.schema import named_parts, read_quiz
 
 
 @dataclass
@@ -85,8 +85,7 @@ def _load_quiz(now: _Loading, file: str) -> None:
 
 def _outside_faults(now: _Loading, raw: dict[str, Any], file: str) -> Iterator[Fault]:
     """Faults that can be seen in the JSON as it stands, even where the rest of a question is wrong."""
-    shell = {name: value for name, value in raw.items() if name not in ("questions", "labs")}
-    for key, part in (("", shell), *named_questions(raw), *named_labs(raw)):
+    for key, part in named_parts(raw):
         yield from json_faults(part, file, key)
         yield from unknown_models(part, now.models, file, key)
         starter, faults = read_starter(now.root, part, file, key)
@@ -101,4 +100,6 @@ def _keep(now: _Loading, quiz: Quiz, file: str, text: str, raw: dict[str, Any]) 
     wanted = {getattr(question, "starter", None) for question in quiz.questions}
     starters = {name: text for name, text in now.starters.items() if name in wanted}
     now.digests[quiz.id] = digest_of({file: text}, now.models, starters)
-    now.warnings.extend(quiz_warnings(quiz, raw, file))
+    for key, part in named_parts(raw):
+        now.warnings.extend(prose_warnings(part, file, key))
+    now.warnings.extend(number_warnings(quiz, file))

@@ -20,7 +20,7 @@ from grader.domain.quiz import (
 )
 from grader.domain.run import Limits
 from grader.errors import Fault
-from grader.library.json_text import join, without_remarks
+from grader.library.json_text import JsonObject, join, without_remarks
 
 QUIZ = TypeAdapter[Quiz](Quiz)
 QUESTION = TypeAdapter[Question](Question)
@@ -53,14 +53,27 @@ Part = TypeVar("Part")
 
 def read_quiz(raw: dict[str, Any], file: str) -> Quiz | list[Fault]:
     """The quiz with ids given by position, or every fault of its keys and values."""
-    shell = {name: value for name, value in raw.items() if name not in ("questions", "labs")}
-    quizzes, faults = validate(QUIZ, [("", shell)], file)
+    quizzes, faults = validate(QUIZ, [("", shell(raw))], file)
     questions, question_faults = validate(QUESTION, named_questions(raw), file)
     labs, lab_faults = validate(LAB, named_labs(raw), file)
     faults += [*question_faults, *lab_faults, *list_faults(raw, file), *repeated_ids(raw, file)]
     if faults:
         return faults
     return quizzes[0].model_copy(update={"questions": tuple(questions), "labs": tuple(labs)})
+
+
+def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The quiz without its lists, every question and every lab, each with the key under which its faults are told."""
+    yield "", shell(raw)
+    yield from named_questions(raw)
+    yield from named_labs(raw)
+
+
+def shell(raw: dict[str, Any]) -> JsonObject:
+    """The quiz without its lists."""
+    own = JsonObject([(name, value) for name, value in raw.items() if name not in ("questions", "labs")])
+    own.repeated = getattr(raw, "repeated", [])
+    return own
 
 
 def list_faults(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
@@ -132,7 +145,7 @@ def complaint(detail: ErrorDetails) -> str:
             steps = [step for step in detail["loc"] if isinstance(step, str)]
             return f"unknown key: {suggestion(steps)}remove it, or begin it with x-"
         case "union_tag_not_found":
-            near = difflib.get_close_matches("kind", map(str, detail["input"]), n=1)
+            near = difflib.get_close_matches("kind", map(str, detail["input"]), n=1, cutoff=0.7)
             return f"is missing: {f'rename {near[0]!r}' if near else 'add it'}, one of {', '.join(KINDS)}"
         case "union_tag_invalid":
             return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"

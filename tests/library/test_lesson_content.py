@@ -1,0 +1,76 @@
+"""The lesson's own content: the knowledge check and the three models."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from grader.domain.verdict import Status
+from grader.grading.answers import grade_answer
+from grader.library import Library, load
+
+ROOT = Path(__file__).parents[2]
+MODELS = ("pendulum", "pendulum_servo", "double_pendulum")
+MOTOR = '<motor name="torque" joint="hinge" ctrlrange="-3 3"/>'
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return load(ROOT)
+
+
+def test_the_content_of_this_repository_loads_without_a_warning(library: Library) -> None:
+    assert library.warnings == ()
+    assert [question.kind for question in library.quiz("1.3-check").questions] == ["mcq", "numeric", "predict", "open"]
+
+
+@pytest.mark.parametrize(
+    ("question", "answer", "status"),
+    [
+        ("q1", "1", Status.CORRECT),
+        ("q1", 0, Status.INCORRECT),
+        ("q2", "0.005 s", Status.CORRECT),
+        ("q2", "0.005", Status.INCORRECT),
+        ("q2", "5 kg", Status.INVALID_ANSWER),
+        ("q3", "discrete", Status.CORRECT),
+        ("q3", 3, Status.INCORRECT),
+        ("q4", "Stability first.", Status.NEEDS_REVIEW),
+    ],
+)
+def test_the_knowledge_check_is_graded(library: Library, question: str, answer: object, status: Status) -> None:
+    assert grade_answer(library.question("1.3-check", question), answer).status is status
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_everything_in_a_model_is_named_and_nothing_that_is_seen_collides(library: Library, name: str) -> None:
+    model = mujoco.MjModel.from_xml_string(library.model_xml(name))
+    counts = {
+        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
+        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+        mujoco.mjtObj.mjOBJ_GEOM: model.ngeom,
+        mujoco.mjtObj.mjOBJ_SITE: model.nsite,
+        mujoco.mjtObj.mjOBJ_LIGHT: model.nlight,
+        mujoco.mjtObj.mjOBJ_CAMERA: model.ncam,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
+        mujoco.mjtObj.mjOBJ_KEY: model.nkey,
+    }
+    for kind, count in counts.items():
+        assert all(mujoco.mj_id2name(model, kind, index) for index in range(count))
+    assert not model.geom_contype.any() and not model.geom_conaffinity.any()
+    assert model.nkey == 1 and not model.dof_damping.any()
+
+
+def test_the_inertia_about_the_pivot_is_as_the_lesson_says(library: Library) -> None:
+    for name in ("pendulum", "pendulum_servo"):
+        model = mujoco.MjModel.from_xml_string(library.model_xml(name))
+        assert model.dof_M0[0] == pytest.approx(0.2501, rel=1e-14)
+
+
+def test_the_lessons_script_can_swap_the_motor_for_a_servo(library: Library) -> None:
+    text = library.model_xml("pendulum")
+    assert text.count(MOTOR) == 1
+    swapped = text.replace(MOTOR, '<position name="servo" joint="hinge" kp="100" kv="5"/>')
+    servo, ours = (mujoco.MjModel.from_xml_string(xml) for xml in (swapped, library.model_xml("pendulum_servo")))
+    for model in (servo, ours):
+        assert model.actuator_gainprm[0, 0] == 100 and tuple(model.actuator_biasprm[0, :3]) == (0, -100, -5)
+    assert (servo.body_mass == ours.body_mass).all() and (servo.body_ipos == ours.body_ipos).all()

@@ -1,0 +1,315 @@
+"""Every fault of every file, told at once with file, key and cure."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grader.domain.quiz import CodeQuestion
+from grader.errors import ContentError, Fault, NotFound
+from grader.library import Library, load
+from grader.library.json_text import parse_json
+
+XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
+MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1}
+NUMERIC = {"kind": "numeric", "q": "How long?", "answer": 5, "tol": 0.05, "unit": "ms"}
+OPEN = {"kind": "open", "q": "Why?", "reference": "Because."}
+SIM = {
+    "model": "ball",
+    "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0, "max": 1, "step": 1, "value": 1}],
+}
+PREDICT = {"kind": "predict", "q": "What?", "options": ["a", "b"], "answer": 0, "sim": SIM}
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A content folder with one model and one quiz."""
+    for folder in ("quizzes", "models", "starters"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "models" / "ball.xml").write_text(XML)
+    write(tmp_path, MCQ)
+    return tmp_path
+
+
+def write(root: Path, *questions: Any, name: str = "quiz", **more: Any) -> None:
+    quiz = {"id": name, "title": "A quiz", "questions": list(questions), **more}
+    (root / "quizzes" / f"{name}.json").write_text(json.dumps(quiz), encoding="utf-8")
+
+
+def faults(root: Path) -> list[Fault]:
+    with pytest.raises(ContentError) as error:
+        load(root)
+    return list(error.value.faults)
+
+
+def told(root: Path) -> dict[str, str]:
+    """Why, by key, where all faults are in the quiz file."""
+    found = faults(root)
+    assert {fault.file for fault in found} == {"quizzes/quiz.json"}
+    return {fault.key: fault.why for fault in found}
+
+
+def without(part: Mapping[str, Any], key: str) -> dict[str, Any]:
+    return {name: value for name, value in part.items() if name != key}
+
+
+def test_ids_are_given_by_position(root: Path) -> None:
+    write(root, MCQ, {**NUMERIC, "id": "mine"}, OPEN)
+    library = load(root)
+    assert [question.id for question in library.quiz("quiz").questions] == ["q1", "mine", "q3"]
+    assert library.question("quiz", "mine").kind == "numeric"
+    assert library.file("quiz") == "quizzes/quiz.json"
+    assert library.model_xml("ball") == XML
+    assert library.warnings == ()
+
+
+def test_what_is_not_there_is_not_found(root: Path) -> None:
+    library = load(root)
+    for ask in (
+        lambda: library.quiz("x"),
+        lambda: library.question("x", "q1"),
+        lambda: library.question("quiz", "q9"),
+        lambda: library.model_xml("x"),
+        lambda: library.digest("x"),
+        lambda: library.file("x"),
+    ):
+        with pytest.raises(NotFound):
+            ask()
+
+
+def test_five_faults_in_five_places_are_named_at_once(root: Path) -> None:
+    sim = {"model": "bell"}
+    write(root, {**MCQ, "answer": 2}, {**NUMERIC, "tol": -0.05}, {**OPEN, "refrence": ""}, {**PREDICT, "sim": sim})
+    (root / "quizzes" / "broken.json").write_text('{"id": "broken",\n "title": }')
+    assert [(fault.file, fault.key) for fault in faults(root)] == [
+        ("quizzes/broken.json", "line 2, column 11"),
+        ("quizzes/quiz.json", "q1.answer"),
+        ("quizzes/quiz.json", "q2.tol"),
+        ("quizzes/quiz.json", "q3.refrence"),
+        ("quizzes/quiz.json", "q4.sim.model"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("question", "key", "why"),
+    [
+        ({**MCQ, "answer": 2}, "q1.answer", "there is no option 2: they go from 0 to 1"),
+        ({**MCQ, "answer": -1}, "q1.answer", "must be greater than or equal to 0, not -1"),
+        ({**MCQ, "answer": True}, "q1.answer", "must be a valid integer, not True"),
+        ({**MCQ, "answer": 1.5}, "q1.answer", "not 1.5"),
+        ({**MCQ, "options": ["a"], "answer": 0}, "q1.options", "at least 2 items"),
+        ({**NUMERIC, "answer": "5"}, "q1.answer", "must be a valid number, not '5'"),
+        ({**NUMERIC, "answer": True}, "q1.answer", "must be a valid number, not True"),
+        ({**NUMERIC, "tolerance": 1}, "q1.tolerance", "unknown key: write 'tol', or remove it, or begin it with x-"),
+        ({**NUMERIC, "points": 0}, "q1.points", "must be greater than 0, not 0"),
+        ({**NUMERIC, "attempts": 0}, "q1.attempts", "greater than or equal to 1"),
+        (without(MCQ, "answer"), "q1.answer", "is missing: add it"),
+        (without(MCQ, "kind"), "q1.kind", "is missing: add it, one of mcq"),
+        ({**without(MCQ, "kind"), "knid": "mcq"}, "q1.kind", "rename 'knid'"),
+        ({**MCQ, "kind": "mqc"}, "q1.kind", "there is no 'mqc': one of 'mcq'"),
+        ({**MCQ, "id": "a b"}, "a b.id", "must match pattern"),
+        ({**MCQ, "id": 3}, "q1.id", "must be a valid string, not 3"),
+        (7, "q1", "must be an object"),
+        ({**PREDICT, "sim": {**SIM, "heigth": 1}}, "q1.sim.heigth", "write 'height'"),
+        ({**PREDICT, "sim": {**SIM, "controls": [{"type": "knob"}]}}, "q1.sim.controls.0.type", "there is no 'knob'"),
+        ({**PREDICT, "sim": {**SIM, "plots": [{"traces": []}]}}, "q1.sim.plots.0.traces", "at least 1 item"),
+        ({**PREDICT, "sim": {"model": "../x"}}, "q1.sim.model", "there is no models/../x.xml: take one of ball"),
+    ],
+)
+def test_a_fault_is_told_where_it_stands_with_its_cure(root: Path, question: Any, key: str, why: str) -> None:
+    write(root, question)
+    found = told(root)
+    assert list(found) == [key]
+    assert why in found[key]
+
+
+def test_one_question_with_many_faults_tells_them_all(root: Path) -> None:
+    control = {"label": 3, "set": "x", "min": 0, "max": 1, "step": 0, "value": 1, "lable": "h"}
+    write(root, {**PREDICT, "answer": 9, "points": -1, "optoins": [], "sim": {"model": "bell", "controls": [control]}})
+    assert set(told(root)) == {
+        "q1.answer", "q1.points", "q1.optoins", "q1.sim.model",
+        "q1.sim.controls.0.label", "q1.sim.controls.0.step", "q1.sim.controls.0.lable",
+    }  # fmt: skip
+
+
+def test_remarks_are_taken_off_at_every_level(root: Path) -> None:
+    sim = {**SIM, "x-note": 1, "controls": [{**SIM["controls"][0], "x-why": {"model": "none"}}]}  # type: ignore[dict-item]
+    write(root, {**PREDICT, "x-author": "me", "sim": sim})
+    path = root / "quizzes" / "quiz.json"
+    path.write_text(path.read_text().replace('"title"', '"x-": {"x-": null}, "title"', 1))
+    assert load(root).question("quiz", "q1").kind == "predict"
+
+
+def test_repeated_ids_and_keys(root: Path) -> None:
+    write(root, MCQ, {**MCQ, "id": "q3"}, MCQ)
+    assert told(root) == {"q3.id": "two have this id: give each its own"}
+    (root / "quizzes" / "quiz.json").write_text(
+        '{"id": "quiz", "title": "a", "title": "b", "questions": [{"kind": "open", "q": "a", "q": "b"}]}'
+    )
+    assert set(told(root)) == {"title", "q1.q"}
+
+
+def test_two_files_of_one_id(root: Path) -> None:
+    write(root, MCQ, name="twin")
+    text = (root / "quizzes" / "twin.json").read_text().replace('"id": "twin"', '"id": "quiz"')
+    (root / "quizzes" / "twin.json").write_text(text)
+    assert [(fault.file, fault.key) for fault in faults(root)] == [("quizzes/twin.json", "id")]
+
+
+@pytest.mark.parametrize(("number", "why"), [("NaN", "finite"), ("-Infinity", "finite"), ("1e999", "finite")])
+def test_numbers_that_json_does_not_have(root: Path, number: str, why: str) -> None:
+    write(root, NUMERIC)
+    path = root / "quizzes" / "quiz.json"
+    path.write_text(path.read_text().replace('"tol": 0.05', f'"tol": {number}'))
+    assert why in told(root)["q1.tol"]
+
+
+@pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        (b"", "line 1, column 1"),
+        (b'{"id": "quiz", "title": "caf\xe9"}', "byte 28"),
+        (b"[]", "whole file"),
+        (b'{"questions": ' + b"[" * 5000 + b"]" * 5000 + b"}", "whole file"),
+        (b'{"questions": ' + b"[" * 60 + b"]" * 60 + b"}", "whole file"),
+        (b'{"answer": ' + b"9" * 5000 + b"}", "whole file"),
+        (b'{"id": "' + b"x" * (1 << 20) + b'"}', "size"),
+        (b'{"id": "quiz", "title": "t", "questions": {}}', "questions"),
+        (b'{"title": "t"}', "id"),
+    ],
+)
+def test_files_that_are_no_quiz(root: Path, content: bytes, key: str) -> None:
+    (root / "quizzes" / "quiz.json").write_bytes(content)
+    assert key in told(root)
+
+
+def test_a_byte_order_mark_is_no_fault(root: Path) -> None:
+    path = root / "quizzes" / "quiz.json"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert load(root).quiz("quiz").title == "A quiz"
+
+
+def test_a_quiz_outside_the_folder_is_not_followed(root: Path) -> None:
+    outside = root.parent / "outside.json"
+    (root / "quizzes" / "quiz.json").rename(outside)
+    (root / "quizzes" / "quiz.json").symlink_to(outside)
+    assert "out of the content folder" in told(root)["path"]
+
+
+def test_a_folder_without_quizzes(tmp_path: Path) -> None:
+    assert [(fault.file, fault.key) for fault in faults(tmp_path)] == [("quizzes", "*.json")]
+
+
+def test_a_model_that_does_not_compile_says_why(root: Path) -> None:
+    (root / "models" / "bad.xml").write_text('<mujoco>\n<worldbody><geom sizee="1"/></worldbody></mujoco>')
+    (fault,) = faults(root)
+    assert fault.file == "models/bad.xml"
+    assert "sizee" in fault.why and "line 2" in fault.why
+
+
+def test_models_named_in_checks_and_labs(root: Path) -> None:
+    code = {"kind": "code", "q": "Do", "entry": "f", "check": {"kind": "k", "cases": [{"model": "none"}], "x-model": 1}}
+    labs = [{"id": "lab", "kind": "integrators", "model": "ball", "models": ["ball", "bell"]}]
+    write(root, code, labs=labs)
+    assert {"q1.check.cases.0.model", "lab.models.1"} <= set(told(root))
+
+
+def code(starter: str) -> dict[str, Any]:
+    return {"kind": "code", "q": "Do", "entry": "solve", "starter": starter, "check": {"kind": "any"}}
+
+
+@pytest.mark.parametrize(
+    ("starter", "why"),
+    [
+        ("../secret.py", "stay inside"),
+        ("/etc/passwd.py", "stay inside"),
+        ("starters/../../secret.py", "stay inside"),
+        ("starters\\a.py", "stay inside"),
+        ("starters/none.py", "is no file"),
+        ("starters", "must be a .py file"),
+        ("starters/folder.py", "is no file"),
+        ("starters/link.py", "out of the content folder"),
+        ("starters/loop.py", "leads back to itself"),
+        ("starters/other.py", "does not define 'solve'"),
+        ("starters/latin.py", "is not UTF-8"),
+        ("starters/huge.py", "is larger than 256 KB"),
+    ],
+)
+def test_broken_starters(root: Path, starter: str, why: str) -> None:
+    starters = root / "starters"
+    (root.parent / "secret.py").write_text("def solve(): ...")
+    (starters / "folder.py").mkdir()
+    (starters / "link.py").symlink_to(root.parent / "secret.py")
+    (starters / "loop.py").symlink_to("loop.py")
+    (starters / "other.py").write_text("def solver(): ...\nclass A:\n    def solve(self): ...")
+    (starters / "latin.py").write_bytes(b"# \xe9")
+    (starters / "huge.py").write_text("#" * (256 * 1024 + 1))
+    write(root, code(starter))
+    assert why in told(root)["q1.starter"]
+
+
+def test_a_starter_that_is_not_python(root: Path) -> None:
+    (root / "starters" / "s.py").write_text("x = 1\ndef solve(:\n")
+    write(root, code("starters/s.py"))
+    assert Fault("starters/s.py", "line 2", "not valid Python: invalid syntax") in faults(root)
+
+
+def test_the_digest_moves_with_everything_a_verdict_depends_on(root: Path) -> None:
+    write(root, MCQ)
+    write(root, OPEN, name="other")
+
+    def digests() -> tuple[str, str]:
+        library = load(root)
+        return library.digest("quiz"), library.digest("other")
+
+    first = digests()
+    assert digests() == first
+    write(root, {**MCQ, "x-remark": 1})
+    second = digests()
+    assert second[0] != first[0] and second[1] == first[1]
+    (root / "models" / "ball.xml").write_text(XML + "\n")
+    third = digests()
+    assert third[0] != second[0] and third[1] != second[1]
+
+
+@pytest.mark.parametrize(
+    ("question", "key"),
+    [
+        ({**MCQ, "q": "a $x$ and $y"}, "q1.q"),
+        ({**MCQ, "options": ["$a", "b"]}, "q1.options.0"),
+        ({**NUMERIC, "unit": "parsnips"}, "q1.unit"),
+        ({**without(NUMERIC, "tol"), "answer": 0}, "q1.tol"),
+    ],
+)
+def test_what_is_suspicious_is_a_warning(root: Path, question: Any, key: str) -> None:
+    write(root, question)
+    assert [(warning.file, warning.key) for warning in load(root).warnings] == [("quizzes/quiz.json", key)]
+
+
+def test_a_dollar_with_a_backslash_is_a_dollar(root: Path) -> None:
+    write(root, {**MCQ, "q": r"It costs \$5 for $n$ steps"})
+    assert load(root).warnings == ()
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=60) | st.text('{}[]":,0123456789eE.-NaN\n', max_size=60))
+def test_any_text_is_json_or_a_fault(text: str) -> None:
+    parsed = parse_json(text, "quizzes/a.json")
+    if not isinstance(parsed, Fault):
+        json.loads(text)
+
+
+def test_a_question_without_starter(root: Path) -> None:
+    library = load(root)
+    assert library.starter(library.question("quiz", "q1")) is None
+    question = CodeQuestion.model_validate({**without(code(""), "starter"), "id": "q1"})
+    assert library.starter(question) is None
+
+
+def test_a_starter_is_handed_out_as_it_stands() -> None:
+    question = CodeQuestion.model_validate({**code("starters/s.py"), "id": "q1"})
+    assert Library(Path(), {}, starters={"starters/s.py": "def solve(): ..."}).starter(question) == "def solve(): ..."
