@@ -53,8 +53,7 @@ def _declared(scope: Scope, node: Node) -> list[Node]:
 
 def _pattern(scope: Scope, node: Node) -> list[Node]:
     names = parts(node)
-    commas = sum(child.type == "," for child in node.children)
-    if any(name.type != "identifier" for name in names) or commas >= max(1, len(names)):
+    if any(name.type != "identifier" for name in names):
         raise scope.refuse(node, "only plain names can stand in [ ] here")
     return names
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.labs.machine import Machine
+from grader.labs.mathematics import FUNCTIONS as FUNCTIONS_OF_MATH
 from grader.labs.values import UNDEFINED, Record, Trouble, Value, Vector, from_units, to_number, to_string
 
 
@@ -145,7 +146,7 @@ def _radians(m: Machine, x: Value = UNDEFINED, *_: Value) -> Value:
 
 
 def _clamp(m: Machine, x: Value = UNDEFINED, low: Value = UNDEFINED, high: Value = UNDEFINED, *_: Value) -> Value:
-    return min(max(to_number(x), to_number(low)), to_number(high))
+    return FUNCTIONS_OF_MATH["min"](FUNCTIONS_OF_MATH["max"](x, low), high)
 
 
 FUNCTIONS: dict[str, Callable[..., Value]] = {

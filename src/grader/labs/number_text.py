@@ -21,7 +21,7 @@ def to_fixed(number: float, digits: int) -> str:
     """`number.toFixed(digits)`: the exact binary value, halves away from zero. Source: ECMA-262."""
     if not math.isfinite(number) or abs(number) >= 1e21:
         return number_to_string(number)
-    rounded = abs(Decimal(number)).quantize(Decimal(1).scaleb(-digits), rounding=ROUND_HALF_UP, context=EXACT)
+    rounded = Decimal(number).copy_abs().quantize(Decimal(1).scaleb(-digits), rounding=ROUND_HALF_UP, context=EXACT)
     return f"{'-' if number < 0 else ''}{rounded:f}"
 
 
@@ -35,7 +35,7 @@ def _scientific(number: float, places: int | None) -> tuple[str, int]:
         exact = Decimal(repr(abs(number)))
         text = "".join(map(str, exact.as_tuple().digits)).rstrip("0") or "0"
         return text, exact.adjusted() if number else 0
-    exact = abs(Decimal(number))
+    exact = Decimal(number).copy_abs()
     if not number:
         return "0" * (places + 1), 0
     rounded = exact.quantize(Decimal(1).scaleb(exact.adjusted() - places), rounding=ROUND_HALF_UP, context=EXACT)

@@ -85,7 +85,8 @@ def loosely_equal(left: Value, right: Value) -> bool:
     both_objects = isinstance(left, list | Vector | Record) and isinstance(right, list | Vector | Record)
     if both_objects or type(left) is type(right):
         return strictly_equal(left, right)
-    return to_number(to_primitive(left)) == to_number(to_primitive(right))
+    left, right = to_primitive(left), to_primitive(right)
+    return left == right if type(left) is type(right) else to_number(left) == to_number(right)
 
 
 def less(left: Value, right: Value) -> bool:

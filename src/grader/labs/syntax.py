@@ -95,6 +95,11 @@ def _first_error(node: Node) -> Node:
         node = next(child for child in node.children if child.has_error or child.is_missing)
 
 
+ASSIGNMENTS = ("assignment_expression", "augmented_assignment_expression", "arrow_function")
+OPERATIONS = ("binary_expression", "unary_expression", "update_expression")
+LISTS = ("array", "arguments", "formal_parameters", "array_pattern")
+
+
 def _check_tree(source: Source) -> None:
     """Refuse what nests too deep and what JavaScript forbids though its grammar could be read so."""
     stack = [(source.root, 0)]
@@ -104,7 +109,20 @@ def _check_tree(source: Source) -> None:
             raise source.refuse(node, f"nested more than {DEPTH_MAX} deep")
         if node.type == "binary_expression":
             _check_mixture(source, node)
+        if node.type in LISTS:
+            _check_holes(source, node)
+        if node.type in OPERATIONS and any(child.type in ASSIGNMENTS for child in node.children):
+            raise source.refuse(node, "write parentheses around the assignment")
         stack.extend((child, depth + 1) for child in node.children)
+
+
+def _check_holes(source: Source, node: Node) -> None:
+    """Nothing may be missing between two commas, or before the first."""
+    before = "("
+    for child in node.children:
+        if child.type == "," and before in "([,":
+            raise source.refuse(child, "something is missing before this comma")
+        before = child.type if child.type != "comment" else before
 
 
 def _check_mixture(source: Source, node: Node) -> None:
@@ -141,6 +159,8 @@ SIMPLE_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "v": "\
 
 def string_of(source: Source, node: Node) -> str:
     """The value of a text literal, in UTF-16 code units."""
+    if any("\n" in text_of(c) or "\r" in text_of(c) for c in parts(node) if c.type != "escape_sequence"):
+        raise source.refuse(node, "a text in quotes ends on its line")
     pieces = [escape_of(source, child) if child.type == "escape_sequence" else text_of(child) for child in parts(node)]
     return in_units("".join(pieces))
 

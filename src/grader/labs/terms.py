@@ -79,11 +79,6 @@ def _template(scope: Scope, node: Node) -> Code:
 
 
 def _array(scope: Scope, node: Node) -> Code:
-    commas = 0
-    for child in node.children:
-        commas = commas + 1 if child.type == "," else 0 if child.is_named else commas
-        if commas > 1 or (commas and child.prev_sibling is not None and child.prev_sibling.type == "["):
-            raise scope.refuse(node, "an array here has no holes")
     items = calls.compile_items(scope, parts(node))
     return located(scope, node, lambda m: bounded_list(items(m)))
 

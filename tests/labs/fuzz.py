@@ -1,0 +1,163 @@
+"""Random programs: grown from the grammar, or real ones with a piece damaged."""
+
+import random
+
+LEAVES = [
+    "0",
+    "1",
+    "2",
+    "3",
+    "-1",
+    "0.5",
+    "-0.25",
+    "1e3",
+    "1e-7",
+    "1e21",
+    "NaN",
+    "Infinity",
+    "true",
+    "false",
+    "null",
+    "undefined",
+    "''",
+    "'a'",
+    "'1'",
+    "'",
+    "2",
+    "'",
+    "'0x1f'",
+    "[]",
+    "[1]",
+    "[1,2]",
+    "value",
+    "data.qpos[0]",
+    "data.qpos[7]",
+    "data.qvel[6]",
+    "data.ctrl[0]",
+    "data.time",
+    "model.nv",
+    "model.opt.timestep",
+    "ctx.none",
+    "Math.PI",
+    "data.qpos.length",
+    "'abc'.length",
+    "lib.qpos('hinge')",
+    "(-0)",
+    "4294967295",
+    "-2147483649",
+    "0.1",
+]
+BINARY = [
+    "+",
+    "-",
+    "*",
+    "/",
+    "%",
+    "**",
+    "==",
+    "!=",
+    "===",
+    "!==",
+    "<",
+    "<=",
+    ">",
+    ">=",
+    "&",
+    "|",
+    "^",
+    "<<",
+    ">>",
+    ">>>",
+    "&&",
+    "||",
+    "??",
+]
+UNARY = ["-", "+", "!", "~", "typeof "]
+CALLS = [
+    "Math.abs",
+    "Math.floor",
+    "Math.ceil",
+    "Math.round",
+    "Math.sign",
+    "Math.sqrt",
+    "Math.max",
+    "Math.min",
+    "Math.trunc",
+    "Math.hypot",
+    "Number",
+    "String",
+    "Boolean",
+    "isNaN",
+    "isFinite",
+    "Number.isInteger",
+    "lib.deg",
+    "Array.isArray",
+    "Array.of",
+    "Math.fround",
+    "Math.atan2",
+]
+METHODS = [".map(x => x + 1)", ".join('-')", ".slice(1)", ".length", ".reverse()", ".filter(x => x)", ".concat(1)"]
+
+
+def expression(rng: random.Random, depth: int) -> str:
+    """A random expression whose value does not depend on how sin and pow round."""
+    if depth == 0 or rng.random() < 0.1:
+        return rng.choice(LEAVES)
+    inner = [expression(rng, depth - 1) for _ in range(3)]
+    form = rng.randrange(9)
+    if form < 4:
+        return _pair(rng, inner[0], inner[1])
+    return [
+        f"({rng.choice(UNARY)}({inner[0]}))",
+        f"({inner[0]} ? {inner[1]} : {inner[2]})",
+        f"{rng.choice(CALLS)}({', '.join(inner[: rng.randrange(1, 3)])})",
+        f"[{inner[0]}, {inner[1]}]{rng.choice(METHODS)}",
+        f"`{rng.choice('abc')}${{{inner[0]}}}`",
+    ][form - 4]
+
+
+def _pair(rng: random.Random, left: str, right: str) -> str:
+    operator = rng.choice(BINARY)
+    if operator == "**":
+        right = rng.choice(["2", "0", "-1", "3", "Infinity", "NaN"])
+    if rng.random() < 0.3 and operator not in ("**", "??", "&&", "||"):
+        return f"{left} {operator} {right}"
+    return f"(({left}) {operator} ({right}))"
+
+
+def statements(rng: random.Random) -> str:
+    """A random list of statements over `ctx`, locals, the state and loops."""
+    lines = [f"let a = {expression(rng, 2)}, n = 0"]
+    for _ in range(rng.randrange(1, 5)):
+        lines.append(
+            rng.choice(
+                [
+                    f"a = {expression(rng, 3)}",
+                    f"n += {rng.choice(['1', '2', 'i0', 'n'])}".replace("i0", "0.5"),
+                    f"if ({expression(rng, 2)}) {{ n++ }} else {{ a = n }}",
+                    f"for (let i = 0; i < {rng.randrange(5)}; i++) {{ if (i == {rng.randrange(5)}) "
+                    f"{rng.choice(['break', 'continue'])}; n += i }}",
+                    f"ctx.{rng.choice('xyz')} {rng.choice(['=', '+=', '??=', '||=', '-='])} {expression(rng, 2)}",
+                    f"data.qvel[{rng.randrange(7)}] {rng.choice(['=', '+=', '-='])} {rng.choice(['n', '0.5', 'value'])}",
+                    f"const f{len(lines)} = (x, y) => {expression(rng, 2)}; n = f{len(lines)}(n, a)",
+                    f"for (const x of [{expression(rng, 1)}, 2]) ctx.x = x",
+                ]
+            )
+        )
+    return "; ".join([*lines, "ctx.a = a; ctx.n = n"])
+
+
+def damage(rng: random.Random, text: str, others: list[str]) -> str:
+    """The text with a piece taken out, doubled, swapped or put in from elsewhere."""
+    i, j = sorted((rng.randrange(len(text) + 1), rng.randrange(len(text) + 1)))
+    j = min(j, i + 4)
+    match rng.randrange(4):
+        case 0:
+            return text[:i] + text[j:]
+        case 1:
+            return text[:j] + text[i:]
+        case 2:
+            return text[:i] + rng.choice("()[]{}.,;+-*/%=!<>&|?:'`\"\\ \n019aeix_$#@") + text[j:]
+    other = rng.choice(others)
+    k = rng.randrange(len(other) + 1)
+    return text[:i] + other[k : k + 6] + text[j:]
