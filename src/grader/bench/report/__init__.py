@@ -1,0 +1,1 @@
+"""From records to summaries, tables and pictures; nothing here measures."""
