@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from grader.domain.quiz import Quiz
 from grader.domain.student_view import student_view
+from grader.library import Library
 from grader.web.prose import plain_text, safe_html
 
 HEADINGS = {
@@ -24,18 +25,19 @@ BLOCK = re.compile(r"\s*<(p|div|ul|ol|pre|table|figure|h[1-6]|blockquote)\b", re
 prose = lru_cache(maxsize=4096)(safe_html)
 
 
-def page_of(quiz: Quiz) -> dict[str, Any]:
+def page_of(library: Library, quiz: Quiz) -> dict[str, Any]:
     """The quiz as the templates take it."""
+    starters = {question.id: library.starter(question) for question in quiz.questions}
     view = student_view(quiz)
     return {
         "id": view["id"],
         "title": plain_text(view["title"]),
-        "questions": [card_of(quiz.id, question) for question in view["questions"]],
+        "questions": [card_of(quiz.id, question, starters[question["id"]]) for question in view["questions"]],
         "labs": [{"id": lab["id"], "title": plain_text(lab["title"] or "")} for lab in view["labs"]],
     }
 
 
-def card_of(quiz_id: str, question: dict[str, Any]) -> dict[str, Any]:
+def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict[str, Any]:
     """One question: text as safe HTML, the rest in words."""
     return question | {
         "heading": plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]]),
@@ -43,6 +45,7 @@ def card_of(quiz_id: str, question: dict[str, Any]) -> dict[str, Any]:
         "options": [prose(option) for option in question.get("options", ())],
         "worth": worth(question["points"], question["attempts"]),
         "allowance": allowance(question["limits"]) if "limits" in question else "",
+        "starter": starter,
         "starter_url": f"/quizzes/{quiz_id}/{question['id']}/starter.py",
     }
 

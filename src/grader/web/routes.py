@@ -8,7 +8,6 @@ from fastapi.responses import HTMLResponse, PlainTextResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi.templating import Jinja2Templates
 
-from grader.domain.quiz import CodeQuestion
 from grader.errors import NotFound, TooLarge, Unauthorized
 from grader.identity import Identity, authenticate
 from grader.library import Library
@@ -59,7 +58,7 @@ def student_page(request: Request, library: Content, who: Visitor, quiz: str | N
     if who is None and not request.app.state.doorstep.anonymous:
         return page(request, "signin.html", 401, who=None)
     chosen = library.quizzes.values() if quiz is None else [library.quiz(quiz)]
-    return page(request, "student.html", who=who, quizzes=[page_of(one) for one in chosen])
+    return page(request, "student.html", who=who, quizzes=[page_of(library, one) for one in chosen])
 
 
 @router.get("/instructor")
@@ -67,7 +66,7 @@ def instructor_page(request: Request, library: Content, who: Visitor) -> Respons
     """What is loaded, and what was handed in; for anybody else, how to sign in."""
     if who is None or not who.is_instructor:
         return page(request, "signin.html", 401 if who is None else 403, who=who)
-    quizzes = [page_of(quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
+    quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "instructor.html", who=who, quizzes=quizzes, warnings=list(map(str, library.warnings)))
 
 
@@ -76,10 +75,9 @@ def starter(quiz_id: str, question_id: str, request: Request, library: Content, 
     """The starter file of an exercise. Raises Unauthorized, NotFound."""
     if who is None and not request.app.state.doorstep.anonymous:
         raise Unauthorized("Sign in first.")
-    question = library.question(quiz_id, question_id)
-    if not isinstance(question, CodeQuestion) or question.starter is None:
+    text = library.starter(library.question(quiz_id, question_id))
+    if text is None:
         raise NotFound("This question has no starter file.")
-    text = (library.root / question.starter).read_text(encoding="utf-8")
     headers = {"Content-Disposition": f'attachment; filename="{question_id}.py"'}
     return PlainTextResponse(text, headers=HEADERS | headers, media_type="text/x-python")
 

@@ -27,7 +27,7 @@ export function showVerdict(box, submission) {
   box.replaceChildren(...[
     head(submission, verdict),
     verdict.diagnosis ? el("p", { class: "diagnosis" }, verdict.diagnosis) : null,
-    findingsTable(verdict.findings ?? []),
+    findingsTable(verdict.findings ?? [], Boolean(verdict.read_as)),
     ...evidenceFigures(verdict.evidence ?? {}, verdict.findings ?? []),
     explanation(verdict.explain),
     output("What your script printed", verdict.stdout),
@@ -46,12 +46,11 @@ function head(submission, verdict) {
     submission.attempt ? el("span", { class: "meta" }, `attempt ${submission.attempt}`) : null);
 }
 
-// One finding that only repeats the head is left out.
-function findingsTable(findings) {
-  const telling = findings.filter((finding) => finding.message || finding.measured !== null || finding.expected !== null);
-  if (!telling.length || (findings.length === 1 && !hasValue(findings[0].measured) && !hasValue(findings[0].expected))) {
-    return telling.length ? el("p", {}, telling[0].message) : null;
-  }
+// A typed answer needs no table: what was measured is what was typed.
+function findingsTable(findings, typed) {
+  const telling = findings.filter((finding) => finding.message || hasValue(finding.measured) || hasValue(finding.expected));
+  if (!telling.length) return null;
+  if (typed && telling.length === 1) return el("p", {}, telling[0].message);
   const measured = telling.some((finding) => hasValue(finding.measured));
   const expected = telling.some((finding) => hasValue(finding.expected));
   const heading = (text) => el("th", { scope: "col" }, text);

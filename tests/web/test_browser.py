@@ -1,0 +1,158 @@
+"""A learner's way through the page, in a real browser against the real service."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from grader.app import in_database
+from grader.identity import Role, create_sign_in_code
+from grader.settings import Settings
+from web.browsing import chromium, service, settings_in
+
+REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises" / "servo-threshold"
+VERDICT_MS = 30_000
+
+
+@dataclass
+class Site:
+    """The running service and a browser."""
+
+    origin: str
+    settings: Settings
+    browser: Browser
+
+
+@dataclass
+class Visit:
+    """One browser's tab, and whatever its console complained of."""
+
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+
+    def card(self, quiz: str, question: str) -> Locator:
+        """One question."""
+        return self.page.locator(f'[id="{quiz}--{question}"]')
+
+    def status(self, quiz: str, question: str) -> Locator:
+        """The verdict's status in words."""
+        return self.card(quiz, question).locator("[data-status]")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    settings = settings_in(tmp_path_factory.mktemp("data"))
+    with service(settings) as origin, chromium() as browser:
+        yield Site(origin, settings, browser)
+
+
+@pytest.fixture
+def visit(site: Site) -> Iterator[Visit]:
+    """A new learner, at the student page; the console must stay quiet."""
+    context = site.browser.new_context(base_url=site.origin)
+    visit = Visit(context.new_page())
+    visit.page.on("console", lambda message: visit.complaints.append(message.text) if message.type != "log" else None)
+    visit.page.on("pageerror", lambda error: visit.complaints.append(str(error)))
+    visit.page.goto("/")
+    yield visit
+    context.close()
+    assert visit.complaints == []
+
+
+def test_tex_is_shown_as_mathematics(visit: Visit) -> None:
+    expect(visit.page.locator("math msqrt").first).to_be_visible()
+    assert "$" not in visit.page.locator("main").inner_text()
+
+
+def test_a_number_is_echoed_sent_and_judged(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q2")
+    card.get_by_label("Your answer").fill("0.005 s")
+    expect(card.locator(".read-as")).to_have_text("read as 5 ms")
+    card.get_by_role("button", name="Send").click()
+    expect(visit.status("1.3-check", "q2")).to_have_text("Correct")
+    expect(card.locator(".explanation math").first).to_be_visible()
+
+
+def test_what_cannot_be_read_says_why_before_it_is_sent(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q2")
+    card.get_by_label("Your answer").fill("5 kg")
+    expect(card.locator(".read-as.bad")).to_contain_text("kg")
+
+
+def test_a_choice_is_made_with_the_keyboard_alone(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q1")
+    card.get_by_role("radio").first.focus()
+    visit.page.keyboard.press("ArrowDown")
+    visit.page.keyboard.press("Enter")
+    expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+
+
+def test_no_choice_is_told_in_a_sentence(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q1")
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator(".progress")).to_have_text("Choose one of the options first.")
+
+
+def test_an_open_answer_waits_for_an_instructor_also_after_a_reload(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q4")
+    card.get_by_label("Your answer").fill("Stability, then fidelity.")
+    card.get_by_role("button", name="Send").click()
+    expect(visit.status("1.3-check", "q4")).to_contain_text("instructor")
+    visit.page.reload()
+    expect(visit.status("1.3-check", "q4")).to_contain_text("instructor")
+
+
+def test_a_script_is_uploaded_and_its_verdict_awaited(visit: Visit) -> None:
+    card = visit.card("1.3-exercises", "servo-threshold")
+    card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__forgets_kv.py")
+    card.get_by_role("button", name="Hand in").click()
+    expect(visit.status("1.3-exercises", "servo-threshold")).to_have_text("Partly correct", timeout=VERDICT_MS)
+    expect(card.locator(".diagnosis")).to_be_visible()
+    assert card.get_by_role("row").count() > 3
+    expect(card.get_by_role("img").first).to_be_visible()
+
+
+def test_a_pasted_script_that_prints_shows_its_output_as_text(visit: Visit) -> None:
+    card = visit.card("1.3-exercises", "servo-threshold")
+    script = "print('<b>not bold</b>')\ndef largest_stable_timestep(model, integrator):\n    return None\n"
+    card.get_by_label("or pasted here").fill(script)
+    card.get_by_role("button", name="Hand in").click()
+    expect(card.get_by_text("<b>not bold</b>", exact=False).last).to_be_visible(timeout=VERDICT_MS)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits_a_narrow_screen(site: Site, scheme: str) -> None:
+    context = site.browser.new_context(viewport={"width": 320, "height": 600}, color_scheme=scheme)  # type: ignore[arg-type]
+    page = context.new_page()
+    page.goto(site.origin)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 320
+    context.close()
+
+
+def test_every_field_has_a_label(visit: Visit) -> None:
+    unnamed = visit.page.evaluate(
+        "[...document.querySelectorAll('input, textarea, select')]"
+        ".filter(one => !one.labels.length && !one.getAttribute('aria-label')).map(one => one.outerHTML)"
+    )
+    assert unnamed == []
+
+
+def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "teacher", Role.INSTRUCTOR))
+    context = site.browser.new_context(base_url=site.origin)
+    page = context.new_page()
+    page.goto("/")
+    page.locator('[id="1.3-check--q2"]').get_by_label("Your answer").fill("7 ms")
+    page.locator('[id="1.3-check--q2"]').get_by_role("button", name="Send").click()
+    expect(page.locator('[id="1.3-check--q2"] [data-status]')).to_have_text("Not correct")
+    page.goto("/instructor")
+    expect(page.locator("main")).to_contain_text("this page is for instructors")
+    page.goto(f"/signin?code={code}")
+    page.get_by_role("button", name="Sign in").click()
+    expect(page.locator("main")).to_contain_text("1.3-check")
+    row = page.get_by_role("row").filter(has_text="q2").filter(has_text="incorrect").first
+    row.get_by_role("button").click()
+    expect(page.locator("[data-one] pre").first).to_have_text("7 ms")
+    context.close()
