@@ -51,10 +51,15 @@ class Workspace:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Built by `Scene.from_xml`, or `Scene.of_model`, which copies the model it is given."""
+    """Built by `Scene.from_xml`, or `Scene.of_model`, which copies the model it is given.
+
+    `start` is where every run begins; `start_vector` is the same with all else that MuJoCo integrates from (mocap
+    poses, equality switches, warm start, ...), as mjSTATE_INTEGRATION.
+    """
 
     model: mujoco.MjModel
     start_vector: Vector
+    start: State
     needs: tuple[proofs.Need, ...]
     digest: str = ""
     _pool: deque[Workspace] = field(default_factory=deque, repr=False)
@@ -102,22 +107,12 @@ class Scene:
                     _write(getattr(data, name), values, name)
             if time_s is not None:
                 data.time = time_s
-            return replace(self, start_vector=_full_state(self.model, data))
-
-    @property
-    def start(self) -> State:
-        """Where every run begins."""
-        with self.borrow() as workspace:
-            return state_of(workspace.data)
+            return replace(self, start_vector=_full_state(self.model, data), start=state_of(data))
 
     @property
     def flags(self) -> int:
         """The disable bits that are proved to change nothing."""
         return proofs.skippable(self.needs)
-
-    def steps_in(self, seconds: float, timestep_s: float) -> int:
-        """How many steps make `seconds`, as the lesson counts them: round(seconds / timestep)."""
-        return round(seconds / timestep_s)
 
     @contextmanager
     def borrow(
@@ -214,8 +209,8 @@ def _compiled(xml: str, key: int | str | None) -> Scene:
 
 
 def _scene_of(model: mujoco.MjModel, digest: str) -> Scene:
-    start = _full_state(model, mujoco.MjData(model))
-    return Scene(model, start, proofs.prove(model), digest)
+    data = mujoco.MjData(model)
+    return Scene(model, _full_state(model, data), state_of(data), proofs.prove(model), digest)
 
 
 def _full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:
