@@ -1,9 +1,14 @@
 """Verdict and Finding: what grading says of one submission; the same JSON everywhere."""
 
+import math
 from enum import StrEnum
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
+
+
+POINT_DIGITS = 9
+"""Shares of points (a third of 3) are rounded away in their sum."""
 
 
 class Status(StrEnum):
@@ -64,17 +69,15 @@ class Verdict(BaseModel):
 
 
 def status_of(points: float, max_points: float) -> Status:
-    """Correct, partial or incorrect by points; rounding in a sum of shares does not cost the last bit."""
-    if points >= max_points * (1 - 1e-9):
+    """Correct, partial or incorrect by points."""
+    if points >= max_points:
         return Status.CORRECT
     return Status.PARTIAL if points > 0 else Status.INCORRECT
 
 
 def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:
     """The verdict that a set of findings adds up to; `rest` are further fields of Verdict."""
-    max_points = sum(f.max_points for f in findings)
-    points = sum(f.points for f in findings)
+    max_points = round(math.fsum(f.max_points for f in findings), POINT_DIGITS)
+    points = round(math.fsum(f.points for f in findings), POINT_DIGITS)
     status = status_of(points, max_points)
-    if status is Status.CORRECT:
-        points = max_points
     return Verdict(status=status, points=points, max_points=max_points, findings=findings, **rest)
