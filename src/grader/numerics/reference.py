@@ -10,6 +10,7 @@ from mujoco import mjtIntegrator, mjtJoint
 from numpy.typing import NDArray
 from scipy import integrate
 
+from grader.numerics.rk4 import Forward
 from grader.numerics.scene import Scene, Values, Vector, Workspace, frozen
 
 RTOL = 3e-14
@@ -28,8 +29,15 @@ class Reference:
     act: Vector
 
 
-def dop853(scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL) -> Reference:
-    """The scene's motion at `times_s` (ascending, from the scene's start on) by SciPy's DOP853 over mj_forward.
+def dop853(
+    scene: Scene,
+    times_s: Values,
+    *,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    forward: Forward = mujoco.mj_forward,
+) -> Reference:
+    """The scene's motion at `times_s` (ascending, from the scene's start on) by SciPy's DOP853 over `forward`.
 
     Raises ValueError where the scene has constraints, whose forces are not smooth, and RuntimeError where the
     solver gives up.
@@ -41,7 +49,7 @@ def dop853(scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = A
         data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
         start = np.concatenate([data.qpos, data.qvel, data.act])
         values = solve(
-            _rate(workspace), start, np.asarray(times_s) + data.time, start_s=data.time, rtol=rtol, atol=atol
+            _rate(workspace, forward), start, np.asarray(times_s) + data.time, start_s=data.time, rtol=rtol, atol=atol
         )
         qpos = values[:, :nq].copy()
         for row in qpos:
@@ -68,7 +76,7 @@ def solve(
     return np.asarray(solution.y.T)
 
 
-def _rate(workspace: Workspace) -> Callable[[float, Vector], Vector]:
+def _rate(workspace: Workspace, forward: Forward) -> Callable[[float, Vector], Vector]:
     model, data = workspace.model, workspace.data
     nq, nv = int(model.nq), int(model.nv)
     position_rate = _position_rate(model)
@@ -76,7 +84,7 @@ def _rate(workspace: Workspace) -> Callable[[float, Vector], Vector]:
     def rate(time: float, state: Vector) -> Vector:
         data.time = time
         data.qpos[:], data.qvel[:], data.act[:] = state[:nq], state[nq : nq + nv], state[nq + nv :]
-        mujoco.mj_forward(model, data)
+        forward(model, data)
         return np.concatenate([position_rate(state[:nq], state[nq : nq + nv]), data.qacc, data.act_dot])
 
     return rate
