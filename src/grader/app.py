@@ -20,6 +20,7 @@ from grader.api.gate import Gate, Rules
 from grader.api.rate import RateLimit
 from grader.api.signin import Doorstep, Welcome
 from grader.identity import Role, create_sign_in_code, create_token
+from grader.sandbox.jail import Jail
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
 from grader.web.routes import router as pages
@@ -67,12 +68,10 @@ def lifespan_of(settings: Settings, worker: Worker, content: Content) -> Any:
         if not settings.workers:
             yield
             return
-        from grader.sandbox.jail import Jail
-
         # In this thread, not in one of a pool: the kernel ends the jail with the thread that started it.
-        with Jail(content.library.root / "models", settings.workers) as jail:
+        with Jail(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2) as jail:
             content.run_in(jail.run)
-            app.state.checks["jail"] = jail.report
+            app.state.checks["jail"] = lambda: inspect(jail)
             worker.start()
             try:
                 yield
@@ -92,6 +91,11 @@ def describe(content: Content) -> dict[str, Any]:
     """What /readyz says of the content."""
     library = content.library
     return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
+
+
+def inspect(jail: Jail) -> dict[str, Any]:
+    """What /readyz says of the jail: it was attacked, and held, before anything was let in."""
+    return {"tier": jail.tier, "self_test": str(jail.self_test), "workers": jail.workers}
 
 
 def issue_token(settings: Settings, user: str, role: str, course: str | None) -> str:

@@ -43,6 +43,9 @@ class Settings(BaseSettings):
         default_factory=lambda: len(os.sched_getaffinity(0)), ge=0, le=256,
         description="Scripts graded at the same time by this process; 0 leaves them to `grader worker`.",
     )  # fmt: skip
+    allow_t2: bool = Field(
+        default=False, description="Accept a jail without user namespaces, where the machine allows none."
+    )
     lease_s: float = Field(default=60.0, gt=0, description="After how long a dead worker's job is taken again [s].")
     tries: int = Field(default=3, ge=1, description="How often a job is tried before it becomes a grader_fault.")
     rate_per_s: float = Field(default=60.0, gt=0, description="Requests that one user may make per second, lastingly.")

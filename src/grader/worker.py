@@ -14,6 +14,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.pipeline import OUR_FAULT
 from grader.queue import jobs
 from grader.queue.jobs import Claim
+from grader.sandbox.jail import Jail
 from grader.settings import Settings, log_to_stderr
 from grader.store import submissions
 from grader.store.database import Database
@@ -158,14 +159,12 @@ def worker_of(settings: Settings, database: Database, content: Content) -> Worke
 
 def run_worker(settings: Settings) -> None:
     """Grades until it is told to end (SIGTERM, SIGINT); SIGHUP loads the content again."""
-    from grader.sandbox.jail import Jail
-
     log_to_stderr()
     ended = threading.Event()
     content = Content(settings.content)
     database = Database(settings.database)
     database.migrate()
-    with Jail(content.library.root / "models") as jail:
+    with Jail(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2) as jail:
         content.run_in(jail.run)
         worker = worker_of(settings, database, content)
         for number in (signal.SIGTERM, signal.SIGINT):

@@ -78,7 +78,7 @@ def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) 
         hand_in(database)
 
     def take_all(_: int) -> list[str]:
-        mine = []
+        mine: list[str] = []
         while True:
             with database.write() as session:
                 claimed = jobs.claim(session, 60.0)
