@@ -6,7 +6,6 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-
 POINT_DIGITS = 9
 """Shares of points (a third of 3) are rounded away in their sum."""
 
