@@ -108,7 +108,7 @@ def test_five_faults_in_five_places_are_named_at_once(root: Path) -> None:
         ({**NUMERIC, "points": 0}, "q1.points", "must be greater than 0, not 0"),
         ({**NUMERIC, "attempts": 0}, "q1.attempts", "greater than or equal to 1"),
         (without(MCQ, "answer"), "q1.answer", "is missing: add it"),
-        (without(MCQ, "kind"), "q1.kind", "is missing: add it, one of mcq"),
+        (without(MCQ, "kind"), "q1.kind", "is missing: add it (mcq"),
         ({**without(MCQ, "kind"), "knid": "mcq"}, "q1.kind", "rename 'knid'"),
         ({**MCQ, "kind": "mqc"}, "q1.kind", "there is no 'mqc': one of 'mcq'"),
         ({**MCQ, "id": "a b"}, "a b.id", "must match pattern"),
@@ -250,6 +250,12 @@ def test_broken_starters(root: Path, starter: str, why: str) -> None:
     (starters / "huge.py").write_text("#" * (256 * 1024 + 1))
     write(root, code(starter))
     assert why in told(root)["q1.starter"]
+
+
+def test_a_checker_that_nobody_registered(root: Path) -> None:
+    (root / "starters" / "s.py").write_text("def solve(): ...")
+    write(root, code("starters/s.py"))
+    assert list(told(root)) == ["q1.check.kind"]
 
 
 def test_a_starter_that_is_not_python(root: Path) -> None:

@@ -6,13 +6,21 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from grader.domain.quiz import Quiz
-from grader.errors import ContentError, Fault
-from grader.library.crossings import model_faults, number_warnings, prose_warnings, read_starter, unknown_models
+from grader.domain.quiz import CodeQuestion, Quiz
+from grader.errors import ContentError, Fault, NotFound
+from grader.grading.exercise import check_exercise
+from grader.library.crossings import (
+    model_faults,
+    named_models,
+    number_warnings,
+    prose_warnings,
+    read_starter,
+    unknown_models,
+)
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import json_faults, parse_json
 from grader.library.library import Library, digest_of
-from grader.library.schema import named_parts, read_quiz
+from grader.library.schema import Reading, named_parts, read_quiz
 
 
 @dataclass
@@ -27,6 +35,12 @@ class _Loading:
     quizzes: dict[str, Quiz] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
+
+    def model_xml(self, name: str) -> str:
+        """Raises NotFound."""
+        if name not in self.models:
+            raise NotFound(f"There is no model {name!r}.")
+        return self.models[name]
 
 
 def load(root: Path) -> Library:
@@ -73,14 +87,14 @@ def _load_quiz(now: _Loading, file: str) -> None:
     if not isinstance(raw, dict):
         now.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
-    quiz = read_quiz(raw, file)
-    now.faults.extend(quiz if isinstance(quiz, list) else ())
-    now.faults.extend(_outside_faults(now, raw, file))
-    if isinstance(quiz, list):
+    reading = read_quiz(raw, file)
+    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *_meaning_faults(now, reading, file)]
+    if reading.quiz is None:
         return
-    if quiz.id in now.quizzes:
-        now.faults.append(Fault(file, "id", f"{quiz.id!r} is also the id of {now.files[quiz.id]}: give each its own"))
-    _keep(now, quiz, file, text, raw)
+    quiz_id = reading.quiz.id
+    if quiz_id in now.quizzes:
+        now.faults.append(Fault(file, "id", f"{quiz_id!r} is also the id of {now.files[quiz_id]}: give each its own"))
+    _keep(now, reading.quiz, file, text, raw)
 
 
 def _outside_faults(now: _Loading, raw: dict[str, Any], file: str) -> Iterator[Fault]:
@@ -92,6 +106,14 @@ def _outside_faults(now: _Loading, raw: dict[str, Any], file: str) -> Iterator[F
         if starter is not None:
             now.starters[part["starter"]] = starter
         yield from faults
+
+
+def _meaning_faults(now: _Loading, reading: Reading, file: str) -> Iterator[Fault]:
+    """What the checker of an exercise finds wrong in a question that is well formed."""
+    for question in reading.questions:
+        if isinstance(question, CodeQuestion):
+            known = all(name in now.models for _, name in named_models(question.check.model_dump(), ""))
+            yield from check_exercise(question, now.model_xml, file) if known else ()
 
 
 def _keep(now: _Loading, quiz: Quiz, file: str, text: str, raw: dict[str, Any]) -> None:

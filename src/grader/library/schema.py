@@ -1,65 +1,43 @@
 """From parsed JSON to a Quiz; what does not fit is told in an author's words, key by key."""
 
-import difflib
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import TypeAdapter, ValidationError
 
-from grader.domain.lab import Button, IntegratorsLab, Lab, LabConfig, Plot, Readout, Select, SimLab, Slider, Trace
-from grader.domain.quiz import (
-    ChoiceQuestion,
-    CodeQuestion,
-    NumericQuestion,
-    OpenQuestion,
-    PredictQuestion,
-    Question,
-    Quiz,
-)
-from grader.domain.run import Limits
+from grader.domain.lab import Lab
+from grader.domain.quiz import Question, Quiz
 from grader.errors import Fault
+from grader.library.complaints import complaint, place
 from grader.library.json_text import JsonObject, join, without_remarks
 
 QUIZ = TypeAdapter[Quiz](Quiz)
 QUESTION = TypeAdapter[Question](Question)
 LAB = TypeAdapter[Lab](Lab)
 
-PARTS: Mapping[str, type[BaseModel]] = {
-    "mcq": ChoiceQuestion,
-    "debug": ChoiceQuestion,
-    "predict": PredictQuestion,
-    "numeric": NumericQuestion,
-    "open": OpenQuestion,
-    "code": CodeQuestion,
-    "limits": Limits,
-    "simlab": SimLab,
-    "integrators": IntegratorsLab,
-    "sim": LabConfig,
-    "slider": Slider,
-    "select": Select,
-    "button": Button,
-    "readouts": Readout,
-    "plots": Plot,
-    "traces": Trace,
-}
-"""The class whose keys are allowed at a place, by the last word of pydantic's way to it."""
-
-KINDS = ("mcq", "debug", "predict", "numeric", "open", "code")
-
 Part = TypeVar("Part")
 
 
-def read_quiz(raw: dict[str, Any], file: str) -> Quiz | list[Fault]:
-    """The quiz with ids given by position, or every fault of its keys and values."""
+@dataclass(frozen=True)
+class Reading:
+    """The questions and labs that are right, and the faults of the rest; a quiz only where nothing is wrong."""
+
+    quiz: Quiz | None
+    questions: list[Question]
+    labs: list[Lab]
+    faults: list[Fault]
+
+
+def read_quiz(raw: dict[str, Any], file: str) -> Reading:
+    """A quiz with ids given by position, and every fault of its keys and values."""
     quizzes, faults = validate(QUIZ, [("", shell(raw))], file)
     questions, question_faults = validate(QUESTION, named_questions(raw), file)
     labs, lab_faults = validate(LAB, named_labs(raw), file)
     faults += [*question_faults, *lab_faults, *list_faults(raw, file), *repeated_ids(raw, file)]
-    if faults:
-        return faults
-    return quizzes[0].model_copy(update={"questions": tuple(questions), "labs": tuple(labs)})
+    parts = {"questions": tuple(questions), "labs": tuple(labs)}
+    return Reading(None if faults else quizzes[0].model_copy(update=parts), questions, labs, faults)
 
 
 def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -122,43 +100,3 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
                 where = join(key, *place(detail, item))
                 faults.setdefault(where, Fault(file, where, complaint(detail)))
     return parts, list(faults.values())
-
-
-def place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
-    """Where a complaint stands in the JSON: pydantic's way, without the names of the classes that it tried."""
-    for step in detail["loc"]:
-        is_there = step in item if isinstance(item, dict) else isinstance(item, list) and isinstance(step, int)
-        if is_there:
-            item = item[step]
-        if is_there or (detail["type"] == "missing" and step == detail["loc"][-1]):
-            yield step
-    if detail["type"].startswith("union_tag") and isinstance(item, dict):
-        yield "type" if "controls" in detail["loc"] else "kind"
-
-
-def complaint(detail: ErrorDetails) -> str:
-    """What is wrong, and the cure."""
-    match detail["type"]:
-        case "missing":
-            return "is missing: add it"
-        case "extra_forbidden":
-            steps = [step for step in detail["loc"] if isinstance(step, str)]
-            return f"unknown key: {suggestion(steps)}remove it, or begin it with x-"
-        case "union_tag_not_found":
-            near = difflib.get_close_matches("kind", map(str, detail["input"]), n=1, cutoff=0.7)
-            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'}, one of {', '.join(KINDS)}"
-        case "union_tag_invalid":
-            return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
-        case "option_index":
-            return detail["msg"]
-    message = detail["msg"].replace("Input should", "must").replace("String should", "must")
-    given = detail["input"]
-    return f"{message}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else message
-
-
-def suggestion(steps: list[str]) -> str:
-    """The known key that was probably meant."""
-    known: Iterable[str] = (PARTS[steps[-2]] if len(steps) > 1 and steps[-2] in PARTS else Quiz).model_fields
-    near = difflib.get_close_matches(steps[-1], known, n=1)
-    near = near or [name for name in known if len(name) > 2 and steps[-1].startswith(name)][:1]
-    return f"write {near[0]!r}, or " if near else ""
