@@ -5,11 +5,14 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from grader.numerics.reference import Reference
 from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Scene, Vector, Workspace, frozen
 
+EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 
-def energy(scene: Scene, rollout: Rollout) -> Vector:
+
+def energy(scene: Scene, rollout: Rollout | Reference) -> Vector:
     """Potential plus kinetic energy at every kept state [J], (n,), with the start's controls."""
 
     def total(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -20,15 +23,18 @@ def energy(scene: Scene, rollout: Rollout) -> Vector:
     return measure(scene, rollout, total)
 
 
-def measure(scene: Scene, rollout: Rollout, quantity: Callable[[mujoco.MjModel, mujoco.MjData], float]) -> Vector:
+def measure(
+    scene: Scene, rollout: Rollout | Reference, quantity: Callable[[mujoco.MjModel, mujoco.MjData], float]
+) -> Vector:
     """`quantity(model, data)` at every kept state, after mj_forward, (n,)."""
-    with scene.borrow(timestep_s=rollout.timestep_s, integrator=rollout.integrator) as workspace:
+    options = (rollout.timestep_s, rollout.integrator) if isinstance(rollout, Rollout) else (None, EULER)
+    with scene.borrow(timestep_s=options[0], integrator=options[1]) as workspace:
         return frozen(np.array([_at(workspace, rollout, index, quantity) for index in range(len(rollout.time))]))
 
 
 def _at(
     workspace: Workspace,
-    rollout: Rollout,
+    rollout: Rollout | Reference,
     index: int,
     quantity: Callable[[mujoco.MjModel, mujoco.MjData], float],
 ) -> float:
