@@ -1,5 +1,5 @@
 // A line chart as SVG: series against x, linear or logarithmic, with marked values.
-// chart({ title, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points}], marks: [{x | y, label}] })
+// chart({ title, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points, faint}], marks: [{x | y, label}] })
 
 import { el, number, svg } from "./dom.js";
 
@@ -12,7 +12,9 @@ export function chart(spec) {
   const picture = svg("svg", { class: "chart", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": described(spec) });
   picture.append(...gridX(across, spec.x), ...gridY(up, spec.y), frame());
   for (const mark of spec.marks ?? []) picture.append(...marked(mark, across, up));
-  spec.series.forEach((line, index) => picture.append(...drawn(line, index, across, up)));
+  const layers = spec.series.map((line, index) => [line, drawn(line, index, across, up)]);
+  layers.sort(([a], [b]) => Boolean(b.faint) - Boolean(a.faint)); // faint ones lie underneath
+  for (const [, parts] of layers) picture.append(...parts);
   return el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
 }
 
@@ -94,7 +96,12 @@ function marked(mark, across, up) {
 }
 
 const DASHES = ["none", "6 3", "2 3", "8 3 2 3", "12 4", "4 2"];
-const dashOf = (line, index) => (Array.isArray(line.dash) ? line.dash.join(" ") : line.dash ? "6 4" : DASHES[index % DASHES.length]);
+
+function dashOf(line, index) {
+  if (Array.isArray(line.dash)) return line.dash.join(" ");
+  if (line.dash) return "6 4";
+  return line.faint ? "none" : DASHES[index % DASHES.length];
+}
 
 function drawn(line, index, across, up) {
   const inside = (y) => Math.min(Math.max(y, TOP - 1), HEIGHT - BOTTOM + 1);
@@ -107,7 +114,7 @@ function drawn(line, index, across, up) {
     pen = "L";
     if (line.points) points.push(svg("circle", { class: `line series-${index % COLOURS}`, cx: x, cy: inside(y), r: 3 }));
   }
-  return [svg("path", { class: `line series-${index % COLOURS}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
+  return [svg("path", { class: `line series-${index % COLOURS}${line.faint ? " faint" : ""}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
 }
 
 // Colour is never the only sign: every line has its own dashes.

@@ -18,6 +18,7 @@ function angleCharts(runs, titleOf) {
       x: { label: "time (s)" },
       y: { label: "angle (rad)", min: -reach, max: reach },
       series: ends.map((run) => ({
+        faint: run.diverged,
         label: `${run.end}, ${run.timestep_ms.toPrecision(4)} ms${run.diverged ? ": diverges" : ""}`,
         x: run.time_s, y: run.angle,
       })),

@@ -28,7 +28,7 @@ export function showVerdict(box, submission) {
     head(submission, verdict),
     verdict.diagnosis ? el("p", { class: "diagnosis" }, verdict.diagnosis) : null,
     findingsTable(verdict.findings ?? [], Boolean(verdict.read_as)),
-    ...evidenceFigures(verdict.evidence ?? {}, verdict.findings ?? []),
+    pictures(evidenceFigures(verdict.evidence ?? {}, verdict.findings ?? [])),
     explanation(verdict.explain),
     output("What your script printed", verdict.stdout),
     output("What your script wrote to stderr", verdict.stderr),
@@ -51,24 +51,24 @@ function findingsTable(findings, typed) {
   const telling = findings.filter((finding) => finding.message || hasValue(finding.measured) || hasValue(finding.expected));
   if (!telling.length) return null;
   if (typed && telling.length === 1) return el("p", {}, telling[0].message);
-  const measured = telling.some((finding) => hasValue(finding.measured));
-  const expected = telling.some((finding) => hasValue(finding.expected));
-  const heading = (text) => el("th", { scope: "col" }, text);
-  return el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Findings" }, el("table", {},
-    el("thead", {}, el("tr", {}, heading("Check"), heading("Result"),
-      measured ? heading("Measured") : null, expected ? heading("Expected") : null,
-      el("th", { scope: "col", class: "number" }, "Points"))),
-    el("tbody", {}, telling.map((finding) => row(finding, measured, expected)))));
+  const shown = COLUMNS.filter(([key]) => telling.some((finding) => hasValue(finding[key])));
+  const heading = (text, kind) => el("th", { scope: "col", class: kind }, text);
+  return el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Findings" }, el("table", { class: "findings" },
+    el("thead", {}, el("tr", {}, heading("Result"), heading("Check"), shown.map(([, title]) => heading(title)), heading("Points", "number"))),
+    el("tbody", {}, telling.map((finding) => row(finding, shown)))));
 }
 
-function row(finding, measured, expected) {
-  const [mark, tone] = { true: ["passed", "good"], false: ["failed", "bad"], null: ["open", "wait"] }[String(finding.passed)];
+const COLUMNS = [["measured", "Measured"], ["expected", "Expected"]];
+const MARKS = { true: ["passed", "good"], false: ["failed", "bad"], null: ["open", "wait"] };
+
+function row(finding, shown) {
+  const [mark, tone] = MARKS[String(finding.passed)];
+  const empty = !shown.some(([key]) => hasValue(finding[key]));
   return el("tr", {},
-    el("td", {}, el("b", {}, finding.title), finding.message ? el("div", {}, finding.message) : null),
     el("td", {}, el("span", { class: `mark ${tone}` }, mark)),
-    measured ? el("td", {}, value(finding.measured)) : null,
-    expected ? el("td", {}, value(finding.expected)) : null,
-    el("td", { class: "number" }, `${number(finding.points)} / ${number(finding.max_points)}`));
+    el("td", { colspan: empty ? shown.length + 1 : null }, el("b", {}, finding.title), finding.message ? el("div", {}, finding.message) : null),
+    empty ? null : shown.map(([key]) => el("td", {}, value(finding[key]))),
+    el("td", { class: "number" }, `${number(finding.points, 3)} / ${number(finding.max_points, 3)}`));
 }
 
 const hasValue = (it) => it !== null && it !== undefined && it !== "";
@@ -78,6 +78,10 @@ function value(it) {
   if (Array.isArray(it)) return it.map(value).join(" to ");
   if (typeof it === "object") return Object.entries(it).map(([key, one]) => `${key.replaceAll("_", " ")} ${value(one)}`).join(", ");
   return typeof it === "number" ? number(it, 5) : String(it);
+}
+
+function pictures(figures) {
+  return figures.length ? el("details", { open: true }, el("summary", {}, "What was measured"), figures) : null;
 }
 
 function output(title, text) {
