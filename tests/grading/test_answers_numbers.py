@@ -120,6 +120,7 @@ def test_what_cannot_be_read_is_told_why(text: Any, why: str) -> None:
         ("5 /s", "Hz", "5 Hz"),
         ("5 s/(s ms)", "1/s", "5000 1/s"),
         ("½ s", "ms", "500 ms"),
+        ("2 K/m", "°C/m", "2 °C/m"),
         ("5 %", None, "0.05"),
         ("0.05", None, "0.05"),
         ("5", "%", "5 %"),

@@ -66,6 +66,37 @@ def test_a_right_number_is_no_slip() -> None:
     assert diagnosis(1, None, "1") is None
 
 
+UNITS = [
+    "ms",
+    "K",
+    "°C",
+    "°C/m",
+    "1/degC",
+    "dB",
+    "Np",
+    "%",
+    "mpg",
+    "Hz",
+    "rad",
+    "rpm",
+    "N m/rad",
+    "degF^2",
+    "pH",
+    "$",
+    "",
+    None,
+]
+TYPED = ["5", "-3", "1e308", "5e-324", "5 °C", "0 degF", "-3 dB", "5 %", "1e308 s", "5 1/K", "1e-320 s", "1e200 km^9"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("answer", [5, -5, 0, 1e300, -1e-300])
+def test_no_unit_breaks_the_search_for_a_slip(answer: float, unit: str | None) -> None:
+    for given_text in TYPED:
+        told = diagnosis(answer, unit, given_text)
+        assert told is None or told.endswith(".")
+
+
 @settings(deadline=None)
 @given(
     st.floats(1e-6, 1e6).map(lambda x: float(f"{x:.3g}")),

@@ -1,12 +1,13 @@
 """Every fault of every file, told at once with file, key and cure."""
 
+import copy
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from grader.domain.quiz import CodeQuestion
@@ -307,6 +308,36 @@ def test_any_text_is_json_or_a_fault(text: str) -> None:
     parsed = parse_json(text, "quizzes/a.json")
     if not isinstance(parsed, Fault):
         json.loads(text)
+
+
+LESSON = json.loads((Path(__file__).parents[2] / "quizzes" / "1.3-check.json").read_text(encoding="utf-8"))
+ANYTHING: st.SearchStrategy[Any] = st.sampled_from(
+    [None, True, 0, -1, 1.5, 10**30, "", "a", "$", "x" * 300, [], {}, [[]], [1, "a"], {"x-a": 1}]
+)
+
+
+def ways(value: Any, so_far: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The way to every value inside a JSON value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for step, inner in items:
+        yield (*so_far, step)
+        yield from ways(inner, (*so_far, step))
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(list(ways(LESSON))), ANYTHING)
+def test_any_value_anywhere_in_the_lesson_is_right_or_a_fault_of_that_file(root: Path, way: Any, value: Any) -> None:
+    quiz = copy.deepcopy(LESSON)
+    place = quiz
+    for step in way[:-1]:
+        place = place[step]
+    place[way[-1]] = value
+    (root / "models" / "pendulum_servo.xml").write_text(XML)
+    (root / "quizzes" / "quiz.json").write_text(json.dumps(quiz), encoding="utf-8")
+    try:
+        load(root)
+    except ContentError as error:
+        assert {fault.file for fault in error.faults} == {"quizzes/quiz.json"}
 
 
 def test_a_question_without_starter(root: Path) -> None:

@@ -117,4 +117,7 @@ def _is_reciprocal(given: Quantity, wanted: Unit | None, right: Right) -> bool:
         return True
     if wanted is None or given.typed_unit is not None:
         return False
-    return right(from_base_units(1 / given.number, wanted))
+    try:
+        return right(from_base_units(1 / given.number, wanted))
+    except InvalidAnswer:
+        return False

@@ -35,6 +35,12 @@ SPELLINGS: Mapping[str, Mapping[str, int]] = {
 }
 """What pint reads as something else (`Nm` as a textile's number), or not at all."""
 
+SCALES_WITH_OFFSET = ("degree_Celsius", "degree_Fahrenheit", "degree_Reaumur")
+"""In a product they are differences of temperature: a kelvin per metre is a degree Celsius per metre."""
+
+LOGARITHMIC = ("bel", "neper", "decade", "octave", "decibelwatt", "decibelmilliwatt", "decibelmicrowatt")
+"""Levels: not converted, because a negative ratio has none."""
+
 SAME_IN_PLURAL = ("hertz", "siemens", "Celsius", "Fahrenheit", "percent", "lux")
 
 _lock = threading.Lock()
@@ -103,7 +109,10 @@ def read_unit(text: str) -> Unit:
             for name, power in look_up(token["name"]).items():
                 powers[name] = powers.get(name, 0) + sign * group * power * int(token["power"] or 1)
             sign = 1
-    return Unit(text.strip(), tuple((name, power) for name, power in powers.items() if power))
+    factors = tuple((name, power) for name, power in powers.items() if power)
+    if factors != tuple((name, 1) for name, _ in factors[:1]):
+        factors = tuple((f"delta_{name}" if name in SCALES_WITH_OFFSET else name, power) for name, power in factors)
+    return Unit(text.strip(), factors)
 
 
 def look_up(name: str) -> Mapping[str, int]:
@@ -112,9 +121,11 @@ def look_up(name: str) -> Mapping[str, int]:
         return SPELLINGS[name]
     for spelling in (name, name.lower()) if len(name) > 3 else (name,):
         try:
-            return {registry().get_name(spelling): 1}
+            full_name = registry().get_name(spelling)
         except pint.UndefinedUnitError:
             continue
+        if full_name and not full_name.endswith(LOGARITHMIC):
+            return {full_name: 1}
     raise InvalidAnswer(f"The unit {quoted(name)} is not known.")
 
 
@@ -160,7 +171,6 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
 
 
 def from_base_units(value: float, wanted: Unit) -> float:
-    """A value in base units (s, m, kg, rad, ...) in another unit of the same kind."""
-    _, base = registry().get_root_units(wanted.quantity)
-    converted: float = registry().Quantity(value, base).to(wanted.quantity).magnitude
-    return converted
+    """A value in base units (s, m, kg, rad, ...) in another unit of the same kind. Raises InvalidAnswer."""
+    base: Any = registry().get_root_units(wanted.quantity)[1]
+    return convert(value, Unit(str(base), tuple(base._units.items())), wanted)

@@ -37,7 +37,8 @@ KINDS = "mcq, debug, predict, numeric, open or code; simlab or integrators for a
 def place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
     """Where a complaint stands in the JSON: pydantic's way, without the names of the classes that it tried."""
     for step in detail["loc"]:
-        is_there = step in item if isinstance(item, dict) else isinstance(item, list) and isinstance(step, int)
+        inside = item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ()
+        is_there = step in inside
         if is_there:
             item = item[step]
         if is_there or (detail["type"] == "missing" and step == detail["loc"][-1]):
