@@ -57,7 +57,8 @@ def simulate(
     start]. A `controller(model, data)` is called before every step and may read and write anything; nothing is
     then skipped. A `stepper(model, data)` takes each step in place of mj_step.
 
-    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX.
+    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX, mujoco.FatalError
+    where the model's memory is too small.
     """
     keep = controller is None
     with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=skip and keep, keep=keep) as workspace:

@@ -134,11 +134,9 @@ class Scene:
         workspace.option.disableflags = int(self.model.opt.disableflags) | (self.flags if skip else 0)
         mujoco.mj_resetData(workspace.model, workspace.data)
         mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
-        try:
-            yield workspace
-        finally:
-            if keep:
-                self._pool.append(workspace)
+        yield workspace
+        if keep:  # not reached after an exception: what it left behind is thrown away
+            self._pool.append(workspace)
 
     def _take(self) -> Workspace:
         try:

@@ -1,0 +1,161 @@
+"""Rollouts: the states asked for, and never one from after a reset."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from grader.numerics.measures import energy, measure
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.stepping import CHUNK, STEPS_MAX
+from numerics.models import ALL, LESSON
+
+DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
+SERVO = Scene.from_xml(LESSON["pendulum_servo"].replace('kp="100"', 'kp="2000"')).at(qpos=[1.0])
+WARNING = mujoco.mjtWarning
+
+
+def stepped_singly(scene: Scene, timestep_s: float, integrator: int, steps: int) -> list[float]:
+    """Times after every step of a plain loop that goes on through resets."""
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
+        times = []
+        for _ in range(steps):
+            mujoco.mj_step(workspace.model, workspace.data)
+            times.append(workspace.data.time)
+    return times
+
+
+def test_states_of_every_step_and_the_end() -> None:
+    run = simulate(DOUBLE, seconds=0.2, timestep_s=0.002)
+    assert (run.time.shape, run.qpos.shape, run.qvel.shape, run.act.shape) == ((101,), (101, 2), (101, 2), (101, 0))
+    assert run.time == pytest.approx(0.002 * np.arange(101), abs=1e-12)
+    assert (run.steps, run.diverged_at_step, run.warning) == (100, None, None)
+    thinned = simulate(DOUBLE, seconds=0.2, timestep_s=0.002, every=30)
+    assert thinned.step.tolist() == [0, 30, 60, 90, 100]
+    assert thinned.qpos.tobytes() == run.qpos[[0, 30, 60, 90, 100]].tobytes()
+
+
+def test_states_at_requested_times() -> None:
+    run = simulate(DOUBLE, seconds=1.0, timestep_s=0.002, at_s=[0.5, 0.1011, 1.0])
+    assert run.step.tolist() == [51, 250, 500]
+    with pytest.raises(ValueError, match="between 0"):
+        simulate(DOUBLE, seconds=1.0, at_s=[1.5])
+
+
+def test_chunks_are_bitwise_what_single_steps_are() -> None:
+    for integrator in range(5):
+        every_step = simulate(DOUBLE, steps=CHUNK * 3 + 7, integrator=integrator)
+        chunked = simulate(DOUBLE, steps=CHUNK * 3 + 7, integrator=integrator, every=STEPS_MAX)
+        assert chunked.qpos[-1].tobytes() == every_step.qpos[-1].tobytes()
+
+
+def test_results_are_read_only() -> None:
+    run = simulate(DOUBLE, steps=3)
+    with pytest.raises(ValueError, match="read-only"):
+        run.qpos[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("every", [1, 7, STEPS_MAX])
+@pytest.mark.parametrize("timestep_s", [0.0205, 0.022, 0.05, 0.3])
+@pytest.mark.parametrize("integrator", [0, 1, 3])
+def test_divergence_ends_the_run_at_its_step(integrator: int, timestep_s: float, every: int) -> None:
+    times = stepped_singly(SERVO, timestep_s, integrator, 2000)
+    resets = [step for step in range(1, 2000) if times[step] < times[step - 1] + 0.5 * timestep_s]
+    run = simulate(SERVO, steps=2000, timestep_s=timestep_s, integrator=integrator, every=every)
+    if not resets:
+        assert run.diverged_at_step is None
+        return
+    assert run.diverged_at_step == resets[0] == run.steps
+    assert run.warning in (WARNING.mjWARN_BADQACC, WARNING.mjWARN_BADQVEL, WARNING.mjWARN_BADQPOS)
+    assert run.step[-1] <= run.diverged_at_step
+    assert np.all(np.diff(run.time) > 0)
+    assert every > 1 or run.step[-1] == run.diverged_at_step
+
+
+@pytest.mark.parametrize(
+    ("parts", "warning"),
+    [
+        ({"qpos": [np.nan]}, WARNING.mjWARN_BADQPOS),
+        ({"qpos": [1e12]}, WARNING.mjWARN_BADQPOS),
+        ({"qvel": [np.inf]}, WARNING.mjWARN_BADQVEL),
+        ({"ctrl": [np.nan]}, WARNING.mjWARN_BADCTRL),
+        ({"qpos": [1e9]}, WARNING.mjWARN_BADQACC),
+    ],
+)
+def test_a_bad_start_is_a_divergence_at_step_0(parts: dict[str, list[float]], warning: mujoco.mjtWarning) -> None:
+    run = simulate(SERVO.at(**parts), seconds=1)  # type: ignore[arg-type]
+    assert (run.diverged_at_step, run.warning, run.steps) == (0, warning, 0)
+
+
+def test_time_that_does_not_go_on_ends_the_run() -> None:
+    run = simulate(SERVO.at(time_s=float("nan")), seconds=1)
+    assert (run.diverged_at_step, run.warning) == (0, None)
+
+    def rewind(_model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.time = min(data.time, 0.1)
+
+    assert simulate(DOUBLE, seconds=1, controller=rewind).diverged_at_step is None
+
+    def backwards(model: mujoco.MjModel, _data: mujoco.MjData) -> None:
+        model.opt.timestep = -0.001
+
+    assert simulate(DOUBLE, seconds=1, controller=backwards).diverged_at_step == 0
+
+
+def test_a_warning_without_a_reset_ends_the_run_too() -> None:
+    def spoil(_model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.ctrl[0] = np.nan if data.time > 0.0995 else 0.0
+
+    run = simulate(SERVO, steps=1000, timestep_s=0.001, controller=spoil)
+    assert (run.diverged_at_step, run.warning) == (100, WARNING.mjWARN_BADCTRL)
+    assert run.step[-1] == 100
+
+
+def test_an_engine_error_is_raised_and_leaves_the_scene_usable() -> None:
+    scene = Scene.from_xml(ALL["two_free_bodies"].replace("<mujoco>", '<mujoco><size memory="20K"/>'))
+    before = simulate(scene, steps=5).qpos.tobytes()
+    with pytest.raises(mujoco.FatalError):
+        simulate(scene, seconds=3)
+    assert simulate(scene, steps=5).qpos.tobytes() == before
+
+
+def test_a_controller_acts_before_every_step() -> None:
+    seen: list[float] = []
+
+    def push(_model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        seen.append(data.time)
+        data.ctrl[0] = 1.0
+
+    pendulum = Scene.from_xml(LESSON["pendulum"])
+    run = simulate(pendulum, steps=50, controller=push)
+    assert len(seen) == 50
+    assert run.qpos.tobytes() == simulate(pendulum.at(ctrl=[1.0]), steps=50).qpos.tobytes()
+
+
+@pytest.mark.parametrize(
+    "length",
+    [
+        {},
+        {"seconds": 1.0, "steps": 3},
+        {"seconds": -1.0},
+        {"seconds": float("nan")},
+        {"seconds": float("inf")},
+        {"seconds": 1e9},
+        {"steps": -1},
+        {"steps": STEPS_MAX + 1},
+        {"steps": 5, "every": 0},
+    ],
+)
+def test_lengths_that_mean_nothing_are_refused(length: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"give|cannot|between|every"):
+        simulate(DOUBLE, **length)  # type: ignore[arg-type]
+
+
+def test_energy_is_the_engines() -> None:
+    run = simulate(DOUBLE, seconds=1, every=50)
+
+    def enabled(model: mujoco.MjModel) -> None:
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+
+    by_engine = measure(DOUBLE.changed(enabled), run, lambda _model, data: float(data.energy.sum()))
+    assert energy(DOUBLE, run).tolist() == by_engine.tolist()
