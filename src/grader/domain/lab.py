@@ -30,10 +30,14 @@ class Slider(LabPart):
     digits: int | None = Field(default=None, ge=0, le=12)
     reset: bool = False
     init: bool = False
+    """`init`: written again after `setup`, because it sets the state that setup or a reset would overwrite."""
+
+
+OptionValue = float | bool | str | tuple[float, ...]
 
 
 class Select(LabPart):
-    """A choice between labelled values."""
+    """A choice between labelled values; the first where `value` is not given."""
 
     type: Literal["select"]
     label: str
@@ -41,8 +45,8 @@ class Select(LabPart):
     set: str | None = None
     apply: Expression | None = None
     param: str | None = None
-    options: tuple[tuple[str, float | str], ...] = Field(min_length=1)
-    value: float | str
+    options: tuple[tuple[str, OptionValue], ...] = Field(min_length=1)
+    value: OptionValue | None = None
     reset: bool = False
     init: bool = False
 

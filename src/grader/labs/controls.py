@@ -1,0 +1,100 @@
+"""Control values: what a learner may set, and what the author's own values must satisfy."""
+
+from collections.abc import Iterator, Mapping
+from math import isfinite
+
+from grader.domain.lab import Button, LabConfig, OptionValue, Select, Slider
+from grader.errors import Fault, Unprocessable
+from grader.labs.values import Value, in_units, number_to_string
+
+Given = float | str | bool
+STEP_TOLERANCE = 1e-6
+"""How far off the grid of a slider a value may be, in steps: decimal steps are not exact in binary."""
+
+
+def chosen_values(config: LabConfig, given: Mapping[str, Given]) -> dict[str, OptionValue]:
+    """The value of every slider and select by label: the learner's where given, else the author's.
+
+    Raises Unprocessable naming the control and its range, step or options.
+    """
+    settable = {control.label: control for control in config.controls if not isinstance(control, Button)}
+    for label in given:
+        if label not in settable:
+            known = ", ".join(settable) or "none"
+            raise Unprocessable(f"There is no control {label[:80]!r} here; the controls are: {known}.")
+    return {
+        label: (_slider(control, given[label]) if isinstance(control, Slider) else _select(control, given[label]))
+        if label in given
+        else default_value(control)
+        for label, control in settable.items()
+    }
+
+
+def default_value(control: Slider | Select) -> OptionValue:
+    """Where the author put the control."""
+    if isinstance(control, Select) and control.value is None:
+        return control.options[0][1]
+    assert control.value is not None
+    return control.value
+
+
+def extreme_values(control: Slider | Select) -> list[Given]:
+    """The ends of a slider, all options of a select."""
+    if isinstance(control, Slider):
+        return [control.min, control.max]
+    return [text for text, _ in control.options]
+
+
+def _slider(control: Slider, given: Given) -> float:
+    text = f"{control.label} must be a number from {_text(control.min)} to {_text(control.max)}"
+    if isinstance(given, bool | str) or not isfinite(given) or not control.min <= given <= control.max:
+        raise Unprocessable(f"{text}.")
+    steps = (given - control.min) / control.step
+    if abs(steps - round(steps)) > STEP_TOLERANCE and given not in (control.value, control.max):
+        raise Unprocessable(f"{text}, in steps of {_text(control.step)}.")
+    return float(given)
+
+
+def _select(control: Select, given: Given) -> OptionValue:
+    for text, value in control.options:
+        if given == text or (given == value and isinstance(given, bool) == isinstance(value, bool)):
+            return value
+    options = ", ".join(text for text, _ in control.options)
+    raise Unprocessable(f"{control.label} must be one of: {options}.")
+
+
+def _text(number: float) -> str:
+    return number_to_string(float(number))
+
+
+def as_value(option: OptionValue) -> Value:
+    """An author's value as the language has it."""
+    if isinstance(option, tuple):
+        return [float(x) for x in option]
+    if isinstance(option, bool):
+        return option
+    return in_units(option) if isinstance(option, str) else float(option)
+
+
+def control_faults(config: LabConfig, where: str) -> Iterator[Fault]:
+    """What is wrong with the controls themselves."""
+    seen: set[str] = set()
+    for i, control in enumerate(config.controls):
+        place = f"{where}.controls.{i}"
+        if control.label in seen:
+            yield Fault("", f"{place}.label", f"two controls are called {control.label!r}: give each its own label")
+        seen.add(control.label)
+        if isinstance(control, Slider):
+            yield from _slider_faults(control, place)
+        elif isinstance(control, Select):
+            values = [value for _, value in control.options]
+            if control.value is not None and control.value not in values:
+                yield Fault("", f"{place}.value", f"{control.value!r} is the value of no option")
+
+
+def _slider_faults(control: Slider, place: str) -> Iterator[Fault]:
+    numbers = (control.min, control.max, control.step, control.value)
+    if not all(map(isfinite, numbers)) or not control.min < control.max:
+        yield Fault("", f"{place}.min", "min must be below max")
+    elif not control.min <= control.value <= control.max:
+        yield Fault("", f"{place}.value", f"{control.value:g} is outside {control.min:g}..{control.max:g}")
