@@ -15,7 +15,9 @@ export function chart(spec) {
   const layers = spec.series.map((line, index) => [line, drawn(line, index, across, up)]);
   layers.sort(([a], [b]) => Boolean(b.faint) - Boolean(a.faint)); // faint ones lie underneath
   for (const [, parts] of layers) picture.append(...parts);
-  return el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
+  const figure = el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
+  figure.moveCursor = cursorOn(picture, across);
+  return figure;
 }
 
 function values(spec, axis) {
@@ -93,6 +95,16 @@ function marked(mark, across, up) {
     svg("line", { class: "mark-line", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
     svg("text", { x: WIDTH - RIGHT - 4, y: y - 4, "text-anchor": "end" }, mark.label ?? ""),
   ];
+}
+
+// A line that follows the time which is shown elsewhere.
+function cursorOn(picture, across) {
+  const line = svg("line", { class: "cursor", y1: TOP, y2: HEIGHT - BOTTOM, x1: LEFT, x2: LEFT, visibility: "hidden" });
+  picture.append(line);
+  return (x) => {
+    for (const end of ["x1", "x2"]) line.setAttribute(end, across.place(x));
+    line.setAttribute("visibility", "visible");
+  };
 }
 
 const DASHES = ["none", "6 3", "2 3", "8 3 2 3", "12 4", "4 2"];

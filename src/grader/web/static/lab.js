@@ -1,1 +1,119 @@
-export function openLab() {}
+// A lab on the page: its controls, the recorded run that the server sends for them, readouts, plots and warnings.
+
+import { get, post, setProse } from "./api.js";
+import { chart } from "./chart.js";
+import { Controls } from "./controls.js";
+import { el } from "./dom.js";
+import { openIntegrators } from "./integrators.js";
+import { Player } from "./player.js";
+import { Scene } from "./scene.js";
+
+const SETTLE_MS = 150;
+const HEIGHT = 260;
+const KINDS = {
+  BADQPOS: "a position became huge or no number",
+  BADQVEL: "a velocity became huge or no number",
+  BADQACC: "an acceleration became huge or no number",
+  BADCTRL: "a control became huge or no number",
+};
+
+// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once.
+export async function openLab(box, target) {
+  if (box.dataset.open) return;
+  box.dataset.open = "yes";
+  box.hidden = false;
+  try {
+    const quiz = await get(`/quizzes/${encodeURIComponent(target.quiz)}`);
+    const lab = target.lab ? quiz.labs.find((one) => one.id === target.lab) : quiz.questions.find((one) => one.id === target.question)?.lab;
+    if (!lab) { delete box.dataset.open; box.hidden = true; return; }
+    if (lab.kind === "integrators") openIntegrators(box, target, lab);
+    else new SimLab(box, target, lab);
+  } catch (error) {
+    box.replaceChildren(el("p", { class: "notice bad" }, error.message));
+  }
+}
+
+class SimLab {
+  constructor(box, target, lab) {
+    this.target = target;
+    this.lab = lab;
+    this.events = [];
+    this.controls = new Controls(lab.controls, () => this.changed(), (label) => this.press(label));
+    this.player = new Player((frame) => this.draw(frame));
+    this.canvas = el("canvas", { role: "img", "aria-label": "The simulated scene" });
+    this.canvas.style.height = `${lab.height ?? HEIGHT}px`;
+    this.warnings = el("div", { role: "status" });
+    this.readouts = lab.readouts.map(() => el("dd", {}));
+    this.plots = el("div");
+    this.note = lab.note ? el("div", { class: "prose meta" }) : null;
+    box.replaceChildren(...[
+      target.question ? el("h3", {}, "See for yourself") : null,
+      this.canvas, this.player.box, this.controls.box, this.warnings,
+      lab.readouts.length ? el("dl", { class: "readouts" }, lab.readouts.map((readout, index) =>
+        el("div", {}, el("dt", {}, readout.label), this.readouts[index]))) : null,
+      this.plots, this.note,
+    ].filter(Boolean));
+    if (this.note) setProse(this.note, lab.note);
+    new ResizeObserver(() => this.draw(this.player.frame)).observe(this.canvas);
+    this.run(0);
+  }
+
+  changed() {
+    this.events = [];
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.run(0), SETTLE_MS);
+  }
+
+  press(label) {
+    const now = this.player.time;
+    this.events = [...this.events.filter(([time]) => time <= now), [now, label]];
+    this.run(now);
+  }
+
+  async run(from) {
+    const turn = (this.turn = Symbol("turn"));
+    try {
+      const run = await post("/labs:run", { ...this.target, controls: this.controls.values, events: this.events });
+      if (this.turn === turn) this.show(run, from);
+    } catch (error) {
+      if (this.turn === turn) this.warnings.replaceChildren(el("p", { class: "notice bad" }, error.message));
+    }
+  }
+
+  show(run, from) {
+    this.recorded = run;
+    this.scene = new Scene(this.canvas, run.geoms, this.lab.camera, run.frames[0]);
+    this.warnings.replaceChildren(...warned(run.warnings));
+    this.figures = run.plots.map((plot) => plotted(plot, run.times));
+    this.plots.replaceChildren(...this.figures);
+    this.player.load(run.times, from);
+  }
+
+  draw(frame) {
+    const run = this.recorded;
+    if (!run) return;
+    const trail = run.trail ? run.trail.slice(0, frame + 1).filter((point) => !point.includes(null)) : [];
+    this.scene.draw(run.frames[frame], trail);
+    run.readouts.forEach((readout, index) => {
+      this.readouts[index].textContent = `${readout.texts[frame]}${readout.unit ? ` ${readout.unit}` : ""}`;
+    });
+    for (const figure of this.figures) figure.moveCursor(run.times[frame]);
+  }
+}
+
+function warned(warnings) {
+  if (!warnings.length) return [];
+  const [first] = warnings;
+  const more = warnings.length > 1 ? ` It warned ${warnings.length} times in this run.` : "";
+  const why = KINDS[first.kind] ? `: ${KINDS[first.kind]}, and the state was reset` : "";
+  return [el("p", { class: "notice bad" }, `MuJoCo warned ${first.kind} at ${first.time.toFixed(3)} s${why}.${more}`)];
+}
+
+function plotted(plot, times) {
+  return chart({
+    x: { label: "time (s)" },
+    y: { label: plot.ylabel ?? "", min: plot.ymin ?? undefined, max: plot.ymax ?? undefined },
+    series: plot.traces.map((trace) => ({ label: trace.label, x: times, y: trace.values, dash: trace.dash })),
+    marks: plot.refLines.map((line) => (typeof line === "number" ? { y: line } : line)).filter((line) => typeof line.y === "number"),
+  });
+}

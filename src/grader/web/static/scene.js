@@ -6,11 +6,12 @@ const ROUND = 20;
 const BALL = ballPoints();
 
 export class Scene {
-  // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres.
-  constructor(canvas, geoms, camera) {
+  // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
+  // where it leaves something out, so that the poses at the start fit.
+  constructor(canvas, geoms, camera, poses) {
     this.canvas = canvas;
     this.geoms = geoms.map((geom) => ({ ...geom, points: surface(geom.type, geom.size) }));
-    this.view = viewFrom(camera);
+    this.view = viewFrom({ ...fitting(geoms, poses), ...camera });
   }
 
   // poses: one [x, y, z, qw, qx, qy, qz] per geom; trail: [[x, y, z], ...].
@@ -20,6 +21,7 @@ export class Scene {
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     const solid = [];
     this.geoms.forEach((geom, index) => {
+      if (poses[index].includes(null)) return; // the state is no number any more
       if (geom.type === "plane") this.drawGrid(pen, pixel, geom, poses[index]);
       else solid.push({ geom, pose: poses[index], depth: this.view.see(poses[index])[2] });
     });
@@ -85,8 +87,19 @@ function cut(front, behind) {
   return front.map((value, axis) => value + part * (behind[axis] - value));
 }
 
+function fitting(geoms, poses) {
+  const centres = poses.filter((pose, index) => geoms[index].type !== "plane" && !pose.includes(null)).map((pose) => pose.slice(0, 3));
+  if (!centres.length) return { distance: 2, target: [0, 0, 0] };
+  const ends = [0, 1, 2].map((axis) => {
+    const along = centres.map((centre) => centre[axis]);
+    return [Math.min(...along), Math.max(...along)];
+  });
+  const extent = Math.max(0.3, ...ends.map(([low, high]) => high - low), ...geoms.filter((geom) => geom.type !== "plane").flatMap((geom) => geom.size));
+  return { distance: 3 * extent, target: ends.map(([low, high]) => (low + high) / 2) };
+}
+
 // MuJoCo's free camera: it looks from `distance` away at `target`, along azimuth and elevation.
-function viewFrom({ azimuth = 90, elevation = -20, distance = 2, target = [0, 0, 0] } = {}) {
+function viewFrom({ azimuth = 90, elevation = -20, distance, target }) {
   const [az, up] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
   const forward = [Math.cos(up) * Math.cos(az), Math.cos(up) * Math.sin(az), Math.sin(up)];
   const right = [Math.sin(az), -Math.cos(az), 0];
