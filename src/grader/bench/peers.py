@@ -6,6 +6,7 @@ returns qpos there, shape (len(times), nq), in MuJoCo's coordinates.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -116,7 +117,9 @@ def position_rates(model: mujoco.MjModel) -> Callable[[Array, Array], Array]:
     return rates
 
 
-def solve(derivative: Callable[..., object], state: Array, method: str, tolerance: float, times: Array) -> Array:
+def solve(
+    derivative: Callable[[float, Array], Any], state: Array, method: Any, tolerance: float, times: Array
+) -> Array:
     """`solve_ivp` at one tolerance, absolute and relative; states at the times, shape (len(times), n)."""
     solution = solve_ivp(
         derivative, (times[0], times[-1]), state, method=method, t_eval=times, rtol=tolerance, atol=tolerance / 10

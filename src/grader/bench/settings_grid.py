@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 INTEGRATORS = {
     "Euler": int(mujoco.mjtIntegrator.mjINT_EULER),
@@ -19,10 +20,10 @@ SAMPLES = 64
 HORIZON_S = SAMPLES * SAMPLE_EVERY_S
 """1.024 s: every timestep divides the sampling interval, so that all runs are compared at the same instants."""
 
-SAMPLE_TIMES_S = np.arange(SAMPLES + 1) * SAMPLE_EVERY_S
+SAMPLE_TIMES_S: NDArray[np.float64] = SAMPLE_EVERY_S * np.arange(SAMPLES + 1, dtype=np.float64)
 """Start included; shape (SAMPLES + 1,)."""
 
-END_TIMES_S = SAMPLE_TIMES_S[[0, -1]]
+END_TIMES_S: NDArray[np.float64] = SAMPLE_TIMES_S[[0, -1]]
 """For timing: start and end alone, so that nobody pays for recording."""
 
 YARDSTICK = ("Euler", 0.002)
