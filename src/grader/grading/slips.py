@@ -1,7 +1,8 @@
 """Known slips: what turns a wrong number into the right one, said in one sentence that does not give it away."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import lru_cache
 
 from grader.domain.quiz import NumericQuestion
 from grader.errors import InvalidAnswer
@@ -22,11 +23,9 @@ FAMILIES = (
 )
 """Units that are taken for one another."""
 
-POWERS_OF_TEN = [k for k in range(-12, 13) if k]
+DECADES_MAX = 12
 BROADEST_TOLERANCE = 0.1
 """Of |answer|: with a broader one a match would say little."""
-
-Right = Callable[[float], bool]
 
 
 def is_right(value: float, question: NumericQuestion) -> bool:
@@ -41,83 +40,86 @@ def find_slip(given: Quantity, question: NumericQuestion) -> str | None:
     """One sentence on what went wrong with a wrong number, or None where no known slip explains it."""
     if given.value == 0 or question.tolerance > BROADEST_TOLERANCE * abs(question.answer):
         return None
-
-    def right(value: float) -> bool:
-        return is_right(value, question)
-
     wanted = known_unit(given.unit) if given.unit else None
-    if wanted and (other := _other_unit(given, wanted, right)):
+    if wanted and (other := _other_unit(given, wanted, question)):
         verb = "were" if len(wanted.powers) == 1 else "was"
         meant = f"you wrote {given.typed_unit.words}" if given.typed_unit else f"{wanted.words} {verb} asked for"
         return f"Your number would be right in {other.words}, but {meant}."
-    phrases = list(_single_slips(given, wanted, right)) or list(_double_slips(given.value, right))
+    phrases = list(_single_slips(given, wanted, question)) or list(_double_slips(given.value, question))
     return f"Your number {', or '.join(phrases)}." if 0 < len(phrases) <= 2 else None
 
 
-def _other_unit(given: Quantity, wanted: Unit, right: Right) -> Unit | None:
+def _other_unit(given: Quantity, wanted: Unit, question: NumericQuestion) -> Unit | None:
     """The unit in which the number that was typed would have been right."""
     for unit in _neighbours(wanted):
         try:
-            if right(convert(given.number, unit, wanted)):
+            if is_right(convert(given.number, unit, wanted), question):
                 return unit
         except InvalidAnswer:
             continue
     return None
 
 
-def _neighbours(wanted: Unit) -> Iterator[Unit]:
+@lru_cache(maxsize=1024)
+def _neighbours(wanted: Unit) -> tuple[Unit, ...]:
     """The unit itself, and every unit that differs from it in one factor."""
-    yield wanted
+    found = [wanted]
     for place, (name, power) in enumerate(wanted.powers):
         for family in FAMILIES:
             for other in family if name in family else ():
-                powers = (
-                    *wanted.powers[:place],
-                    *((one, power) for one in look_up(other)),
-                    *wanted.powers[place + 1 :],
-                )
-                yield Unit(symbols(powers), powers)
+                swapped = tuple((one, power) for one in look_up(other))
+                powers = (*wanted.powers[:place], *swapped, *wanted.powers[place + 1 :])
+                found.append(Unit(symbols(powers), powers))
+    return tuple(found)
 
 
-def _single_slips(given: Quantity, wanted: Unit | None, right: Right) -> Iterator[str]:
+def _single_slips(given: Quantity, wanted: Unit | None, question: NumericQuestion) -> Iterator[str]:
     value = given.value
-    if right(-value):
+    if is_right(-value, question):
         yield "has the wrong sign"
-    if right(2 * value) or right(value / 2):
+    if is_right(2 * value, question) or is_right(value / 2, question):
         yield "is off by a factor of two"
-    if power := _power_of_ten(value, right):
+    if power := _power_of_ten(value, question):
         yield _power_phrase(power)
-    if (wanted is None or wanted.is_angular) and (right(math.degrees(value)) or right(math.radians(value))):
+    if (wanted is None or wanted.is_angular) and (
+        is_right(math.degrees(value), question) or is_right(math.radians(value), question)
+    ):
         yield "mixes up degrees and radians"
-    if _is_reciprocal(given, wanted, right):
+    if _is_reciprocal(given, wanted, question):
         yield "is the reciprocal of what is asked"
 
 
-def _double_slips(value: float, right: Right) -> Iterator[str]:
-    if right(-2 * value) or right(-value / 2):
+def _double_slips(value: float, question: NumericQuestion) -> Iterator[str]:
+    if is_right(-2 * value, question) or is_right(-value / 2, question):
         yield "has the wrong sign and is off by a factor of two"
-    if power := _power_of_ten(-value, right):
+    if power := _power_of_ten(-value, question):
         yield f"has the wrong sign and {_power_phrase(power)}"
-    if _power_of_ten(2 * value, right) or _power_of_ten(value / 2, right):
+    if _power_of_ten(2 * value, question) or _power_of_ten(value / 2, question):
         yield "is off by a factor of two and by a power of ten"
 
 
-def _power_of_ten(value: float, right: Right) -> int | None:
+def _power_of_ten(value: float, question: NumericQuestion) -> int | None:
     """How many decades the number is off, either way."""
-    return next((abs(k) for k in POWERS_OF_TEN if right(value * 10.0**k)), None)
+    ratio = question.answer / value if value else math.inf
+    if not 0 < ratio < math.inf:
+        return None
+    decades = round(math.log10(ratio))
+    if not 0 < abs(decades) <= DECADES_MAX or not is_right(value * 10.0**decades, question):
+        return None
+    return abs(decades)
 
 
 def _power_phrase(power: int) -> str:
     return f"is off by a power of ten (a factor of {format_number(10.0**power)})"
 
 
-def _is_reciprocal(given: Quantity, wanted: Unit | None, right: Right) -> bool:
+def _is_reciprocal(given: Quantity, wanted: Unit | None, question: NumericQuestion) -> bool:
     """Also 200 for 5 ms: the reciprocal in base units."""
-    if right(1 / given.value):
+    if is_right(1 / given.value, question):
         return True
     if wanted is None or given.typed_unit is not None:
         return False
     try:
-        return right(from_base_units(1 / given.number, wanted))
+        return is_right(from_base_units(1 / given.number, wanted), question)
     except InvalidAnswer:
         return False

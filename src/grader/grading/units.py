@@ -5,7 +5,7 @@ import re
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import pint
@@ -53,7 +53,7 @@ class Unit:
     text: str
     powers: tuple[tuple[str, int], ...]
 
-    @property
+    @cached_property
     def quantity(self) -> pint.Unit:
         """For pint's conversions."""
         return registry().Unit(UnitsContainer(dict(self.powers)))
@@ -68,7 +68,7 @@ class Unit:
         plural = plural.replace("degree ", "degrees ")
         return plural if self.text in (name, plural) else f"{plural} ({self.text})"
 
-    @property
+    @cached_property
     def is_angular(self) -> bool:
         """Whether an angle is part of it: radians, degrees, turns; also hidden in rpm."""
         _, root = registry().get_root_units(self.quantity)
@@ -91,6 +91,7 @@ def _build_registry() -> "pint.UnitRegistry[Any]":
     return pint.UnitRegistry(cache_folder=None)
 
 
+@lru_cache(maxsize=1024)
 def read_unit(text: str) -> Unit:
     """A product of units and their powers: `N m/rad`, `kg·m²`, `1/s`, `m s^-1`. Raises InvalidAnswer."""
     folded = fold(text)
@@ -141,6 +142,7 @@ def _symbol(name: str, power: int) -> str:
     return symbol if power == 1 else f"{symbol}^{power}"
 
 
+@lru_cache(maxsize=1024)
 def known_unit(text: str) -> Unit | None:
     """An author's unit, HTML and TeX taken off; None for a word that only labels what is counted (`steps`)."""
     try:
