@@ -1,5 +1,7 @@
 """The one-step map linearised at an equilibrium, and its spectral radius: stability for ever, at small amplitude."""
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 from mujoco import mjtIntegrator
@@ -17,8 +19,12 @@ RADIUS_NOISE = 1e-7
 """What differencing leaves in a spectral radius of 1; larger is growth."""
 
 
+@lru_cache(maxsize=128)
 def equilibrium(scene: Scene) -> Scene | None:
-    """The scene at rest where nothing accelerates, sought from qpos0 with the scene's controls; None if not found."""
+    """The scene at rest where nothing accelerates, sought from qpos0 with the scene's controls; None if not found.
+
+    Sought once per scene.
+    """
     with scene.borrow() as workspace:
         model, data = workspace.model, workspace.data
         origin, nv = np.array(model.qpos0), int(model.nv)

@@ -12,7 +12,7 @@ from scipy import optimize
 
 from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
 from grader.numerics.scene import Scene, checked_options
-from grader.numerics.threshold import Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
+from grader.numerics.threshold import BAD_VALUE, Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
 
 SCAN_POINTS = 24
 """Grid points of a search that names no scan step: windows narrower than a 24th of the range may be missed."""
@@ -21,9 +21,6 @@ SPECTRAL_POINTS = 64
 """Grid of `spectral_limit`; within a cell the radius is taken to pass 1 once."""
 
 TINY = float_info.min
-
-BAD_VALUE = 1e10
-"""Source: mjMAXVAL, above which MuJoCo warns."""
 
 
 @dataclass

@@ -1,0 +1,184 @@
+"""Extreme inputs: no hang, no false "stable", every verdict certified or undecided with a reason."""
+
+from math import inf, isfinite, nan, sqrt
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.search import find_threshold, spectral_limit
+from grader.numerics.servo import Servo
+from grader.numerics.threshold import Found, Outcome, certify, try_timestep
+from numerics.models import LESSON
+
+EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
+GRAVITY_ARM = 9.81 * 0.5
+
+
+def servo_scene(kp: float, kv: float, mass_ratio: float = 1.0, q0: float = 1.0) -> Scene:
+    def parameters(model: mujoco.MjModel) -> None:
+        model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 1:3] = kp, (-kp, -kv)
+        model.body_mass[1] *= mass_ratio
+        model.body_inertia[1] *= mass_ratio
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    return Scene.from_xml(LESSON["pendulum_servo"]).changed(parameters).at(qpos=[q0])
+
+
+def closed_form(integrator: int, kp: float, kv: float, mass_ratio: float = 1.0) -> float:
+    servo = Servo(0.2501 * mass_ratio, kp, kv, GRAVITY_ARM * mass_ratio)
+    return {
+        EULER: servo.euler_s,
+        IMPLICIT: servo.implicit_s,
+        IMPLICITFAST: servo.implicit_s,
+        RK4: servo.rk4_s,
+        DISCRETE: servo.discrete_s,
+    }[integrator]
+
+
+log_uniform = st.floats(0.0, 1.0)
+integrators = st.sampled_from([EULER, RK4, IMPLICIT, IMPLICITFAST])
+thorough = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+@thorough
+@given(
+    log_kp=st.floats(-2, 8),
+    log_mass=st.floats(-6, 6),
+    damping=st.floats(0, 3),
+    integrator=integrators,
+)
+def test_closed_form_spectral_radius_and_simulation_agree(
+    log_kp: float, log_mass: float, damping: float, integrator: int
+) -> None:
+    """Random (I, kp, kv): the spectral limit is the closed form to 1e-4; stable 2 % below it, and not 2 % above.
+
+    The start is 1e-3 rad, so that gravity is linear; the horizon is 4,000 steps. Where gravity holds the joint by 2 %
+    or more, motions beyond the limit may grow only until sin q bounds them; MuJoCo never warns, and the trial says so.
+    """
+    kp, mass = 10**log_kp, 10**log_mass
+    inertia = 0.2501 * mass
+    kv = damping * sqrt((kp + GRAVITY_ARM * mass) * inertia)
+    limit = closed_form(integrator, kp, kv, mass)
+    scene = servo_scene(kp, kv, mass, q0=1e-3)
+    found = spectral_limit(scene, low_s=limit / 3, high_s=limit * 3, integrator=integrator, width_s=1e-7 * limit)
+    assert found == pytest.approx(limit, rel=1e-4)
+    below = try_timestep(scene, 0.98 * limit, 0.98 * limit * 4000, integrator=integrator)
+    above = try_timestep(scene, 1.02 * limit, 1.02 * limit * 4000, integrator=integrator)
+    assert below.outcome is Outcome.STABLE
+    assert above.outcome is Outcome.UNSTABLE or (kp < 50 * GRAVITY_ARM * mass and "small motions grow" in above.reason)
+
+
+@thorough
+@given(
+    kp=st.floats(-2, 8),
+    kv=st.floats(-4, 4),
+    mass=st.floats(-6, 6),
+    timestep=st.floats(-6, 0),
+    q0=st.floats(-1e3, 1e3),
+    integrator=st.sampled_from(range(5)),
+)
+def test_every_verdict_is_decided_or_says_why_not(
+    kp: float, kv: float, mass: float, timestep: float, q0: float, integrator: int
+) -> None:
+    """Small horizons keep it short. Nothing beyond twice the closed-form limit may be called stable."""
+    scene = servo_scene(10**kp, 10**kv, 10**mass, q0)
+    h = 10**timestep
+    trial = try_timestep(scene, h, max(h * 300, 0.003), integrator=integrator)
+    assert trial.reason
+    limit = closed_form(integrator, 10**kp, 10**kv, 10**mass)
+    if h > 2 * limit and abs(q0) > 1e-2:
+        assert trial.outcome is not Outcome.STABLE
+    if trial.outcome is Outcome.UNSTABLE:
+        run = simulate(scene, seconds=max(h * 300, 0.003), timestep_s=h, integrator=integrator, skip=False)
+        assert run.diverged_at_step is not None
+
+
+@pytest.mark.parametrize("low", [nan, inf, -inf, 0.0, -0.01, 1e-300])
+@pytest.mark.parametrize("high", [nan, inf, 0.0, -1.0])
+def test_meaningless_claims_are_undecided(low: float, high: float) -> None:
+    certificate = certify(servo_scene(2000, 5), low, high, integrator=EULER)
+    assert certificate.holds is None
+    assert certificate.low.reason and certificate.high.reason
+
+
+@pytest.mark.parametrize("horizon_s", [nan, inf, 0.0, -3.0])
+def test_meaningless_horizons_are_undecided(horizon_s: float) -> None:
+    certificate = certify(servo_scene(2000, 5), 0.02, 0.0204, horizon_s, integrator=EULER)
+    assert certificate.holds is None
+    assert "horizon" in certificate.low.reason
+
+
+@pytest.mark.parametrize(
+    ("start", "phrase"),
+    [(nan, "refuses the start"), (inf, "refuses the start"), (1e9, "refuses the start"), (0.0, "at rest")],
+)
+def test_a_start_that_says_nothing_is_undecided(start: float, phrase: str) -> None:
+    for integrator in range(5):
+        for h in (0.001, 0.02, 0.1):
+            trial = try_timestep(servo_scene(2000, 5, q0=start), h, 3.0, integrator=integrator)
+            assert trial.outcome is Outcome.UNDECIDED
+            assert phrase in trial.reason
+
+
+def test_a_model_full_of_nan_is_undecided() -> None:
+    trial = try_timestep(servo_scene(nan, 5), 0.01, 3.0, integrator=EULER)
+    assert trial.outcome is Outcome.UNDECIDED
+
+
+def test_a_horizon_of_too_many_steps_is_undecided_at_once() -> None:
+    trial = try_timestep(servo_scene(2000, 5), 1e-9, 3.0, integrator=EULER)
+    assert (trial.outcome, "more than" in trial.reason) == (Outcome.UNDECIDED, True)
+
+
+@pytest.mark.parametrize("timestep_s", [0.3, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("integrator", [EULER, RK4, IMPLICIT, IMPLICITFAST])
+def test_a_horizon_of_three_steps_makes_nothing_stable(timestep_s: float, integrator: int) -> None:
+    assert try_timestep(servo_scene(2000, 5), timestep_s, 3.0, integrator=integrator).outcome is not Outcome.STABLE
+
+
+@pytest.mark.parametrize("integrator", [EULER, RK4, IMPLICITFAST])
+@pytest.mark.parametrize("kp", [1e-2, 1.0, 1e4, 1e8])
+def test_near_the_limit_from_both_sides(kp: float, integrator: int) -> None:
+    """h * omega within 1e-3 of the limit; where gravity is stronger than the servo, large motions are bounded."""
+    limit = closed_form(integrator, kp, 0.0)
+    scene = servo_scene(kp, 0.0, q0=1e-3)
+    below = try_timestep(scene, 0.999 * limit, 10_000 * limit, integrator=integrator)
+    above = try_timestep(scene, 1.001 * limit, 10_000 * limit, integrator=integrator)
+    assert below.outcome is Outcome.STABLE
+    if kp > GRAVITY_ARM:
+        assert above.outcome is Outcome.UNSTABLE
+    else:
+        assert "small motions grow" in above.reason
+
+
+def test_a_search_that_is_unstable_throughout_says_so() -> None:
+    scene = servo_scene(1e8, 0)
+    found = find_threshold(scene, low_s=0.001, high_s=0.05, integrator=EULER)
+    assert (found.found, found.bracket_s) == (Found.NONE_STABLE, None)
+
+
+def test_a_search_from_rest_is_undecided() -> None:
+    found = find_threshold(servo_scene(2000, 5, q0=0.0), low_s=0.001, high_s=0.05, integrator=EULER)
+    assert (found.found, found.bracket_s) == (Found.UNDECIDED, None)
+    assert "at rest" in found.reason
+
+
+@pytest.mark.parametrize("ends", [(0.0, 0.05), (0.05, 0.05), (0.05, 0.01), (nan, 0.05), (0.01, inf)])
+def test_an_empty_search_is_refused(ends: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="cannot search"):
+        find_threshold(servo_scene(2000, 5), low_s=ends[0], high_s=ends[1])
+    with pytest.raises(ValueError, match="cannot search"):
+        spectral_limit(servo_scene(2000, 5), low_s=ends[0], high_s=ends[1])
+
+
+def test_start_angles_to_a_thousand_radians() -> None:
+    for q0 in np.geomspace(0.01, 1e3, 6):
+        found = find_threshold(servo_scene(2000, 5, q0=float(q0)), low_s=0.015, high_s=0.03, integrator=EULER)
+        assert found.bracket_s is not None
+        assert isfinite(found.bracket_s[0])
+        assert 0.01998 < found.bracket_s[0] < found.bracket_s[1] < 0.0204
