@@ -83,14 +83,15 @@ export function pause(milliseconds) {
   return new Promise((resolve) => setTimeout(resolve, milliseconds));
 }
 
-// The newest submission of each question, by question; a learner's own.
+// The newest submission of each question, by question; a learner's own. What could not be read does not count.
 export async function latestOf(quiz, user, questions) {
   const latest = new Map();
   let cursor = null;
   do {
     const query = new URLSearchParams({ quiz, limit: 100, ...(user ? { user } : {}), ...(cursor ? { cursor } : {}) });
     const page = await get(`/submissions?${query}`);
-    for (const one of page.items) if (!latest.has(one.question)) latest.set(one.question, one);
+    const readable = page.items.filter((one) => one.verdict?.status !== "invalid_answer");
+    for (const one of readable) if (!latest.has(one.question)) latest.set(one.question, one);
     cursor = page.next_cursor;
   } while (cursor && latest.size < questions);
   return latest;

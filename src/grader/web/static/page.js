@@ -5,6 +5,8 @@ import { number } from "./dom.js";
 import { openLab } from "./lab.js";
 import { Question } from "./question.js";
 
+const UNCOUNTED = ["invalid_answer", "grader_fault"];
+
 for (const section of document.querySelectorAll("[data-quiz]")) start(section);
 
 async function start(section) {
@@ -12,6 +14,7 @@ async function start(section) {
   const points = new Map();
   const score = section.querySelector("[data-score]");
   const questions = Array.from(section.querySelectorAll("[data-question]"), (card) => new Question(card, quiz, (question, submission) => {
+    if (UNCOUNTED.includes(submission.verdict.status)) return;
     points.set(question.id, submission.verdict.points);
     const total = questions.reduce((sum, one) => sum + Number(one.card.dataset.points), 0);
     const reached = Array.from(points.values()).reduce((sum, one) => sum + one, 0);
