@@ -21,7 +21,7 @@ NUMERIC = {"kind": "numeric", "q": "How long?", "answer": 5, "tol": 0.05, "unit"
 OPEN = {"kind": "open", "q": "Why?", "reference": "Because."}
 SIM = {
     "model": "ball",
-    "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0, "max": 1, "step": 1, "value": 1}],
+    "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0.001, "max": 0.01, "step": 0.001, "value": 0.002}],
 }
 PREDICT = {"kind": "predict", "q": "What?", "options": ["a", "b"], "answer": 0, "sim": SIM}
 
@@ -251,6 +251,34 @@ def test_broken_starters(root: Path, starter: str, why: str) -> None:
     (starters / "huge.py").write_text("#" * (256 * 1024 + 1))
     write(root, code(starter))
     assert why in told(root)["q1.starter"]
+
+
+@pytest.mark.parametrize(
+    ("sim", "key"),
+    [
+        ({"setup": "data.qpos[0] = 1"}, "q1.sim.model"),
+        ({"model": "ball", "xml": XML}, "q1.sim.model"),
+        ({"model": "ball", "setup": "data.qpos[0 = 1"}, "q1.sim.setup"),
+        ({"model": "ball", "key": "none"}, "q1.sim.key"),
+        ({"xml": "<mujoco"}, "q1.sim.xml"),
+    ],
+)
+def test_a_lab_is_tried_when_it_is_loaded(root: Path, sim: dict[str, Any], key: str) -> None:
+    write(root, {**PREDICT, "sim": sim})
+    assert list(told(root)) == [key]
+
+
+def test_the_labs_of_a_lesson_are_tried_too(root: Path) -> None:
+    simlab = {"id": "fall", "kind": "simlab", "model": "ball", "readouts": [{"label": "z", "expr": "data.qpos[2"}]}
+    all_five = {"id": "five", "kind": "integrators", "model": "ball", "key": 3}
+    write(root, MCQ, labs=[simlab, all_five])
+    assert sorted(told(root)) == ["fall.readouts.0.expr", "five.key"]
+
+
+def test_a_lab_with_a_model_that_does_not_compile_is_told_once(root: Path) -> None:
+    (root / "models" / "ball.xml").write_text("<mujoco>")
+    write(root, PREDICT)
+    assert [fault.file for fault in faults(root)] == ["models/ball.xml"]
 
 
 def test_a_checker_that_nobody_registered(root: Path) -> None:

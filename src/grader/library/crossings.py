@@ -23,14 +23,14 @@ PROSE = ("q", "title", "options", "explain", "reference", "note")
 DOLLAR = re.compile(r"(?<!\\)\$")
 
 
-def model_faults(models: Mapping[str, str]) -> Iterator[Fault]:
-    """Models that MuJoCo does not compile, with its own reason."""
+def model_fault(file: str, xml: str) -> Fault | None:
+    """Why MuJoCo does not compile a model, in its own words."""
     prepare()
-    for name, xml in models.items():
-        try:
-            mujoco.MjModel.from_xml_string(xml)
-        except ValueError as error:
-            yield Fault(f"models/{name}.xml", "model", "does not compile: " + " ".join(str(error).split()))
+    try:
+        mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        return Fault(file, "model", "does not compile: " + " ".join(str(error).split()))
+    return None
 
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:

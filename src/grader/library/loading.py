@@ -6,12 +6,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from grader.domain.quiz import CodeQuestion, Quiz
-from grader.errors import ContentError, Fault, NotFound
-from grader.grading.exercise import check_exercise
+from grader.domain.quiz import Quiz
+from grader.errors import ContentError, Fault
 from grader.library.crossings import (
-    model_faults,
-    named_models,
+    model_fault,
     number_warnings,
     prose_warnings,
     read_starter,
@@ -20,7 +18,8 @@ from grader.library.crossings import (
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import json_faults, parse_json
 from grader.library.library import Library, digest_of
-from grader.library.schema import Reading, named_parts, read_quiz
+from grader.library.meaning import meaning_faults
+from grader.library.schema import named_parts, read_quiz
 
 
 @dataclass
@@ -31,16 +30,11 @@ class _Loading:
     faults: list[Fault] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
     models: dict[str, str] = field(default_factory=dict)
+    compiled: dict[str, str] = field(default_factory=dict)
     starters: dict[str, str] = field(default_factory=dict)
     quizzes: dict[str, Quiz] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
-
-    def model_xml(self, name: str) -> str:
-        """Raises NotFound."""
-        if name not in self.models:
-            raise NotFound(f"There is no model {name!r}.")
-        return self.models[name]
 
 
 def load(root: Path) -> Library:
@@ -69,13 +63,17 @@ def load(root: Path) -> Library:
 
 
 def _load_models(now: _Loading) -> None:
-    for name in list_files(now.root, "models", ".xml"):
-        xml = read_text(now.root, name, MODEL_BYTES_MAX)
+    for file in list_files(now.root, "models", ".xml"):
+        xml = read_text(now.root, file, MODEL_BYTES_MAX)
         if isinstance(xml, Fault):
             now.faults.append(xml)
+            continue
+        name = Path(file).stem
+        now.models[name] = xml
+        if fault := model_fault(file, xml):
+            now.faults.append(fault)
         else:
-            now.models[Path(name).stem] = xml
-    now.faults.extend(model_faults(now.models))
+            now.compiled[name] = xml
 
 
 def _load_quiz(now: _Loading, file: str) -> None:
@@ -88,7 +86,7 @@ def _load_quiz(now: _Loading, file: str) -> None:
         now.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
     reading = read_quiz(raw, file)
-    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *_meaning_faults(now, reading, file)]
+    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *meaning_faults(reading, now.compiled, file)]
     if reading.quiz is None:
         return
     quiz_id = reading.quiz.id
@@ -106,14 +104,6 @@ def _outside_faults(now: _Loading, raw: dict[str, Any], file: str) -> Iterator[F
         if starter is not None:
             now.starters[part["starter"]] = starter
         yield from faults
-
-
-def _meaning_faults(now: _Loading, reading: Reading, file: str) -> Iterator[Fault]:
-    """What the checker of an exercise finds wrong in a question that is well formed."""
-    for question in reading.questions:
-        if isinstance(question, CodeQuestion):
-            known = all(name in now.models for _, name in named_models(question.check.model_dump(), ""))
-            yield from check_exercise(question, now.model_xml, file) if known else ()
 
 
 def _keep(now: _Loading, quiz: Quiz, file: str, text: str, raw: dict[str, Any]) -> None:
