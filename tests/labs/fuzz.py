@@ -135,16 +135,19 @@ def statements(rng: random.Random) -> str:
                     f"a = {expression(rng, 3)}",
                     f"n += {rng.choice(['1', '2', 'i0', 'n'])}".replace("i0", "0.5"),
                     f"if ({expression(rng, 2)}) {{ n++ }} else {{ a = n }}",
-                    f"for (let i = 0; i < {rng.randrange(5)}; i++) {{ if (i == {rng.randrange(5)}) "
-                    f"{rng.choice(['break', 'continue'])}; n += i }}",
+                    f"for (let i = 0; i < 4; i++) {{ if (i == {rng.randrange(5)}) {_jump(rng)}; n += i }}",
                     f"ctx.{rng.choice('xyz')} {rng.choice(['=', '+=', '??=', '||=', '-='])} {expression(rng, 2)}",
-                    f"data.qvel[{rng.randrange(7)}] {rng.choice(['=', '+=', '-='])} {rng.choice(['n', '0.5', 'value'])}",
+                    f"data.qvel[{rng.randrange(7)}] {rng.choice(['=', '+='])} {rng.choice(['n', '0.5', 'value'])}",
                     f"const f{len(lines)} = (x, y) => {expression(rng, 2)}; n = f{len(lines)}(n, a)",
                     f"for (const x of [{expression(rng, 1)}, 2]) ctx.x = x",
                 ]
             )
         )
     return "; ".join([*lines, "ctx.a = a; ctx.n = n"])
+
+
+def _jump(rng: random.Random) -> str:
+    return rng.choice(["break", "continue"])
 
 
 def damage(rng: random.Random, text: str, others: list[str]) -> str:

@@ -17,7 +17,7 @@ from grader.errors import ContentError, LabError
 from grader.labs import fields, library, paths
 from grader.labs.expressions import compile_expression
 from grader.labs.machine import Machine
-from grader.labs.values import UNDEFINED, Record, Value, Vector, in_units
+from grader.labs.values import UNDEFINED, Record, Value, Vector, in_units, to_number
 
 SCENE = """
 <mujoco>
@@ -66,7 +66,7 @@ def _array(array: Any) -> dict[str, Any]:
 def _plain(m: Machine) -> dict[str, Any]:
     """Everything of the allow-list, as JSON."""
     model_arrays = fields.MODEL_PARAMETERS | fields.MODEL_FIXED
-    option = {name: float(getattr(m.model.opt, name)) for name in fields.OPTION_SCALARS}
+    option: dict[str, Any] = {name: float(getattr(m.model.opt, name)) for name in fields.OPTION_SCALARS}
     option |= {name: _array(getattr(m.model.opt, name)) for name in fields.OPTION_VECTORS}
     data = {name: _array(getattr(m.data, name)) for name in fields.DATA_STATE | fields.DATA_RESULTS}
     return {
@@ -117,7 +117,7 @@ def run_node(cases: Sequence[Case]) -> list[dict[str, Any]]:
     return answer
 
 
-def run_here(case: Case) -> Machine | tuple[Machine, Value] | str:
+def run_here(case: Case) -> tuple[Machine, Value] | str:
     """What we make of a case: the machine afterwards and the value, or the error."""
     try:
         program = compile_expression(case.text, case.kind, "case")
@@ -128,7 +128,7 @@ def run_here(case: Case) -> Machine | tuple[Machine, Value] | str:
 
 
 def _same_number(here: float, there: float) -> bool:
-    """Bit for bit (but NaN is NaN), up to 4 units in the last place: V8 and the C library differ in sin, pow and kin."""
+    """Bit for bit (but NaN is NaN), or 4 units in the last place off: V8's sin and pow are its own."""
     if math.isnan(here) or math.isnan(there):
         return math.isnan(here) and math.isnan(there)
     if here == there:
@@ -146,7 +146,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
     (kind, content), *_ = there.items()
     match kind:
         case "n":
-            return type(here) is float and _same_number(here, _decoded(content))
+            return isinstance(here, float) and _same_number(here, _decoded(content))
         case "s":
             return here == in_units(content)
         case "b":
@@ -160,7 +160,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
         case "t":
             if not isinstance(here, Vector) or here.array.size != len(content):
                 return False
-            return all(_same_number(a, _decoded(b)) for a, b in zip(here.values(), content, strict=True))
+            return all(_same_number(to_number(a), _decoded(b)) for a, b in zip(here.values(), content, strict=True))
     return isinstance(here, Record) and all(same(here.parts[k], v) for k, v in content.items())
 
 

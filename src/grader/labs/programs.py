@@ -91,7 +91,7 @@ def lab_programs(config: LabConfig, where: str = "lab") -> LabPrograms:
 
     Raises ContentError with the faults of all of them; keys begin with `where`, reasons with line and column.
     """
-    key = f"{where}\n{config.model_dump_json()}"
+    key = f"{where}\n{config!r}"
     with _lock:
         if key in _compiled:
             _compiled.move_to_end(key)
