@@ -154,12 +154,14 @@ def number_of(source: Source, node: Node) -> float:
     raise source.refuse(node, f"{text} is no number that is understood here")
 
 
+LINE_END = re.compile(r"[\r\n]")
+ESCAPED = re.compile(r"\\(?:\r\n|[\s\S])")
 SIMPLE_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "v": "\v", "0": "\0"}
 
 
 def string_of(source: Source, node: Node) -> str:
     """The value of a text literal, in UTF-16 code units."""
-    if any("\n" in text_of(c) or "\r" in text_of(c) for c in parts(node) if c.type != "escape_sequence"):
+    if LINE_END.search(ESCAPED.sub("", text_of(node))):
         raise source.refuse(node, "a text in quotes ends on its line")
     pieces = [escape_of(source, child) if child.type == "escape_sequence" else text_of(child) for child in parts(node)]
     return in_units("".join(pieces))
