@@ -39,6 +39,11 @@ def test_an_option_is_read_as_the_words_that_are_seen(index: int, text: str) -> 
     assert read_answer(CHOICE, text) == text
 
 
+def test_tex_is_not_taken_for_a_tag() -> None:
+    question = ChoiceQuestion(id="q", kind="mcq", q="Which?", options=("$a<b$ and $c>d$", "<i>none</i>"), answer=0)
+    assert [read_answer(question, index) for index in (0, 1)] == ["$a<b$ and $c>d$", "none"]
+
+
 def test_a_wrong_choice_is_not_told_the_right_one() -> None:
     verdict = grade_answer(CHOICE, 0)
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)

@@ -9,7 +9,8 @@ from grader.errors import InvalidAnswer
 from grader.grading.numbers import quoted
 
 INDEX = re.compile(r"[+-]?[0-9]{1,9}")
-TAG = re.compile(r"</?[A-Za-z][^<>]*>|<!--.*?-->", re.DOTALL)
+TAG = re.compile(r"</?[A-Za-z][^<>$]*>")
+"""No dollar sign stands in a tag: `$a<b$ and $c>d$` is TeX."""
 
 
 def read_choice(question: ChoiceQuestion | PredictQuestion, answer: Any) -> int:

@@ -69,7 +69,7 @@ def fold(text: str) -> str:
 
 def quoted(text: str) -> str:
     """What a student typed, safe to repeat in a sentence: printable and short."""
-    clean = "".join(c if c.isprintable() else " " for c in text).strip()
+    clean = "".join(c if c.isprintable() else " " for c in text[:200]).strip()
     return f'"{clean[:40]}…"' if len(clean) > 40 else f'"{clean}"'
 
 
