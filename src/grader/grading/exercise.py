@@ -7,9 +7,10 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Fault
 from grader.grading.plan import Checker, ModelXml, Plan
+from grader.grading.rk4.checker import Rk4Checker
 from grader.grading.threshold.checker import ThresholdChecker
 
-CHECKERS: dict[str, Checker[Any]] = {"threshold": ThresholdChecker()}
+CHECKERS: dict[str, Checker[Any]] = {"rk4": Rk4Checker(), "threshold": ThresholdChecker()}
 """By the name that stands in `check.kind`."""
 
 

@@ -1,0 +1,175 @@
+"""Lets the student's function take the steps of every run, and hands back the states after each.
+
+Runs in the jail, behind the text of hidden_force.py. Results of run i: `q<i>`, `v<i>`, `a<i>`, `t<i>` (positions,
+velocities, activations, time; one row a step, up to the first that is not finite), and `refused`, the text of what
+the guard refused. `prepare` is called before the student's module is imported.
+"""
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable, Generator, Iterator, Mapping
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+
+STATE = {"q": "qpos", "v": "qvel", "a": "act", "t": "time"}
+NEVER = {"gc.get_objects", "gc.get_referrers", "gc.get_referents", "sys._current_frames", "sys.settrace"} | {
+    "sys._current_exceptions",
+    "sys.setprofile",
+    "sys.monitoring.register_callback",
+}
+CALLBACKS = ["passive", "control", "contactfilter", "sensor", "time", "act_dyn", "act_gain", "act_bias"]
+
+Ask = Callable[[tuple[str, Any]], Any]
+Keeper = Generator[Any, tuple[str, Any], None]
+
+
+def prepare(inputs: dict[str, Any]) -> None:
+    """Put the force into mj_forward, and shut the ways to dig for it."""
+    keeper = keep(inputs.pop("forces"))
+    next(keeper)
+    globals()["ask"] = keeper.send
+    mujoco.mj_forward = forward_through(keeper.send)
+    for name in CALLBACKS:
+        for module in (mujoco, sys.modules.get("mujoco._callbacks")):
+            if hasattr(module, f"set_mjcb_{name}"):
+                setattr(module, f"set_mjcb_{name}", refusing(keeper.send, f"a MuJoCo callback (mjcb_{name})"))
+    signal.signal = refusing(keeper.send, "a signal handler")
+    sys.addaudithook(guard(keeper, trusted_places()))
+
+
+def keep(forces: list[Any]) -> Keeper:
+    """Holds the force and the list of refusals in a frame of its own; what it is asked to do is the only way in."""
+    raw = mujoco.mj_forward
+    choices = [with_force(raw, spec) for spec in forces]  # type: ignore[name-defined]  # noqa: F821 - text before this
+    forward, refused = raw, []
+    reply: Any = None
+    while True:
+        what, about = yield reply
+        reply = None
+        if what == "forward":
+            try:
+                forward(*about)
+            except Exception as error:
+                reply = error.with_traceback(None)
+        elif what == "run":
+            forward = raw if about is None else choices[about]
+        elif what == "refused":
+            refused.append(about)
+        else:
+            reply = list(refused)
+
+
+def forward_through(ask: Ask) -> Callable[..., None]:
+    """What the student sees as mujoco.mj_forward."""
+    raw = mujoco.mj_forward
+
+    def mj_forward(m: mujoco.MjModel, d: mujoco.MjData) -> None:
+        error = ask(("forward", (m, d)))
+        if error is not None:
+            raise error
+
+    mj_forward.__doc__, mj_forward.__module__, mj_forward.__qualname__ = raw.__doc__, raw.__module__, raw.__qualname__
+    return mj_forward
+
+
+def refuse(ask: Ask, what: str) -> None:
+    """Remember it, and say no as the jail does."""
+    ask(("refused", what))
+    raise PermissionError(errno.EPERM, f"this exercise does not allow {what}")
+
+
+def refusing(ask: Ask, what: str) -> Callable[..., None]:
+    """A function that takes None (there is nothing to take back) and refuses everything else."""
+
+    def setter(*values: object) -> None:
+        if values != (None,):
+            refuse(ask, what)
+
+    return setter
+
+
+def trusted_places() -> tuple[str, ...]:
+    """Where code lies that is not the student's: the libraries, and whoever is calling now."""
+    places = (str(Path(os.__file__).parent), str(Path(mujoco.__file__).parents[1]), "<frozen")
+    return (*places, *(frame.f_code.co_filename for frame in frames(sys._getframe(1))))
+
+
+def frames(frame: FrameType | None) -> Iterator[FrameType]:
+    """A frame and all that called it."""
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
+
+
+def guard(keeper: Keeper, trusted: tuple[str, ...]) -> Callable[[str, tuple[Any, ...]], None]:
+    """An audit hook: no walk over the heap, no tracing, no ctypes from the student's code, no look into the keeper."""
+    busy, ask, frame_of = False, keeper.send, sys._getframe
+
+    def hook(event: str, about: tuple[Any, ...]) -> None:
+        nonlocal busy
+        if busy:
+            return
+        busy = True
+        try:
+            looks_in = event == "object.__getattr__" and about[0] is keeper
+            imports = event == "import" and str(about[0]).startswith("mujoco._")
+            natively = event.startswith("ctypes.") and not all(
+                frame.f_code.co_filename.startswith(trusted) for frame in frames(frame_of(1))
+            )
+            if event in NEVER or looks_in or imports or natively:
+                refuse(ask, "ctypes" if natively else event)
+        finally:
+            busy = False
+
+    return hook
+
+
+def run(student: object, inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
+    """Every run from its start, step by step."""
+    entry = getattr(student, inputs["entry"], None)
+    if not callable(entry):
+        raise TypeError(f"the script defines no function {inputs['entry']}")
+    ask: Ask = globals()["ask"]
+    for index, job in enumerate(inputs["runs"]):
+        model = mujoco.MjModel.from_xml_string(inputs["models"][job["model"]])
+        model.opt.timestep = job["timestep_s"]
+        ask(("run", index))
+        rows = record(entry, model, started(model, job), job["steps"])
+        ask(("run", None))
+        whole = np.logical_and.accumulate([np.all(np.isfinite(row)) for row in zip_rows(rows)])
+        for name, values in rows.items():
+            submit(f"{name}{index}", values[: int(np.sum(whole))])
+    text = "; ".join(dict.fromkeys(map(str, ask(("report", None)))))
+    submit("refused", np.frombuffer(text.encode()[:500], dtype=np.uint8))
+
+
+def started(model: mujoco.MjModel, job: Mapping[str, Any]) -> mujoco.MjData:
+    """A fresh data at the run's start; nothing has been computed from it."""
+    data = mujoco.MjData(model)
+    for name in ("qpos", "qvel", "act", "ctrl"):
+        getattr(data, name)[:] = job[name]
+    return data
+
+
+def record(
+    entry: Callable[..., object], model: mujoco.MjModel, data: mujoco.MjData, steps: int
+) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
+    """The state after every step, by its short name."""
+    rows = {short: np.empty((steps, np.size(getattr(data, name)))) for short, name in STATE.items()}
+    for step in range(steps):
+        entry(model, data)
+        for short, name in STATE.items():
+            rows[short][step] = getattr(data, name)
+    return rows
+
+
+def zip_rows(rows: dict[str, np.ndarray[Any, np.dtype[np.float64]]]) -> Iterator[Any]:
+    """All that is known of each step, in one row."""
+    return iter(np.hstack(list(rows.values())))
