@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -70,10 +71,19 @@ def run(name: str, out: Path, quick: bool) -> None:
     summary: Record = {"benchmark": name, "quick": quick, "machine": before, "versions": versions()}
     summary |= {"measurements": len(records)} | benchmark.summarise(records)
     written = [out / f"{name}.json", out / f"{name}.csv"]
-    written[0].write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    written[0].write_text(json.dumps(rounded(summary), indent=1) + "\n", encoding="utf-8")
     write_csv(written[1], benchmark.rows(records))
     for path in written + benchmark.draw(records, summary, out):
         console.print(f"{name}: wrote {path}")
+
+
+def rounded(value: Any) -> Any:
+    """Four significant digits: more than any time is good for, and small enough to commit."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, dict):
+        return {key: rounded(inner) for key, inner in value.items()}
+    return [rounded(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def write_csv(path: Path, rows: list[Record]) -> None:

@@ -1,0 +1,55 @@
+"""No figure on a page is typed by hand: every marked block is the rendering of the committed JSON."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from grader.bench.agree import compare
+from grader.bench.measured import PICTURES
+from grader.bench.tables import BENCHMARKS, BLOCKS, MARKED, fill, load_results
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "docs" / "measured"
+PAGES = ("README.md", "docs/measured.md")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_page_is_the_rendering_of_the_results(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert MARKED.search(text), f"{page} has no <!-- measured:begin --> ... <!-- measured:end -->"
+    assert fill(text, load_results(RESULTS)) == text, "run: make measured-tables"
+
+
+def test_the_page_uses_every_block_and_picture() -> None:
+    text = (ROOT / "docs/measured.md").read_text(encoding="utf-8")
+    assert {found[1] for found in MARKED.findall(text)} == set(BLOCKS) - {"summary"}
+    assert set(re.findall(r"\(measured/([\w.]+)\)", text)) == set(PICTURES)
+    for picture in PICTURES:
+        assert (RESULTS / picture).stat().st_size > 10_000
+
+
+def test_the_results_are_of_whole_runs_and_no_proof_was_broken() -> None:
+    results = load_results(RESULTS)
+    assert not any(results[name]["quick"] for name in BENCHMARKS)
+    assert results["skip"]["broken_proofs"] == []
+    assert all(scene["bitwise"] for scene in results["skip"]["scenes"].values())
+    assert results["precision"]["profiling_timer"] is True
+
+
+def test_another_figure_is_noticed() -> None:
+    page = "<!-- measured:begin skip -->\nold\n<!-- measured:end skip -->\n"
+    filled = fill(page, load_results(RESULTS))
+    assert "old" not in filled
+    assert fill(filled, load_results(RESULTS)) == filled
+
+
+def test_runs_agree_with_themselves_and_not_with_others() -> None:
+    one = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 1e-3}
+    assert compare(one, one).holds
+    near = {"a": {"ratio": 2.05, "spread": [1.95, 2.2]}, "error": 1e-3}
+    assert compare(one, near).holds
+    far = {"a": {"ratio": 3.0, "spread": [2.9, 3.1]}, "error": 1e-3}
+    assert compare(one, far).apart
+    other = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 2e-3}
+    assert compare(one, other).unequal == ("$/error: 0.001 and 0.002",)

@@ -1,0 +1,77 @@
+"""Skipping: what is called proven changes no bit; a whole run writes its files and is not repeated."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grader.bench import run
+from grader.bench import skip as skipping
+from grader.bench.report import skip as skip_report
+from grader.bench.scenes import load_scene
+from grader.bench.skip import SCENES, Run, is_proven, largest_difference
+from grader.bench.timing import paired
+from grader.errors import Unprocessable
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_all_proven_flags_together_change_no_bit(name: str) -> None:
+    scene = load_scene(name)
+    bits = 0
+    for need in scene.needs:
+        bits |= need.flag if is_proven(need) else 0
+    assert bits
+    assert set(largest_difference(scene, bits).values()) == {0.0}
+
+
+def test_islands_of_two_trees_are_kept_for_a_reason() -> None:
+    scene = load_scene("two_bodies")
+    islands = next(need for need in scene.needs if need.part == "islands")
+    assert not is_proven(islands)
+    assert 0 < largest_difference(scene, islands.flag)["Euler"] < 1e-6
+
+
+def test_chunks_are_steps() -> None:
+    scene = load_scene("cube")
+    one, many = Run(scene, chunk=1), Run(scene, chunk=50)
+    one()
+    many()
+    assert one.data.qpos.tobytes() == many.data.qpos.tobytes()
+
+
+def test_a_ratio_is_a_ratio() -> None:
+    def turns(count: int) -> int:
+        return sum(index * index for index in range(count))
+
+    found = paired(lambda: turns(30_000), lambda: turns(10_000), budget_s=0.2)
+    assert 2 < found.ratio < 4.5
+    assert found.low <= found.ratio <= found.high
+    assert found.pairs >= 5
+
+
+@pytest.fixture
+def one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (skipping, skip_report):
+        monkeypatch.setattr(module, "SCENES", ("servo",))
+
+
+@pytest.mark.usefixtures("one_scene")
+def test_a_run_writes_what_it_promises_and_is_not_repeated(tmp_path: Path) -> None:
+    run("skip", tmp_path, quick=True)
+    lines = (tmp_path / "skip.jsonl").read_text()
+    summary = json.loads((tmp_path / "skip.json").read_text())
+    assert summary["machine"]["processor"]
+    assert summary["versions"]["mujoco"] == "3.14.0"
+    assert summary["broken_proofs"] == []
+    assert summary["measurements"] == len(lines.splitlines()) == 9
+    assert (tmp_path / "skip.csv").read_text().count("servo") >= 9
+    for picture in ("skip.svg", "skip.png"):
+        assert (tmp_path / picture).stat().st_size > 10_000
+    run("skip", tmp_path, quick=True)
+    assert (tmp_path / "skip.jsonl").read_text() == lines
+    assert json.loads((tmp_path / "skip.json").read_text())["scenes"] == summary["scenes"]
+
+
+def test_an_unknown_benchmark_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Unprocessable, match="no benchmark"):
+        run("speed", tmp_path, quick=True)
