@@ -9,6 +9,12 @@ from .frames import Malformed, Message, parse
 from .policy import KB, MB, RESULT_BYTES_MAX
 from .watch import Cause, Ending
 
+# When the script's own process gives no reason.
+SILENT = {
+    RunStatus.CRASHED: "The script ended with an error.",
+    RunStatus.FORBIDDEN: "The script did something that scripts may not do.",
+    RunStatus.OUT_OF_MEMORY: "The script ran out of memory.",
+}
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
 
 
@@ -40,7 +46,7 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
         return RunStatus.CRASHED, f"The results that the script sent back cannot be used: {error}.", None
     if message.end is None or code != 0:
         return RunStatus.CRASHED, f"The script ended its own process (exit code {code}) before it was graded.", None
-    return message.end, message.reason, message
+    return message.end, message.reason or SILENT.get(message.end, ""), message
 
 
 def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:

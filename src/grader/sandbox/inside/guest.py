@@ -163,8 +163,8 @@ def _said(error: BaseException, reason: str) -> str:
 def _kind(error: BaseException) -> str:
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return "out_of_memory"
-    if type(error).__name__ == "FatalError" and "alloc" in str(error):
-        return "out_of_memory"  # MuJoCo's own: it could not allocate
+    if type(error).__name__ in ("FatalError", "ValueError") and "ould not allocate memory" in str(error):
+        return "out_of_memory"  # MuJoCo's own words
     if isinstance(error, OSError) and any(map(_is_refusal, _chain(error))):
         return "forbidden"
     return "crashed"
@@ -175,7 +175,8 @@ def _is_refusal(error: BaseException) -> bool:
     if not isinstance(error, OSError):
         return False
     if error.errno == errno.ENOENT and isinstance(error.filename, str):
-        return error.filename.startswith("/") and not error.filename.startswith(tuple(OWN_FOLDERS))
+        path = os.path.abspath(error.filename)  # noqa: PTH100 - resolve() would ask the disk
+        return not path.startswith(tuple(OWN_FOLDERS))
     return error.errno in REFUSALS or type(error).__name__ == "gaierror"
 
 

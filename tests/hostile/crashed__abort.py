@@ -1,0 +1,5 @@
+"""abort(3)."""
+
+import os
+
+os.abort()

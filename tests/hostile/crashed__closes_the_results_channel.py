@@ -1,0 +1,5 @@
+"""And leaves nothing to send by."""
+
+import os
+
+os.close(3)

@@ -1,0 +1,7 @@
+"""Python recursion."""
+
+def f():
+    f()
+
+
+f()

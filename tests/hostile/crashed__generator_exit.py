@@ -1,0 +1,3 @@
+"""Not an Exception either."""
+
+raise GeneratorExit

@@ -1,0 +1,3 @@
+"""Not an Exception."""
+
+raise KeyboardInterrupt

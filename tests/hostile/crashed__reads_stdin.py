@@ -1,0 +1,3 @@
+"""There is nobody to answer."""
+
+input('password: ')

@@ -1,0 +1,6 @@
+"""Its own last words."""
+
+import sys
+
+sys.excepthook = lambda *a: None
+raise RuntimeError('mine')

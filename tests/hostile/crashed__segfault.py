@@ -1,0 +1,5 @@
+"""Address 0."""
+
+import ctypes
+
+ctypes.string_at(0)

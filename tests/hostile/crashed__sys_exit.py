@@ -1,0 +1,5 @@
+"""SystemExit at import."""
+
+import sys
+
+sys.exit(0)

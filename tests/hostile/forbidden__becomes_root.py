@@ -1,0 +1,5 @@
+"""setuid(0)."""
+
+import os
+
+os.setuid(0)

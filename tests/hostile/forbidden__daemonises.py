@@ -1,0 +1,8 @@
+"""Outlives its run."""
+
+import os
+
+os.setsid()
+if os.fork() == 0:
+    while True:
+        pass

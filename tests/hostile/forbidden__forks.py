@@ -1,0 +1,5 @@
+"""fork()."""
+
+import os
+
+os.fork()

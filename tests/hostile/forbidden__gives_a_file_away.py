@@ -1,0 +1,6 @@
+"""Another owner."""
+
+import os
+
+open("x", "w").close()
+os.chown("x", 0, 0)

@@ -1,0 +1,6 @@
+"""By its number."""
+
+import os
+import target
+
+os.kill(target.SERVER, 9)

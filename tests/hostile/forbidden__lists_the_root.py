@@ -1,0 +1,5 @@
+"""What is in the cell."""
+
+import os
+
+print(os.listdir("/"))

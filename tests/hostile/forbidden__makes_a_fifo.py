@@ -1,0 +1,5 @@
+"""A pipe that somebody might open."""
+
+import os
+
+os.mkfifo("pipe")

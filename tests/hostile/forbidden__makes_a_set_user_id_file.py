@@ -1,0 +1,6 @@
+"""Mode bits."""
+
+import os
+
+open("sh", "w").close()
+os.chmod("sh", 0o4755)

@@ -1,0 +1,5 @@
+"""Even to itself."""
+
+import socket
+
+socket.socketpair()

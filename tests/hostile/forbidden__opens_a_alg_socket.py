@@ -1,0 +1,5 @@
+"""socket(AF_ALG, SOCK_SEQPACKET)."""
+
+import socket
+
+socket.socket(socket.AF_ALG, socket.SOCK_SEQPACKET)

@@ -1,0 +1,5 @@
+"""tempfile, told to go elsewhere."""
+
+import tempfile
+
+tempfile.NamedTemporaryFile(dir="/var/tmp")

@@ -1,0 +1,3 @@
+"""The disk itself."""
+
+print(open("/dev/vda", "rb").read(512))

@@ -1,0 +1,3 @@
+"""The host's users."""
+
+print(open("/etc/passwd").read())

@@ -1,0 +1,3 @@
+"""The host's password hashes."""
+
+print(open("/etc/shadow").read())

@@ -1,0 +1,3 @@
+"""Even its own /proc is not there."""
+
+print(open("/proc/self/maps").read())

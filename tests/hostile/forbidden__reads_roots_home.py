@@ -1,0 +1,3 @@
+"""Keys of the administrator."""
+
+print(open("/root/.ssh/id_rsa").read())

@@ -1,0 +1,5 @@
+"""Everybody's marks."""
+
+import target
+
+print(open(f"{target.CONTENT}/data/grader.db", "rb").read())

@@ -1,0 +1,5 @@
+"""DNS as a way out."""
+
+import socket
+
+socket.getaddrinfo("example.org", 80)

@@ -1,0 +1,5 @@
+"""A shell."""
+
+import subprocess
+
+subprocess.run(["/bin/sh", "-c", "id"])

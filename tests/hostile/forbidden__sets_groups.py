@@ -1,0 +1,5 @@
+"""Another group."""
+
+import os
+
+os.setgroups([0])

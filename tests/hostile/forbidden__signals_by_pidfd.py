@@ -1,0 +1,5 @@
+"""pidfd_open."""
+
+import os
+
+os.pidfd_open(1)

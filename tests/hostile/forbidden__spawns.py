@@ -1,0 +1,5 @@
+"""posix_spawn."""
+
+import os
+
+os.posix_spawn("/bin/true", ["true"], {})

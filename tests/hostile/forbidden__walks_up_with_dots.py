@@ -1,0 +1,5 @@
+"""Path traversal out of the scratch directory."""
+
+import target
+
+print(open("../../../../.." + target.CONTENT + "/quizzes/canary.json").read())

@@ -1,0 +1,5 @@
+"""Changes the lesson for the next student."""
+
+from mjcourse import model_path
+
+model_path("pendulum").write_text("<mujoco/>")

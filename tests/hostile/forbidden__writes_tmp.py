@@ -1,0 +1,3 @@
+"""The host's /tmp."""
+
+open("/tmp/trap", "w")

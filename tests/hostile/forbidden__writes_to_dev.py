@@ -1,0 +1,3 @@
+"""A new file in /dev."""
+
+open("/dev/trap", "w")

@@ -1,0 +1,3 @@
+"""Shared memory as a file."""
+
+open("/dev/shm/trap", "w")

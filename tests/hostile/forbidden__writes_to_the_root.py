@@ -1,0 +1,3 @@
+"""Outside its directory."""
+
+open("/trap", "w")

@@ -1,0 +1,4 @@
+"""A number with a billion digits."""
+# limits: memory_mb=256
+
+x = 1 << (1 << 33)

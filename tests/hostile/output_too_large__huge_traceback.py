@@ -1,0 +1,3 @@
+"""An exception of 64 MB."""
+
+raise ValueError('x' * (64 << 20))

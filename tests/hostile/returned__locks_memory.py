@@ -1,0 +1,5 @@
+"""mlock: swapping is not its business."""
+
+import ctypes
+
+assert ctypes.CDLL(None).mlockall(3) == -1

@@ -1,0 +1,3 @@
+"""Half a character."""
+
+print('\ud800')

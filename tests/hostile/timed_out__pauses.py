@@ -1,0 +1,6 @@
+"""Waits for a signal that nobody sends."""
+# limits: cpu_s=0.3 wall_s=0.6
+
+import signal
+
+signal.pause()

@@ -1,0 +1,95 @@
+"""A real jail over a content folder full of canaries, and a census of what it leaves behind."""
+
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from grader.sandbox.jail import Jail
+
+ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "models"
+
+
+@dataclass(frozen=True)
+class Content:
+    """A course's folder whose every secret place holds the canary."""
+
+    root: Path
+    canary: str = field(default_factory=lambda: f"canary{secrets.token_hex(16)}")
+
+    @property
+    def models(self) -> Path:
+        return self.root / "models"
+
+    def fill(self) -> None:
+        shutil.copytree(MODELS, self.models)
+        for name in ("quizzes/canary.json", "reference_solutions/canary.py", "data/grader.db", "data/secret.key"):
+            (self.root / name).parent.mkdir(exist_ok=True)
+            (self.root / name).write_text(self.canary)
+
+
+@pytest.fixture(scope="session")
+def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    content = Content(tmp_path_factory.mktemp("course"))
+    content.fill()
+    return content
+
+
+@pytest.fixture(scope="module")
+def jail(content: Content) -> Iterator[Jail]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GRADER_CANARY", content.canary)
+        with Jail(content.models, workers=2) as jail:
+            yield jail
+
+
+@dataclass(frozen=True, order=True)
+class Census:
+    """What this process holds: its descendants, its descriptors, the mounts it sees."""
+
+    processes: int
+    descriptors: int
+    mounts: int
+
+
+def census() -> Census:
+    return Census(
+        len(descendants(os.getpid())),
+        len(list(Path("/proc/self/fd").iterdir())) - 1,
+        len(Path("/proc/self/mountinfo").read_text().splitlines()),
+    )
+
+
+def settled(expected: Census, patience_s: float = 10.0) -> Census:
+    """The census, once it is as expected: spares are made in the background."""
+    deadline = time.monotonic() + patience_s
+    while (now := census()) != expected and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return now
+
+
+def descendants(pid: int) -> set[int]:
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                stat = (entry / "stat").read_text().rpartition(")")[2].split()
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            parents.setdefault(int(stat[1]), []).append(int(entry.name))
+    found, queue = set[int](), [pid]
+    while queue:
+        children = parents.get(queue.pop(), [])
+        found.update(children)
+        queue += children
+    return found
+
+
+def resident_kb(pid: int) -> int:
+    rows = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(row.split()[1]) for row in rows if row.startswith("VmRSS"))
