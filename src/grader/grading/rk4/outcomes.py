@@ -1,9 +1,9 @@
 """What became of each run: how far the student is from MuJoCo's method and from the truth, and what that counts."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,6 @@ class OrderOutcome:
 
     check: OrderCheck
     errors: tuple[float, ...]
-    own_errors: tuple[float, ...] = field(default=())
 
     @cached_property
     def slope(self) -> float | None:
@@ -147,8 +146,3 @@ def judge_order(problem: Problem, results: Mapping[str, NDArray[np.generic]]) ->
     runs = [(problem.runs[index], index) for index in problem.order_runs]
     errors = tuple(error_of(run, read_trajectory(results, index, run)) for run, index in runs)
     return OrderOutcome(check, errors)
-
-
-def worst_error(outcome: Outcome) -> float:
-    """For a message: the largest difference, inf where the run ended early."""
-    return outcome.difference.worst if len(outcome.student) else inf

@@ -1,0 +1,33 @@
+"""Fourth order on rotations too: Q' = Q (0, w) / 2 integrated like any other state, normalised after the step."""
+import mujoco
+import numpy as np
+
+OFFSET = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+
+
+def qpos_rate(model, q, v):
+    rate = np.zeros(model.nq)
+    for kind, i, j in zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist()):
+        n = OFFSET.get(kind, 1)
+        rate[i : i + n] = v[j : j + n]
+        if kind in OFFSET:
+            w = np.concatenate([[0], v[j + n : j + n + 3]])
+            mujoco.mju_mulQuat(rate[i + n : i + n + 4], q[i + n : i + n + 4], w / 2)
+    return rate
+
+
+def rk4_step(model, data):
+    h, t, q, v = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy()
+
+    def f(q, v, t):
+        data.qpos[:], data.qvel[:], data.time = q, v, t
+        mujoco.mj_forward(model, data)
+        return qpos_rate(model, q, v), data.qacc.copy()
+
+    k1 = f(q, v, t)
+    k2 = f(q + h / 2 * k1[0], v + h / 2 * k1[1], t + h / 2)
+    k3 = f(q + h / 2 * k2[0], v + h / 2 * k2[1], t + h / 2)
+    k4 = f(q + h * k3[0], v + h * k3[1], t + h)
+    dq, dv = ((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4))
+    data.qpos[:], data.qvel[:], data.time = q + h * dq, v + h * dv, t + h
+    mujoco.mj_normalizeQuat(model, data.qpos)

@@ -1,0 +1,34 @@
+"""A Lie-group Runge-Kutta step: rotation vectors about the start of the step, with Bortz' equation cut after u x (u x w)."""
+import mujoco
+import numpy as np
+
+
+def rotations(model):
+    first = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+    return [
+        slice(j + first[k], j + first[k] + 3)
+        for k, j in zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist())
+        if k in first
+    ]
+
+
+def rk4_step(model, data):
+    h, t, q, v = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy()
+
+    def f(u, velocity, time):
+        data.qpos[:], data.qvel[:], data.time = q, velocity, time
+        mujoco.mj_integratePos(model, data.qpos, u, 1.0)
+        mujoco.mj_forward(model, data)
+        rate = velocity.copy()
+        for r in rotations(model):
+            cross = np.cross(u[r], velocity[r])
+            rate[r] += cross / 2 + np.cross(u[r], cross) / 12
+        return rate, data.qacc.copy()
+
+    k1 = f(np.zeros(model.nv), v, t)
+    k2 = f(h / 2 * k1[0], v + h / 2 * k1[1], t + h / 2)
+    k3 = f(h / 2 * k2[0], v + h / 2 * k2[1], t + h / 2)
+    k4 = f(h * k3[0], v + h * k3[1], t + h)
+    u, dv = (h * (a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4))
+    data.qpos[:], data.qvel[:], data.time = q, v + dv, t + h
+    mujoco.mj_integratePos(model, data.qpos, u, 1.0)

@@ -1,0 +1,22 @@
+# diagnosis: Kutta's 3/8 rule
+"""Three eighths rule."""
+import mujoco
+
+
+def rk4_step(model, data):
+    h = model.opt.timestep
+    t0, q0, v0, act0 = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
+
+    def slope(q, v, act, t):
+        data.qpos[:], data.qvel[:], data.act[:], data.time = q, v, act, t
+        mujoco.mj_forward(model, data)
+        return v, data.qacc.copy(), data.act_dot.copy()
+
+    k1 = slope(q0, v0, act0, t0)
+    k2 = slope(q0 + h / 3 * k1[0], v0 + h / 3 * k1[1], act0 + h / 3 * k1[2], t0 + h / 3)
+    k3 = slope(*(x + h * (b - a / 3) for x, a, b in zip((q0, v0, act0), k1, k2)), t0 + 2 * h / 3)
+    k4 = slope(*(x + h * (a - b + c) for x, a, b, c in zip((q0, v0, act0), k1, k2, k3)), t0 + h)
+    q, v, act = (
+        x + h / 8 * (a + 3 * b + 3 * c + d) for x, a, b, c, d in zip((q0, v0, act0), k1, k2, k3, k4)
+    )
+    data.qpos[:], data.qvel[:], data.act[:], data.time = q, v, act, t0 + h
