@@ -1,5 +1,6 @@
 """A learner's way through the page, in a real browser against the real service."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,9 @@ from web.browsing import chromium, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises" / "servo-threshold"
 VERDICT_MS = 30_000
+PAINTED = """canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data
+  .filter((value, index) => index % 4 === 3 && value > 0).length"""
+"""How many pixels of a canvas are not empty."""
 
 
 @dataclass
@@ -120,6 +124,59 @@ def test_a_pasted_script_that_prints_shows_its_output_as_text(visit: Visit) -> N
     card.get_by_label("or pasted here").fill(script)
     card.get_by_role("button", name="Hand in").click()
     expect(card.get_by_text("<b>not bold</b>", exact=False).last).to_be_visible(timeout=VERDICT_MS)
+
+
+WRITTEN = {"0": "0", "-2.5": "−2.5", "1/3": "0.3333", "1e-11": "10⁻¹¹", "-2.5e7": "−2.5·10⁷", "1/0": "∞"}
+
+
+def test_numbers_are_written_for_people(visit: Visit) -> None:
+    values = ", ".join(WRITTEN)
+    written = visit.page.evaluate(f"import('/static/dom.js').then(dom => [{values}].map(value => dom.number(value)))")
+    assert written == list(WRITTEN.values())
+
+
+DIFFERENCES = {"case": "a", "tolerance": 1e-10, "time_s": [0.1, 0.2], "qpos": [0.0, 1e-12], "qvel": [1e-13, None]}
+ORDER = {"timestep_ms": [4, 2, 1], "error": [2.56e-6, 1.6e-7, 1e-8], "slope": 4.0, "expected_slope": 4}
+
+
+def test_evidence_of_a_step_is_drawn_on_logarithmic_axes(visit: Visit) -> None:
+    visit.page.evaluate(
+        "async evidence => { const { evidenceFigures } = await import('/static/evidence.js');"
+        " document.querySelector('main').replaceChildren(...evidenceFigures(evidence, [])); }",
+        {"differences": [DIFFERENCES], "order": ORDER},
+    )
+    expect(visit.page.get_by_role("img", name="tolerance")).to_be_visible()
+    order = visit.page.get_by_role("img", name="slope 4.00")
+    assert order.locator("circle").count() == 3
+    own, ideal = (path.get_attribute("d") for path in order.locator("path.line").all())
+    assert own == ideal  # fourth order lies on its own reference line
+
+
+def test_the_lab_of_a_prediction_opens_once_it_is_made(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q3")
+    expect(card.locator("canvas")).to_have_count(0)
+    card.get_by_label("implicitfast").check()
+    card.get_by_role("button", name="Send").click()
+    expect(card.get_by_text("MuJoCo warned BADQACC")).to_be_visible()
+    card.get_by_label("integrator").select_option("discrete")
+    expect(card.get_by_text("MuJoCo warned BADQACC")).to_have_count(0)
+    assert card.locator("canvas").evaluate(PAINTED) > 100
+    visit.page.reload()
+    expect(card.locator("canvas")).to_be_visible()
+
+
+def test_the_lessons_own_labs_run(visit: Visit) -> None:
+    servo, drift = visit.card("1.3-labs", "servo-stability"), visit.card("1.3-labs", "energy-drift")
+    drift.scroll_into_view_if_needed()
+    expect(drift.get_by_role("row", name="RK4")).to_contain_text(re.compile(r"0\.00\d\d"))
+    expect(drift.get_by_role("row", name="implicitfast")).to_contain_text("none")
+    drift.get_by_label("timestep (ms)").fill("1")
+    expect(drift.get_by_text("at a timestep of 1 ms")).to_be_visible()
+    servo.scroll_into_view_if_needed()
+    expect(servo.locator("svg.chart")).to_be_visible()
+    servo.get_by_label("timestep h").fill("0.02")
+    servo.get_by_label("stiffness kp").fill("40000")
+    expect(servo.get_by_text("MuJoCo warned")).to_be_visible()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

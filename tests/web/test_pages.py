@@ -23,6 +23,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
         service(Settings(data=tmp_path_factory.mktemp("data"), workers=0)) as origin,
         httpx.Client(base_url=origin, follow_redirects=True) as client,
     ):
+        client.get("/")  # brings the session
         yield client
 
 
@@ -85,7 +86,9 @@ def test_prose_of_a_verdict_comes_back_safe(client: httpx.Client) -> None:
     assert response.text.startswith("<p><math")
     assert "script" not in response.text
     assert client.post("/prose", content="x" * 70_000, headers=SAME_ORIGIN).status_code == 413
-    assert client.post("/prose", content="x").status_code == 403
+    assert client.post("/prose", content="x").status_code == 403  # from another page
+    stranger = httpx.post(client.base_url.join("/prose"), content="x", headers=SAME_ORIGIN)
+    assert stranger.status_code == 401
 
 
 def test_the_instructor_page_tells_others_how_to_sign_in(client: httpx.Client) -> None:

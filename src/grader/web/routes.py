@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Body, Depends, Request
 from fastapi.responses import HTMLResponse, PlainTextResponse, Response
 from fastapi.staticfiles import StaticFiles
 from fastapi.templating import Jinja2Templates
@@ -16,6 +16,7 @@ from grader.web.prose import safe_html
 
 ROOM = Path(__file__).parent
 PROSE_BYTES_MAX = 64 * 1024
+SIGN_IN = "Sign in first."
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -26,7 +27,7 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "private, no-cache",
 }
-"""No script, style or picture but our own, and none within the HTML."""
+"""Scripts and styles are our own and never within the HTML; authors may show pictures from elsewhere."""
 
 router = APIRouter(include_in_schema=False)
 static_files = StaticFiles(directory=ROOM / "static")
@@ -74,7 +75,7 @@ def instructor_page(request: Request, library: Content, who: Visitor) -> Respons
 def starter(quiz_id: str, question_id: str, request: Request, library: Content, who: Visitor) -> Response:
     """The starter file of an exercise. Raises Unauthorized, NotFound."""
     if who is None and not request.app.state.doorstep.anonymous:
-        raise Unauthorized("Sign in first.")
+        raise Unauthorized(SIGN_IN)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
         raise NotFound("This question has no starter file.")
@@ -83,9 +84,10 @@ def starter(quiz_id: str, question_id: str, request: Request, library: Content, 
 
 
 @router.post("/prose")
-async def render_prose(request: Request) -> Response:
-    """An author's HTML with TeX, as a verdict brings it, made safe to show. Raises TooLarge."""
-    body = await request.body()
+def render_prose(body: Annotated[bytes, Body(media_type="text/plain")], who: Visitor) -> Response:
+    """An author's HTML with TeX, as a verdict brings it, made safe to show. Raises Unauthorized, TooLarge."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
     if len(body) > PROSE_BYTES_MAX:
         raise TooLarge(f"At most {PROSE_BYTES_MAX // 1024} KB of prose are taken.")
     return HTMLResponse(safe_html(body.decode(errors="replace")), headers=HEADERS)

@@ -31,7 +31,7 @@ function scale(axis = {}, all, from, to) {
   let high = turn(axis.max ?? all.reduce((a, b) => Math.max(a, b), -Infinity));
   if (!Number.isFinite(low) || !Number.isFinite(high)) [low, high] = [0, 1];
   if (high - low < 1e-12 * Math.max(1, Math.abs(high))) [low, high] = [low - 0.5, high + 0.5];
-  if (axis.log && axis.min === undefined) [low, high] = [Math.floor(low * 2) / 2, Math.ceil(high * 2) / 2];
+  if (axis.log) [low, high] = [low - 0.05 * (high - low), high + 0.05 * (high - low)];
   const place = (value) => from + ((turn(value) - low) / (high - low)) * (to - from);
   return { place, ticks: axis.log ? decades(low, high) : steps(low, high), from, to };
 }
@@ -48,8 +48,11 @@ function decades(low, high) {
   const whole = [];
   const stride = Math.max(1, Math.ceil((high - low) / 7));
   for (let power = Math.ceil(low - 1e-9); power <= high + 1e-9; power += stride) whole.push(10 ** power);
-  return whole.length >= 2 ? whole : [1, 2, 5].flatMap((f) => [f * 10 ** Math.floor(low), f * 10 ** Math.ceil(low)])
-    .filter((value) => Math.log10(value) >= low - 1e-9 && Math.log10(value) <= high + 1e-9);
+  if (whole.length >= 3) return whole;
+  const powers = Array.from({ length: Math.ceil(high) - Math.floor(low) + 1 }, (_, i) => 10 ** (Math.floor(low) + i));
+  return powers.flatMap((power) => [power, 2 * power, 5 * power])
+    .map((value) => Number(value.toPrecision(6)))
+    .filter((value) => Math.log10(value) >= low && Math.log10(value) <= high);
 }
 
 function gridX(across, axis) {
@@ -93,7 +96,7 @@ function marked(mark, across, up) {
   const y = up.place(mark.y);
   return [
     svg("line", { class: "mark-line", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
-    svg("text", { x: WIDTH - RIGHT - 4, y: y - 4, "text-anchor": "end" }, mark.label ?? ""),
+    svg("text", { x: WIDTH - RIGHT - 4, y: y < TOP + 14 ? y + 12 : y - 4, "text-anchor": "end" }, mark.label ?? ""),
   ];
 }
 

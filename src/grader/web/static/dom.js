@@ -28,8 +28,10 @@ export function number(value, digits = 4) {
   if (!Number.isFinite(value)) return value > 0 ? "∞" : value < 0 ? "−∞" : "not a number";
   const size = Math.abs(value);
   const text = size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(digits - 1) : String(Number(value.toPrecision(digits)));
-  const [mantissa, exponent] = text.replace("-", "−").split("e");
-  return exponent === undefined ? mantissa : `${mantissa.replace(/\.?0+$/, "")}·10${superscript(exponent)}`;
+  const [mantissa, exponent] = text.split("e");
+  if (exponent === undefined) return text.replace("-", "−");
+  const factor = mantissa.replace("-", "−").replace(/\.0+$|(\.\d*?)0+$/, "$1");
+  return `${factor === "1" ? "" : `${factor}·`}10${superscript(exponent)}`;
 }
 
 function superscript(exponent) {

@@ -2,11 +2,11 @@
 
 import { chart } from "./chart.js";
 
-const PICTURES = { angles: angleCharts, stability: stabilityChart };
+const PICTURES = { angles: angleCharts, stability: stabilityChart, differences: differenceCharts, order: orderChart };
 
 export function evidenceFigures(evidence, findings) {
   const titleOf = (id) => findings.find((finding) => finding.id === id)?.title ?? id;
-  return Object.entries(PICTURES).flatMap(([key, draw]) => (evidence[key]?.length ? draw(evidence[key], titleOf) : []));
+  return Object.entries(PICTURES).flatMap(([key, draw]) => (evidence[key] ? draw(evidence[key], titleOf) : []));
 }
 
 // The angle against time at both ends of a claimed bracket, one picture for each case.
@@ -41,6 +41,36 @@ function stabilityChart(lines, titleOf) {
     y: { label: "spectral radius", max: Math.min(2, Math.max(...known.flatMap((line) => line.radius), 1.05)) },
     series: known.map((line) => ({ label: titleOf(line.case), x: line.timestep_ms, y: line.radius })),
     marks: [{ y: 1 }],
+  })];
+}
+
+// How far a run is from MuJoCo's RK4, on a logarithmic axis; where it is nowhere, there is nothing to draw.
+function differenceCharts(cases, titleOf) {
+  return cases.filter((one) => [...one.qpos, ...one.qvel].some((value) => value > 0)).map((one) => chart({
+    title: `${titleOf(one.case)}: difference from MuJoCo's RK4`,
+    x: { label: "time (s)" },
+    y: { label: "largest difference", log: true },
+    series: [
+      { label: "positions", x: one.time_s, y: one.qpos },
+      { label: "velocities", x: one.time_s, y: one.qvel },
+    ],
+    marks: [{ y: one.tolerance, label: "tolerance" }],
+  }));
+}
+
+function orderChart(order) {
+  const known = order.error.every((error) => error > 0);
+  if (!known) return [];
+  const last = order.timestep_ms.length - 1;
+  const ideal = order.timestep_ms.map((h) => order.error[last] * (h / order.timestep_ms[last]) ** order.expected_slope);
+  return [chart({
+    title: order.slope === null ? "Error against the exact motion" : `Error against the exact motion: slope ${order.slope.toFixed(2)}`,
+    x: { label: "timestep (ms)", log: true },
+    y: { label: "error", log: true },
+    series: [
+      { label: "yours", x: order.timestep_ms, y: order.error, points: true },
+      { label: `slope ${order.expected_slope}`, x: order.timestep_ms, y: ideal },
+    ],
   })];
 }
 

@@ -17,11 +17,20 @@ const KINDS = {
   BADCTRL: "a control became huge or no number",
 };
 
-// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once.
-export async function openLab(box, target) {
+// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once, and runs only when looked at.
+export function openLab(box, target) {
   if (box.dataset.open) return;
   box.dataset.open = "yes";
   box.hidden = false;
+  const looking = new IntersectionObserver((entries) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    looking.disconnect();
+    fill(box, target);
+  }, { rootMargin: "200px" });
+  looking.observe(box);
+}
+
+async function fill(box, target) {
   try {
     const quiz = await get(`/quizzes/${encodeURIComponent(target.quiz)}`);
     const lab = target.lab ? quiz.labs.find((one) => one.id === target.lab) : quiz.questions.find((one) => one.id === target.question)?.lab;

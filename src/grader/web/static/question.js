@@ -116,8 +116,9 @@ function missing(sentence) {
 }
 
 async function utf8(file) {
+  const bytes = await file.arrayBuffer().catch(() => missing("This file has changed since you chose it; choose it again."));
   try {
-    return new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
+    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
   } catch {
     throw new Error("This file is not UTF-8 text; save it as a plain .py file.");
   }
