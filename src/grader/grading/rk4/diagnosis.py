@@ -54,17 +54,23 @@ def name_the_mistake(problem: Problem, student: Trajectory) -> str | None:
     departure = departure_of(run, student)
     if len(student) < 2 or not np.isfinite(departure) or departure <= ROUND_OFF:
         return None
-    return around_forward(run, student, departure) or another_step(run, student, departure)
+    ways = (another_forward, another_time, another_number, another_step)
+    return next((said for way in ways if (said := way(run, student, departure))), None)
 
 
-def around_forward(run: Run, student: Trajectory, departure: float) -> str | None:
-    """Whether the accelerations came from elsewhere than mj_forward, or the state was read at another time."""
+def another_forward(run: Run, student: Trajectory, departure: float) -> str | None:
+    """Whether the accelerations came from elsewhere than mj_forward."""
     for code, name in INTEGRATORS.items():
         if matches(run, student, unforced(run, code, PREFIX), departure):
             return (
                 f"The trajectory is that of MuJoCo's own stepping ({name}): the accelerations did not come from "
                 "mujoco.mj_forward."
             )
+    return None
+
+
+def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
+    """Whether the right states come at the wrong time."""
     ours = mujocos(run)
     if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
         return "You are one step behind: the first call does not advance the state."
@@ -74,6 +80,11 @@ def around_forward(run: Run, student: Trajectory, departure: float) -> str | Non
         other = stepped(replaced(run, factor * run.timestep_s, PREFIX), classical(run))
         if matches(run, student, other, departure):
             return f"Every step advances by {factor:g} times model.opt.timestep."
+    return None
+
+
+def another_number(run: Run, student: Trajectory, departure: float) -> str | None:
+    """What shows in the numbers themselves."""
     if np.all(student.qpos == student.qpos[0]):
         return "Every step leaves the same positions."
     if departure < FLOAT32 and np.array_equal(student.qpos, student.qpos.astype(np.float32)):

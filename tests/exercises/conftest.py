@@ -1,0 +1,58 @@
+"""The lesson's content, the real jail, and one submission graded through both."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from grader.domain.quiz import CodeQuestion
+from grader.domain.run import Job, RunReport
+from grader.domain.verdict import Verdict
+from grader.grading.exercise import judge_exercise, plan_exercise
+from grader.sandbox.jail import Jail
+
+ROOT = Path(__file__).parents[2]
+
+Grade = Callable[..., Verdict]
+
+
+def model_xml(name: str) -> str:
+    return (ROOT / "models" / f"{name}.xml").read_text()
+
+
+def question(id_: str) -> CodeQuestion:
+    quiz = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
+    return CodeQuestion.model_validate(next(q for q in quiz["questions"] if q["id"] == id_))
+
+
+def with_check(question: CodeQuestion, **changes: Any) -> CodeQuestion:
+    """The same question with other parameters, as an author would write them."""
+    raw = question.model_dump(mode="json")
+    raw["check"] |= changes
+    return CodeQuestion.model_validate(raw)
+
+
+@pytest.fixture(scope="session")
+def jail() -> Iterator[Jail]:
+    with Jail(ROOT / "models", workers=2) as jail:
+        yield jail
+
+
+@pytest.fixture(scope="session")
+def run(jail: Jail) -> Callable[..., RunReport]:
+    def run(question: CodeQuestion, source: str, seed: int = 1) -> RunReport:
+        plan = plan_exercise(question, model_xml, seed)
+        return jail.run(Job(source, plan.driver, plan.inputs, question.limits))
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def grade(run: Callable[..., RunReport]) -> Grade:
+    def grade(question: CodeQuestion, source: str, seed: int = 1) -> Verdict:
+        report = run(question, source, seed)
+        return judge_exercise(question, plan_exercise(question, model_xml, seed), report)
+
+    return grade

@@ -1,0 +1,39 @@
+"""Every reference program, through the real jail, gets the status in its name and the diagnosis of its first line."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from exercises.conftest import ROOT, Grade, question
+from grader.domain.verdict import Status
+
+PROGRAMS = sorted((ROOT / "reference_solutions" / "1.3-exercises").glob("*/*.py"))
+
+
+def demanded(path: Path) -> str:
+    first = path.read_text().partition("\n")[0]
+    return first.removeprefix("# diagnosis:").strip() if first.startswith("# diagnosis:") else ""
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_it_gets_the_status_in_its_name(path: Path, grade: Grade) -> None:
+    verdict = grade(question(path.parent.name), path.read_text())
+    assert verdict.status == path.stem.partition("__")[0], verdict.diagnosis
+    assert demanded(path) in (verdict.diagnosis or "")
+
+
+def test_there_are_enough_of_them() -> None:
+    statuses = Counter(path.stem.partition("__")[0] for path in PROGRAMS)
+    assert set(statuses) <= set(Status)
+    assert statuses["correct"] >= 8
+    assert statuses.total() - statuses["correct"] >= 20
+
+
+@pytest.mark.parametrize("id_", ["servo-threshold", "rk4-step", "rk4-free-joint"])
+def test_the_starter_runs_and_is_not_yet_right(id_: str, grade: Grade) -> None:
+    exercise = question(id_)
+    assert exercise.starter
+    verdict = grade(exercise, (ROOT / exercise.starter).read_text())
+    assert verdict.status in (Status.INCORRECT, Status.PARTIAL)
+    assert verdict.diagnosis
