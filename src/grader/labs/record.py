@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from grader.domain.lab import LabConfig
 from grader.labs.number_text import to_fixed
-from grader.labs.values import Value, from_units, to_string
+from grader.labs.values import Trouble, Value, from_units, to_string
 
 Floats = NDArray[np.float64]
 DIGITS_DEFAULT = 3
@@ -96,7 +96,10 @@ def readout_text(value: Value, digits: int | None) -> str:
     """As the page shows it: a number with its digits, anything else as JavaScript would write it."""
     if type(value) is float:
         return to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
-    return from_units(to_string(value))
+    try:
+        return from_units(to_string(value))
+    except Trouble:
+        return "?"
 
 
 def _number(value: Value) -> float | None:

@@ -1,0 +1,81 @@
+"""Answer keys certified by physics: re-derived by the simulation that students see, or refused with the evidence."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from pydantic import ValidationError
+
+from grader.certify.certificate import Certificate, refused
+from grader.certify.choices import certify_options, certify_outcome
+from grader.certify.inference import infer
+from grader.certify.numbers import certify_expression, certify_measurement, certify_threshold
+from grader.certify.stages import certify_stage
+from grader.domain.quiz import ChoiceQuestion, NumericQuestion, PredictQuestion, Question
+from grader.domain.verify import (
+    VERIFY,
+    ByExpression,
+    ByMeasurement,
+    ByOptions,
+    ByOutcome,
+    ByStage,
+    ByThreshold,
+    Verify,
+)
+from grader.errors import CallerError, ContentError, LabError
+
+__all__ = ["Certificate", "certify_question"]
+
+ModelXml = Callable[[str], str]
+Decidable = ChoiceQuestion | PredictQuestion | NumericQuestion
+
+
+def certify_question(question: Question, model_xml: ModelXml) -> Certificate | None:
+    """Re-derive the key of a question as its `verify` says, or as can be inferred; None where nothing decides it.
+
+    `model_xml` gives the MJCF of a named model. Never raises for what an author may have written.
+    """
+    if not isinstance(question, ChoiceQuestion | PredictQuestion | NumericQuestion):
+        return None
+    began = time.perf_counter()
+    try:
+        verify = infer(question) if question.verify is None else VERIFY.validate_python(question.verify)
+        certificate = None if verify is None else _certify(question, verify, model_xml)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        certificate = refused("verify", question.answer, f"verify: {place}: {first['msg']}")
+    except (CallerError, ContentError, LabError, ValueError, KeyError) as error:
+        certificate = refused("verify", question.answer, f"it cannot be re-derived: {error}")
+    if certificate is None or (question.verify is None and _says_nothing(certificate)):
+        return None
+    return replace(certificate, cost_ms=1000 * (time.perf_counter() - began))
+
+
+def _certify(question: Decidable, verify: Verify, model_xml: ModelXml) -> Certificate:
+    if isinstance(question, NumericQuestion) and isinstance(verify, ByThreshold | ByMeasurement | ByExpression):
+        return _certify_number(question, verify, model_xml)
+    if isinstance(question, ChoiceQuestion | PredictQuestion) and isinstance(verify, ByStage):
+        return certify_stage(question, verify, model_xml)
+    if isinstance(question, PredictQuestion) and question.sim and isinstance(verify, ByOptions | ByOutcome):
+        xml = question.sim.xml or model_xml(question.sim.model or "")
+        if isinstance(verify, ByOptions):
+            return certify_options(question, verify, xml)
+        return certify_outcome(question, verify, xml)
+    return refused(verify.by, question.answer, f"verify by {verify.by} does not fit a {question.kind} question")
+
+
+def _certify_number(
+    question: NumericQuestion, verify: ByThreshold | ByMeasurement | ByExpression, model_xml: ModelXml
+) -> Certificate:
+    if isinstance(verify, ByThreshold):
+        return certify_threshold(question, verify, model_xml)
+    if isinstance(verify, ByMeasurement):
+        return certify_measurement(question, verify, model_xml)
+    return certify_expression(question, verify, model_xml)
+
+
+def _says_nothing(certificate: Certificate) -> bool:
+    """An inferred criterion that tells no option from another: all runs are stable, so that was not the question."""
+    runs = [m for name, m in certificate.measured.items() if name != "all integrators" and isinstance(m, dict)]
+    return certificate.method == "options" and bool(runs) and all(run.get("stable", True) for run in runs)

@@ -1,0 +1,90 @@
+"""Certificate: an answer key re-derived by simulation, with what was measured."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from grader.domain.quiz import NumericQuestion
+
+UNCERTAINTY_SHARE = 0.2
+"""A key is refused where the numerical uncertainty is more than this share of the tolerance."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """`ok`, and `why` in a sentence; `answer` is what was derived: an option's index, a number, or None.
+
+    `uncertainty` and `tolerance` are in the question's unit, None where the criterion is a yes or no. `measured` is
+    plain JSON. `remarks` are no faults, but an author should read them. `cost_ms` is measured and decides nothing.
+    """
+
+    ok: bool
+    why: str
+    method: str
+    answer: int | float | None
+    expected: int | float
+    measured: Mapping[str, Any] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    uncertainty: float | None = None
+    tolerance: float | None = None
+    cost_ms: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        return {
+            "ok": self.ok,
+            "why": self.why,
+            "method": self.method,
+            "answer": self.answer,
+            "expected": self.expected,
+            "measured": dict(self.measured),
+            "remarks": list(self.remarks),
+            "uncertainty": self.uncertainty,
+            "tolerance": self.tolerance,
+            "cost_ms": round(self.cost_ms, 3),
+        }
+
+
+def refused(method: str, expected: int | float, why: str) -> Certificate:
+    """A key that could not be re-derived at all."""
+    return Certificate(False, why, method, None, expected)
+
+
+def of_number(
+    method: str, question: NumericQuestion, derived: float, uncertainty: float, measured: Mapping[str, Any]
+) -> Certificate:
+    """The certificate of a numeric key: within the tolerance, and known to a fifth of it."""
+    expected, tolerance = question.answer, question.tolerance
+    values = f"derived {derived:.9g} with an uncertainty of {uncertainty:.2g}"
+    off = abs(derived - expected)
+    if not uncertainty <= UNCERTAINTY_SHARE * tolerance:
+        why, ok = f"{values}, more than a fifth of the tolerance {tolerance:g}: the key cannot be decided", False
+    elif not off + uncertainty <= tolerance:
+        why, ok = f"{values}, but the key says {expected:g} within {tolerance:g}", False
+    else:
+        why, ok = f"{values}; the key {expected:g} is within {tolerance:g}", True
+    why = why if ok else f"{why}; measured: {evidence(measured)}"
+    remarks = (f"The key is {off:.3g} off what was derived, {derived:.9g}.",) if ok and off > tolerance / 2 else ()
+    return Certificate(ok, why, method, derived, expected, measured, remarks, uncertainty, tolerance)
+
+
+def of_choice(
+    method: str, right: list[int], expected: int, options: tuple[str, ...], measured: Mapping[str, Any]
+) -> Certificate:
+    """The certificate of an option: exactly one is right, and it is the key."""
+    answer = right[0] if len(right) == 1 else None
+    ok = answer == expected
+    if answer is None:
+        names = ", ".join(repr(options[i]) for i in right) or "no option"
+        why = f"{names} came out right, not exactly one"
+    else:
+        said = "as the key says" if ok else f"but the key says {options[expected]!r}"
+        why = f"{options[answer]!r} came out right, {said}"
+    if not ok:
+        why += f"; measured: {evidence(measured)}"
+    return Certificate(ok, why, method, answer, expected, measured)
+
+
+def evidence(measured: Mapping[str, Any]) -> str:
+    """The measurements in one line."""
+    return "; ".join(f"{name}: {value}" for name, value in measured.items())

@@ -1,0 +1,91 @@
+"""Keys of questions about mj_step: which stage's call fills a field of the data, seen by calling them one by one."""
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+
+from grader.certify.certificate import Certificate, of_choice, refused
+from grader.certify.choices import plain
+from grader.certify.numbers import named_xml
+from grader.domain.quiz import ChoiceQuestion, PredictQuestion
+from grader.domain.verify import ByStage
+from grader.labs.fields import DATA_RESULTS, DATA_STATE
+
+CALLS = (
+    "mj_checkPos",
+    "mj_checkVel",
+    "mj_fwdPosition",
+    "mj_fwdVelocity",
+    "mj_fwdActuation",
+    "mj_fwdAcceleration",
+    "mj_fwdConstraint",
+    "mj_checkAcc",
+    "mj_Euler",
+)
+"""The calls of mj_step in their order, for a model with the Euler integrator. Source: engine_forward.c of 3.14.0."""
+
+WORDS = {
+    "position": "mj_fwdPosition",
+    "velocity": "mj_fwdVelocity",
+    "actuation": "mj_fwdActuation",
+    "acceleration": "mj_fwdAcceleration",
+    "constraint": "mj_fwdConstraint",
+    "integrat": "mj_Euler",
+    "euler": "mj_Euler",
+}
+
+IN_CONTACT = """
+<mujoco><worldbody>
+  <geom type="plane" size="1 1 .1"/>
+  <body pos="0 0 .09"><freejoint/><geom size=".1"/></body>
+</worldbody></mujoco>
+"""
+
+
+def stage_of(option: str) -> str | None:
+    """The call that an option's words name."""
+    words = plain(option).lower()
+    return next((call for word, call in WORDS.items() if word in words), None)
+
+
+def certify_stage(
+    question: ChoiceQuestion | PredictQuestion, verify: ByStage, model_xml: Callable[[str], str]
+) -> Certificate:
+    """The option that names the call which first fills the field."""
+    stages = verify.stages or tuple(map(stage_of, question.options))
+    if len(stages) != len(question.options) or not set(stages) <= {None, *CALLS}:
+        return refused("stage", question.answer, f"verify.stages needs one of {', '.join(CALLS)} for each option")
+    named = verify.model or verify.xml
+    xml = named_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
+    seen = observe(xml, verify.fills)
+    filled = next((call for call, before, after in seen if after != before), None)
+    measured = {
+        "field": f"data.{verify.fills}",
+        "filled by": filled,
+        "calls": {call: after if after == before else f"{before}, then {after}" for call, before, after in seen},
+    }
+    right = [i for i, stage in enumerate(stages) if stage is not None and stage == filled]
+    return of_choice("stage", right, question.answer, question.options, measured)
+
+
+def observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
+    """Every call of mj_step with the field before and after it, in short. Raises ValueError for an unknown field."""
+    if field != "contact" and field not in DATA_RESULTS | DATA_STATE:
+        raise ValueError(f"verify.fills must be contact or an array of the data, not {field!r}")
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    data = mujoco.MjData(model)
+    mujoco.mj_resetData(model, data)
+    seen = []
+    for name in CALLS:
+        before = _short(data, field)
+        getattr(mujoco, name)(model, data)
+        seen.append((name, before, _short(data, field)))
+    return seen
+
+
+def _short(data: mujoco.MjData, field: str) -> str:
+    """The number of contacts, or the sum of the magnitudes of an array to every bit."""
+    if field == "contact":
+        return f"{data.ncon} contacts"
+    return repr(float(abs(getattr(data, field)).sum()))
