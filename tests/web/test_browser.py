@@ -209,7 +209,9 @@ def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("main")).to_contain_text("1.3-check")
-    row = page.get_by_role("row").filter(has_text="q2").filter(has_text="incorrect").first
+    page.get_by_role("button", name="Hold the answer keys").click()
+    expect(page.get_by_role("row").filter(has_text="1.3-check q2").filter(has_text="certified")).to_be_visible()
+    row = page.get_by_role("row").filter(has_text="learner").filter(has_text="incorrect").first
     row.get_by_role("button").click()
     expect(page.locator("[data-one] pre").first).to_have_text("7 ms")
     context.close()

@@ -9,8 +9,9 @@ from fastapi.staticfiles import StaticFiles
 from fastapi.templating import Jinja2Templates
 
 from grader.errors import NotFound, TooLarge, Unauthorized
-from grader.identity import Identity, authenticate
+from grader.identity import Identity, Role, authenticate
 from grader.library import Library
+from grader.web.certificates import certificate_rows
 from grader.web.page import page_of
 from grader.web.prose import safe_html
 
@@ -69,6 +70,15 @@ def instructor_page(request: Request, library: Content, who: Visitor) -> Respons
         return page(request, "signin.html", 401 if who is None else 403, who=who)
     quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "instructor.html", who=who, quizzes=quizzes, warnings=list(map(str, library.warnings)))
+
+
+@router.get("/instructor/certificates")
+def certificates(request: Request, library: Content, who: Visitor) -> Response:
+    """Every answer key held against physics now, as a part of the instructor page. Raises Unauthorized, Forbidden."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
+    who.require(Role.INSTRUCTOR)
+    return page(request, "certificates.html", rows=list(certificate_rows(library)))
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
