@@ -118,6 +118,10 @@ def test_five_faults_in_five_places_are_named_at_once(root: Path) -> None:
         ({**PREDICT, "sim": {**SIM, "heigth": 1}}, "q1.sim.heigth", "write 'height'"),
         ({**PREDICT, "sim": {**SIM, "controls": [{"type": "knob"}]}}, "q1.sim.controls.0.type", "there is no 'knob'"),
         ({**PREDICT, "sim": {**SIM, "plots": [{"traces": []}]}}, "q1.sim.plots.0.traces", "at least 1 item"),
+        ({**NUMERIC, "verify": {"by": "expression", "exrp": "5", "expr": "5"}}, "q1.verify.exrp", "write 'expr'"),
+        ({**NUMERIC, "verify": {"by": "thought"}}, "q1.verify.by", "there is no 'thought': one of 'options'"),
+        ({**NUMERIC, "verify": {"bye": "stage"}}, "q1.verify.by", "is missing: rename 'bye' (options"),
+        ({**NUMERIC, "verify": {"by": "expression", "expr": "5", "model": "bell"}}, "q1.verify.model", "there is no"),
         ({**PREDICT, "sim": {"model": "../x"}}, "q1.sim.model", "there is no models/../x.xml: take one of ball"),
     ],
 )

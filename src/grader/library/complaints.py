@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from grader.domain import verify
 from grader.domain.lab import Button, IntegratorsLab, LabConfig, Plot, Readout, Select, SimLab, Slider, Trace
 from grader.domain.quiz import ChoiceQuestion, CodeQuestion, NumericQuestion, OpenQuestion, PredictQuestion, Quiz
 from grader.domain.run import Limits
@@ -18,6 +19,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "numeric": NumericQuestion,
     "open": OpenQuestion,
     "code": CodeQuestion,
+    "options": verify.ByOptions,
     "limits": Limits,
     "simlab": SimLab,
     "integrators": IntegratorsLab,
@@ -28,10 +30,20 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "readouts": Readout,
     "plots": Plot,
     "traces": Trace,
+    "outcome": verify.ByOutcome,
+    "stage": verify.ByStage,
+    "threshold": verify.ByThreshold,
+    "servo": verify.Servo,
+    "measurement": verify.ByMeasurement,
+    "expression": verify.ByExpression,
 }
 """The class whose keys are allowed at a place, by the last word of pydantic's way to it."""
 
-KINDS = "mcq, debug, predict, numeric, open or code; simlab or integrators for a lab"
+CHOICES = {
+    "kind": "mcq, debug, predict, numeric, open or code; simlab or integrators for a lab",
+    "by": "options, outcome, stage, threshold, measurement or expression",
+}
+"""What may stand at the key that says which class a part is of."""
 
 
 def place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
@@ -44,7 +56,7 @@ def place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
         if is_there or (detail["type"] == "missing" and step == detail["loc"][-1]):
             yield step
     if detail["type"].startswith("union_tag") and isinstance(item, dict):
-        yield "type" if "controls" in detail["loc"] else "kind"
+        yield detail["ctx"]["discriminator"].strip("'") if "controls" not in detail["loc"] else "type"
 
 
 def complaint(detail: ErrorDetails) -> str:
@@ -56,8 +68,9 @@ def complaint(detail: ErrorDetails) -> str:
             steps = [step for step in detail["loc"] if isinstance(step, str)]
             return f"unknown key: {suggestion(steps)}remove it, or begin it with x-"
         case "union_tag_not_found":
-            near = difflib.get_close_matches("kind", map(str, detail["input"]), n=1, cutoff=0.7)
-            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'} ({KINDS})"
+            name = detail["ctx"]["discriminator"].strip("'")
+            near = difflib.get_close_matches(name, map(str, detail["input"]), n=1, cutoff=0.7)
+            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'} ({CHOICES.get(name, '')})"
         case "union_tag_invalid":
             return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
         case "option_index":
