@@ -98,10 +98,10 @@ def test_a_controller_that_writes_its_model_spoils_no_later_run() -> None:
 
 def test_threads_and_nested_runs_share_a_scene_but_no_data() -> None:
     scene = Scene.from_xml(DOUBLE, key="release")
-    settings = [(0.001 * (1 + i % 3), i % 5) for i in range(40)]
+    settings = [(0.001 * (1 + i % 3), i % 5) for i in range(20)]
 
     def run(setting: tuple[float, int]) -> Rollout:
-        return simulate(scene, steps=2000, timestep_s=setting[0], integrator=setting[1])
+        return simulate(scene, steps=1000, timestep_s=setting[0], integrator=setting[1])
 
     alone = [run(setting).qpos.tobytes() for setting in settings]
     with ThreadPoolExecutor(4) as pool:
@@ -114,7 +114,7 @@ def test_threads_and_nested_runs_share_a_scene_but_no_data() -> None:
         if data.time == 0:
             inner.append(run(settings[0]).qpos.tobytes())
 
-    outer = simulate(scene, steps=2000, timestep_s=settings[1][0], integrator=settings[1][1], controller=nested)
+    outer = simulate(scene, steps=1000, timestep_s=settings[1][0], integrator=settings[1][1], controller=nested)
     assert (inner, outer.qpos.tobytes()) == ([alone[0]], alone[1])
 
 

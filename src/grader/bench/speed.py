@@ -10,11 +10,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from grader.bench.scenes import load_scene, scene_text
 from grader.bench.timing import Paired, paired
@@ -44,25 +45,30 @@ class NoLoop(Exception):
     """The loop in C cannot be built here; the message says why."""
 
 
-def measure(budget_s: float = 0.4) -> dict[str, Any]:
+def measure(
+    budget_s: float = 0.4, scenes: Mapping[str, Scene] | None = None, servo: str | None = None
+) -> dict[str, Any]:
     """All measurements as a plain dict, about `budget_s` of CPU time [s] for each ratio.
+
+    `scenes` takes the place of SCENES, and `servo` (MJCF) that of the exercise's servo, which starts at 1 rad.
 
     `loop_in_c` is "measured", or why it is not; then the rows lack `ours_per_c`. `timer_on` tells whether the
     lesson's scripts ran with the wheel's profiling timer, as a student's do.
     """
     prepare()
+    scenes = scenes or {name: load_scene(name) for name in SCENES}
     with tempfile.TemporaryDirectory() as folder:
         try:
             loop, said = compiled_loop(Path(folder)), "measured"
         except NoLoop as why:
             loop, said = None, str(why)
-        rows = [row(name, integrator, loop, budget_s) for name in SCENES for integrator in INTEGRATORS]
+        rows = [row(name, scenes[name], integrator, loop, budget_s) for name in scenes for integrator in INTEGRATORS]
         return {
             "loop_in_c": said,
             "timer_on": timer_is_known(),
             "steps": STEPS,
             "rows": rows,
-            "certify": certifying(budget_s),
+            "certify": certifying(servo or servo_text(), budget_s),
         }
 
 
@@ -83,12 +89,13 @@ def compiled_loop(folder: Path) -> Loop:
     function = ctypes.CDLL(str(built)).step_loop
     function.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
     function.restype = None
-    return lambda model, data, steps: function(model, data, steps)
+    loop: Loop = function
+    return loop
 
 
-def row(name: str, integrator: str, loop: Loop | None, budget_s: float) -> dict[str, Any]:
+def row(name: str, scene: Scene, integrator: str, loop: Loop | None, budget_s: float) -> dict[str, Any]:
     """One scene under one integrator: ours against C without skipping, the lesson's loop against ours with it."""
-    scene, code = load_scene(name), INTEGRATORS[integrator]
+    code = INTEGRATORS[integrator]
     plain, skipping = ours(scene, code, skip=False), ours(scene, code, skip=True)
     lesson = lessons_loop(scene, code)
     ends = {plain(), skipping(), lesson()}
@@ -122,9 +129,14 @@ def ours(scene: Scene, integrator: int, *, skip: bool) -> Work:
 
     def work() -> bytes:
         run = simulate(scene, steps=STEPS, timestep_s=TIMESTEP_S, integrator=integrator, every=STEPS_MAX, skip=skip)
-        return run.qpos[-1].tobytes() + run.qvel[-1].tobytes()
+        return np.concatenate([run.qpos[-1], run.qvel[-1]]).tobytes()
 
     return work
+
+
+def last_state(data: mujoco.MjData) -> bytes:
+    """The bits by which runs are compared."""
+    return np.concatenate([data.qpos, data.qvel]).tobytes()
 
 
 def own_copy(scene: Scene, integrator: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -142,14 +154,15 @@ def loop_in_c(scene: Scene, integrator: int, loop: Loop) -> Work:
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, scene.start_vector, FULL_STATE)
         loop(*addresses, STEPS)
-        return bytes(data.qpos.tobytes() + data.qvel.tobytes())
+        return last_state(data)
 
     return work
 
 
 def lessons_loop(scene: Scene, integrator: int) -> Work:
-    """The same steps by the lesson's loop, with the timer as the wheel installs it."""
+    """The same steps by the loop of the lesson's `energy_error`: energy on, and the timer as the wheel installs it."""
     model, data = own_copy(scene, integrator)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 
     def work() -> bytes:
         with profiling_timer():
@@ -157,17 +170,17 @@ def lessons_loop(scene: Scene, integrator: int) -> Work:
             mujoco.mj_setState(model, data, scene.start_vector, FULL_STATE)
             for _ in range(STEPS):
                 mujoco.mj_step(model, data)
-        return bytes(data.qpos.tobytes() + data.qvel.tobytes())
+        return last_state(data)
 
     return work
 
 
-def certifying(budget_s: float) -> dict[str, Any]:
+def certifying(text: str, budget_s: float) -> dict[str, Any]:
     """Two simulations of a claimed bracket against the lesson's own bisection for the same answer."""
-    scene = load_scene("servo")
-    low, high = lessons_bisection()
+    scene = Scene.from_xml(text).at(qpos=[1.0])
+    low, high = lessons_bisection(text)
     holds = certify(scene, low, high, integrator=0).holds
-    found = paired(lessons_bisection, lambda: certify(scene, low, high, integrator=0), budget_s)
+    found = paired(lambda: lessons_bisection(text), lambda: certify(scene, low, high, integrator=0), budget_s)
     return {
         "bracket_ms": [1000 * low, 1000 * high],
         "holds": holds,
@@ -177,22 +190,29 @@ def certifying(budget_s: float) -> dict[str, Any]:
     }
 
 
-def lessons_bisection() -> tuple[float, float]:
-    """Largest stable timestep [s] as a student writes it with the lesson's script: compile, loop, look, halve."""
+def servo_text() -> str:
+    """The servo of the lesson's exercise, kp = 2000 and kv = 5, by replacing text as the lesson does."""
+    return scene_text("servo").replace('kp="100" kv="5"', 'kp="2000" kv="5"')
+
+
+def lessons_bisection(text: str) -> tuple[float, float]:
+    """Largest stable timestep [s] as a student writes it with the lesson's function: try both ends, then halve."""
     low, high = 0.001, 0.05
     with profiling_timer():
+        if not lessons_servo_is_stable(text, low) or lessons_servo_is_stable(text, high):
+            raise ValueError("the limit does not lie between 1 and 50 ms")
         while high - low > 0.0005:
             middle = (low + high) / 2
-            low, high = (middle, high) if lessons_servo_is_stable(middle) else (low, middle)
+            low, high = (middle, high) if lessons_servo_is_stable(text, middle) else (low, middle)
     return low, high
 
 
-def lessons_servo_is_stable(timestep_s: float, seconds: float = 3.0) -> bool:
+def lessons_servo_is_stable(text: str, timestep_s: float, seconds: float = 3.0) -> bool:
     """The lesson's function: the model from its text, and a look at the warning after every step."""
-    model = mujoco.MjModel.from_xml_string(scene_text("servo"))
+    model = mujoco.MjModel.from_xml_string(text)
     model.opt.integrator, model.opt.timestep = 0, timestep_s
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[0] = 1.0
     for _ in range(round(seconds / timestep_s)):
         mujoco.mj_step(model, data)
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number > 0:

@@ -35,7 +35,9 @@ def prove(model: mujoco.MjModel) -> tuple[Need, ...]:
     parts = [_equality(model), _friction_loss(model), _limits(model), _contacts(model)]
     parts.append(_constraints(parts))
     parts.append(_islands(model, parts[-1]))
-    parts += [_springs(model), _dampers(model), _gravity(model), _actuation(model), _sensors(model), _visuals(model)]
+    passive = [_springs(model), _dampers(model), _gravity_compensation(model), _fluid(model)]
+    parts += [*passive, _passive_forces(passive)]
+    parts += [_gravity(model), _actuation(model), _sensors(model), _visuals(model)]
     return tuple(parts)
 
 
@@ -116,9 +118,7 @@ def _filtered(model: mujoco.MjModel, body1: int, body2: int, excluded: set[int])
 
 
 def _constraints(parts: list[Need]) -> Need:
-    wanted = [part.part for part in parts if part.needed]
-    reason = "there are " + ", ".join(wanted) if wanted else "none of " + ", ".join(part.part for part in parts)
-    return Need("constraints", bool(wanted), reason, int(mjtDisableBit.mjDSBL_CONSTRAINT))
+    return _any_of("constraints", parts, mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
 def _islands(model: mujoco.MjModel, constraints: Need) -> Need:
@@ -137,10 +137,34 @@ def _springs(model: mujoco.MjModel) -> Need:
 
 
 def _dampers(model: mujoco.MjModel) -> Need:
-    arrays = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+    arrays = (
+        *(model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly),
+        *(model.actuator_damping, model.actuator_dampingpoly),
+    )
     needed = model.nflex > 0 or any(np.any(values != 0) for values in arrays)
-    reason = "a joint, tendon or flex has damping" if needed else "no joint or tendon has damping"
+    reason = "a joint, tendon, actuator or flex has damping" if needed else "no joint, tendon or actuator has damping"
     return Need("dampers", needed, reason)
+
+
+def _gravity_compensation(model: mujoco.MjModel) -> Need:
+    needed = model.ngravcomp > 0 or bool(np.any(model.body_gravcomp != 0))
+    return Need("gravity compensation", needed, "a body is compensated" if needed else "no body is compensated")
+
+
+def _fluid(model: mujoco.MjModel) -> Need:
+    needed = model.opt.density != 0 or model.opt.viscosity != 0
+    return Need("fluid", bool(needed), "there is a medium" if needed else "density and viscosity are zero")
+
+
+def _passive_forces(parts: list[Need]) -> Need:
+    """One flag for all: MuJoCo leaves the whole stage out only where springs and dampers are both disabled."""
+    return _any_of("passive forces", parts, mjtDisableBit.mjDSBL_SPRING | mjtDisableBit.mjDSBL_DAMPER)
+
+
+def _any_of(whole: str, parts: list[Need], flag: int) -> Need:
+    wanted = [part.part for part in parts if part.needed]
+    reason = "there are " + ", ".join(wanted) if wanted else "none of " + ", ".join(part.part for part in parts)
+    return Need(whole, bool(wanted), reason, int(flag))
 
 
 def _gravity(model: mujoco.MjModel) -> Need:

@@ -159,8 +159,10 @@ def _chart_rate(rotations: tuple[slice, ...], chart: Vector, velocity: Vector) -
     rate = velocity.copy()
     for where in rotations:
         turn, spin = chart[where], velocity[where]
-        cross = np.cross(turn, spin)
-        rate[where] = spin + 0.5 * cross + _bortz(float(np.linalg.norm(turn))) * np.cross(turn, cross)
+        cross, twice = np.empty(3), np.empty(3)
+        mujoco.mju_cross(cross, turn, spin)
+        mujoco.mju_cross(twice, turn, cross)
+        rate[where] = spin + 0.5 * cross + _bortz(float(np.linalg.norm(turn))) * twice
     return rate
 
 

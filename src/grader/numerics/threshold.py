@@ -151,13 +151,13 @@ def _second_look(scene: Scene, workspace: Workspace, steps: int, acceleration: f
     radius = spectral_radius(resting, timestep_s=timestep_s, integrator=integrator)
     if radius <= 1 + RADIUS_NOISE:
         return Outcome.STABLE, silent
-    if spectral_radius(resting, timestep_s=timestep_s / 16, integrator=integrator) > 1 + RADIUS_NOISE:
-        return Outcome.STABLE, silent
     reason = f"{silent}, but small motions grow {radius:.6g} times a step"
     growth = max(steps, STEPS_EXTENDED if steps < STEPS_MIN else 0) * log(radius)
-    if radius > CLEAR_GROWTH and growth > CLEARLY * log(max(BAD_VALUE / acceleration, 1.0)):
-        return Outcome.UNDECIDED, f"{reason}: large ones are bounded"
-    return Outcome.STABLE, reason
+    if radius <= CLEAR_GROWTH or growth <= CLEARLY * log(max(BAD_VALUE / acceleration, 1.0)):
+        return Outcome.STABLE, reason
+    if spectral_radius(resting, timestep_s=timestep_s / 16, integrator=integrator) > 1 + RADIUS_NOISE:
+        return Outcome.STABLE, f"{reason}, as they do in truth"
+    return Outcome.UNDECIDED, f"{reason}: large ones are bounded"
 
 
 def _in_motion(workspace: Workspace, acceleration: float) -> bool:
