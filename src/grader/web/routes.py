@@ -103,6 +103,12 @@ def render_prose(body: Annotated[bytes, Body(media_type="text/plain")], who: Vis
     return HTMLResponse(safe_html(body.decode(errors="replace")), headers=HEADERS)
 
 
+@router.get("/favicon.ico")
+async def favicon(request: Request) -> Response:
+    """The icon, for pages that do not name it."""
+    return await static_file("icon.svg", request)
+
+
 @router.get("/static/{path:path}")
 async def static_file(path: str, request: Request) -> Response:
     """Style and scripts; a browser asks each time whether they have changed."""

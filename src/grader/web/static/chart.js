@@ -3,7 +3,8 @@
 
 import { el, number, svg } from "./dom.js";
 
-const WIDTH = 640, HEIGHT = 260, LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 40;
+const WIDTH = Math.min(640, Math.max(300, window.innerWidth - 80)); // text keeps its size on a narrow screen
+const HEIGHT = 260, LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 40;
 const COLOURS = 6;
 
 export function chart(spec) {

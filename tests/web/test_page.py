@@ -1,0 +1,62 @@
+"""How a question is worded for the page."""
+
+from typing import Any
+
+import pytest
+
+from grader.domain.quiz import Quiz
+from grader.library import Library
+from grader.web.page import page_of, paragraphs, worth
+
+QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry": "f", "check": {"kind": "none"}}
+
+
+def card(**changes: Any) -> dict[str, Any]:
+    quiz = Quiz.model_validate({"id": "quiz", "title": "A <b>quiz</b>", "questions": [QUESTION | changes]})
+    library = Library(root=None, quizzes={}, starters={"s/f.py": "def f(): ..."})  # type: ignore[arg-type]
+    page = page_of(library, quiz)
+    assert page["title"] == "A quiz"
+    shown: dict[str, Any] = page["questions"][0]
+    return shown
+
+
+@pytest.mark.parametrize(
+    ("points", "attempts", "text"),
+    [
+        (1.0, None, "1 point"),
+        (2.5, None, "2.5 points"),
+        (3.0, 1, "3 points, 1 attempt"),
+        (1.0, 5, "1 point, 5 attempts"),
+    ],
+)
+def test_what_a_question_is_worth(points: float, attempts: int | None, text: str) -> None:
+    assert worth(points, attempts) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "html"),
+    [
+        ("Which <code>x</code>?", "<p>Which <code>x</code>?</p>"),
+        ("<p>One.</p><p>Two.</p>", "<p>One.</p><p>Two.</p>"),
+        ("<pre>x</pre>", "<pre>x</pre>"),
+        ("<private>", "<p></p>"),
+    ],
+)
+def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
+    assert paragraphs(text) == html
+
+
+def test_headings_come_from_the_author_first() -> None:
+    assert card()["heading"] == "Exercise"
+    assert card(label="Step <i>2</i>")["heading"] == "Step 2"
+    assert card(label="Step 2", title="Runge & Kutta")["heading"] == "Runge & Kutta"
+
+
+def test_an_exercise_says_what_a_script_may_use_and_shows_its_starter() -> None:
+    shown = card(starter="s/f.py", limits={"cpu_s": 2.5, "memory_mb": 300, "output_kb": 8})
+    assert shown["allowance"].startswith(
+        "A script may use 2.5 s of processor time, 300 MB of memory and 8 KB of output."
+    )
+    assert shown["starter"] == "def f(): ..."
+    assert shown["starter_url"] == "/quizzes/quiz/f/starter.py"
+    assert card()["starter"] is None
