@@ -8,7 +8,7 @@ BIN := .venv/bin
 INSTALLED := .venv/installed-$(shell cat requirements.lock pyproject.toml | cksum | cut -d' ' -f1)
 
 .DEFAULT_GOAL := help
-.PHONY: help install serve test check lint lock bench-check clean
+.PHONY: help install serve test check lint lock bench-check measured measured-tables clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -43,6 +43,15 @@ lint: install ## ruff and mypy alone
 lock: install ## rewrite requirements.lock from pyproject.toml (needs uv)
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	  --no-emit-index-url --no-emit-find-links --group dev --group build pyproject.toml -o requirements.lock
+
+bench-check: install ## fail where a speed ratio falls below its floor
+	$(BIN)/python -m grader.bench.floors
+
+measured: install ## measure all over again (half an hour), and rewrite the figures of README.md and docs/measured.md
+	$(BIN)/python -m grader.bench.measured docs README.md docs/measured.md --work $(DATA)/bench
+
+measured-tables: install ## rewrite those figures from the committed results
+	$(BIN)/python -m grader.bench.measured docs README.md docs/measured.md --tables-only
 
 clean: ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
-NOT_MEASURING = ("tables.py", "measured.py", "agree.py", "floors.py", "run.py")
+NOT_MEASURING = ("tables.py", "measured.py", "agree.py", "floors.py", "run.py", "speed.py", "jail.py", "service.py")
 ROOT = Path(__file__).parents[1]
 
 

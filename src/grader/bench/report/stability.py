@@ -25,7 +25,18 @@ CLASS_COLOURS = {
     Class.FRAGILE: "#3b78b5",
 }
 
-OUTCOME_COLOURS = ("#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0")
+FINE, PUSHED, LOST, WARNED = "#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0"
+
+OUTCOME_COLOURS = {
+    "stopped": FINE,
+    "settled": FINE,
+    "pushed through": PUSHED,
+    "launched": PUSHED,
+    "kicked": PUSHED,
+    "tunnelled": LOST,
+    "sunk": LOST,
+    "warned": WARNED,
+}
 
 
 def measure(quick: bool, do: Do) -> Records:
@@ -130,7 +141,7 @@ def draw_cases(records: Records, out: Path) -> list[Path]:
             draw_case(axes, case, records[f"case/{name}/{integrator}"])
             axes.set_title(f"{case.scene.replace('_', ' ')}: {integrator}")
         line[0].set_ylabel("h [ms]")
-        handles = [Patch(color=c, label=text) for c, text in zip(OUTCOME_COLOURS, case.outcomes, strict=True)]
+        handles = [Patch(color=OUTCOME_COLOURS[name], label=name) for name in case.outcomes]
         line[-1].legend(handles=handles, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     return save(made, out, "stability_collisions")
 
@@ -140,8 +151,9 @@ def draw_case(axes: Any, case: Case, record: Record) -> None:
     grid = as_grid(record["outcomes"])
     x = edges_of(np.geomspace(*case.span, len(grid)))
     y = edges_of(np.geomspace(*case.timestep_span_s, len(grid))) * 1e3
-    colours = ListedColormap(list(OUTCOME_COLOURS))
-    axes.pcolormesh(x, y, grid, cmap=colours, norm=BoundaryNorm(range(5), 4), rasterized=True)
+    count = len(case.outcomes)
+    colours = ListedColormap([OUTCOME_COLOURS[name] for name in case.outcomes])
+    axes.pcolormesh(x, y, grid, cmap=colours, norm=BoundaryNorm(range(count + 1), count), rasterized=True)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel(f"{case.parameter} [{case.unit}]")
