@@ -1,0 +1,185 @@
+"""Quizzes and labs out of a lesson written in Markdown: the fenced `quiz` and `lab` blocks, as quiz JSON.
+
+The course's format: a fence of backquotes (or tildes) whose first word is `quiz` or `lab`; after `lab` the kind stands
+(`simlab` or `integrators`), and the block is one JSON object. Quiz blocks of one id are one quiz; all labs of a lesson
+go into one file.
+"""
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from grader.domain.lab import Lab, LabConfig
+from grader.domain.quiz import PredictQuestion, Quiz
+from grader.errors import ContentError, Fault
+from grader.labs.programs import lab_programs
+
+FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
+LAB: TypeAdapter[Lab] = TypeAdapter(Lab)
+QUIZ: TypeAdapter[Quiz] = TypeAdapter(Quiz)
+Part = TypeVar("Part")
+TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
+KINDS = ("simlab", "integrators")
+UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
+SLUG = re.compile(r"[^a-z0-9]+")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: the words after the fence, the text inside, the line it begins on."""
+
+    words: tuple[str, ...]
+    text: str
+    line: int
+    closed: bool
+
+
+def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, Any]]:
+    """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`.
+
+    Everything is checked but what needs the content folder: models, keyframes, runs; loading does that. Raises
+    ContentError with every fault: the lesson's name, the line, and why.
+    """
+    reading = _Reading(name)
+    for block in blocks(markdown):
+        if block.words[:1] == ("quiz",):
+            reading.add_quiz(block)
+        elif block.words[:1] == ("lab",):
+            reading.add_lab(block)
+    reading.finish(_title(markdown) or name)
+    if not reading.quizzes and not reading.faults:
+        reading.fault(1, "no quiz or lab block here: begin one with ```quiz or ```lab simlab")
+    if reading.faults:
+        raise ContentError(sorted(reading.faults))
+    return reading.quizzes
+
+
+def blocks(markdown: str) -> Iterator[Block]:
+    """Every fenced block, in order; quotes and other blocks are passed over. Source: CommonMark, fenced code blocks."""
+    opened: tuple[str, str, str, int] | None = None
+    inside: list[str] = []
+    for number, line in enumerate(markdown.splitlines(), 1):
+        fence = FENCE.match(line)
+        if opened is None:
+            if fence is not None:
+                opened, inside = (fence[1], fence[2], fence[3], number), []
+            continue
+        indent, mark, words, begun = opened
+        if fence is not None and not fence[3] and fence[2][0] == mark[0] and len(fence[2]) >= len(mark):
+            yield Block(tuple(words.split()), "\n".join(inside), begun, closed=True)
+            opened = None
+        else:
+            inside.append(line.removeprefix(indent))
+    if opened is not None:
+        yield Block(tuple(opened[2].split()), "\n".join(inside), opened[3], closed=False)
+
+
+def _title(markdown: str) -> str | None:
+    """The lesson's first heading."""
+    return next((found[1] for line in markdown.splitlines() if (found := TITLE.match(line))), None)
+
+
+class _Reading:
+    """What has been read of a lesson, and what is wrong with it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.base = UNFIT.sub("-", name).strip("-._")[:50] or "lesson"
+        self.faults: list[Fault] = []
+        self.quizzes: dict[str, dict[str, Any]] = {}
+        self.labs: list[dict[str, Any]] = []
+
+    def fault(self, line: int, why: str) -> None:
+        self.faults.append(Fault(self.name, f"line {line}", why))
+
+    def add_quiz(self, block: Block) -> None:
+        """A quiz; a second block of the same id goes on with its questions. A lone question is a quiz of its own."""
+        raw = self._object(block)
+        if raw is None:
+            return
+        quiz = raw if "questions" in raw else {"questions": [raw]}
+        quiz = {"id": f"{self.base}-check", "title": "Knowledge check", **quiz}
+        if not isinstance(quiz["questions"], list):
+            self.fault(block.line, "questions must be a list")
+            return
+        self._check_questions(quiz, block.line)
+        known = self.quizzes.setdefault(str(quiz["id"]), {**quiz, "questions": []})
+        known["questions"] += quiz["questions"]
+
+    def _check_questions(self, quiz: dict[str, Any], line: int) -> None:
+        questions = [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(quiz["questions"], 1)]
+        checked = self._validate(QUIZ, {**quiz, "questions": questions}, line)
+        for question in checked.questions if checked is not None else ():
+            if isinstance(question, PredictQuestion) and question.sim is not None:
+                self._check_programs(question.sim, f"{question.id}.sim", line)
+
+    def add_lab(self, block: Block) -> None:
+        """One lab, with an id from its title where it has none."""
+        kind = block.words[1] if len(block.words) > 1 else "none"
+        if kind not in KINDS:
+            self.fault(block.line, f"there is no lab {kind!r}: write ```lab followed by one of {', '.join(KINDS)}")
+            return
+        raw = self._object(block)
+        if raw is None:
+            return
+        taken = {lab["id"] for lab in self.labs}
+        lab = {"id": _slug(str(raw.get("title") or kind), taken), "kind": kind, **raw}
+        if lab["id"] in taken:
+            self.fault(block.line, f"two labs are called {lab['id']!r}: give each its own id")
+            return
+        self.labs.append(lab)
+        checked = self._validate(LAB, lab, block.line)
+        if isinstance(checked, LabConfig):
+            self._check_programs(checked, str(lab["id"]), block.line)
+
+    def finish(self, title: str) -> None:
+        """The labs become a quiz file of their own."""
+        if self.labs:
+            name = f"{self.base}-labs"
+            self.quizzes[name] = {"id": name, "title": f"Labs of {title}", "labs": self.labs}
+
+    def _object(self, block: Block) -> dict[str, Any] | None:
+        if not block.closed:
+            self.fault(block.line, f"this {block.words[0]} block never ends: close it with the same fence")
+            return None
+        try:
+            raw = json.loads(block.text)
+        except json.JSONDecodeError as error:
+            self.fault(block.line + error.lineno, f"column {error.colno}: {error.msg}")
+            return None
+        if not isinstance(raw, dict):
+            self.fault(block.line, "the block must be one JSON object")
+            return None
+        return raw
+
+    def _validate(self, adapter: TypeAdapter[Part], raw: dict[str, Any], line: int) -> Part | None:
+        try:
+            return adapter.validate_json(json.dumps(_without_remarks(raw)), strict=True)
+        except ValidationError as error:
+            for detail in error.errors(include_url=False):
+                self.fault(line, f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}")
+            return None
+
+    def _check_programs(self, config: LabConfig, where: str, line: int) -> None:
+        try:
+            lab_programs(config, where)
+        except ContentError as error:
+            for fault in error.faults:
+                self.fault(line, f"{fault.key}: {fault.why}")
+
+
+def _without_remarks(raw: Any) -> Any:
+    """The JSON without keys that begin with x-."""
+    if isinstance(raw, dict):
+        return {key: _without_remarks(value) for key, value in raw.items() if not key.startswith("x-")}
+    return [_without_remarks(item) for item in raw] if isinstance(raw, list) else raw
+
+
+def _slug(title: str, taken: set[str]) -> str:
+    """An id from a title: the first that is not taken."""
+    base = SLUG.sub("-", title.lower()).strip("-")[:40].strip("-") or "lab"
+    return next(name for name in (base, *(f"{base}-{i}" for i in range(2, 1000))) if name not in taken)

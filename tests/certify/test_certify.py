@@ -1,0 +1,238 @@
+"""Answer keys against the physics: the lesson's are certified, planted wrong ones refused with the evidence."""
+
+import copy
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from grader.certify import Certificate, certify_question
+from grader.domain.quiz import Question
+
+ROOT = Path(__file__).parents[2]
+QUESTION: TypeAdapter[Question] = TypeAdapter(Question)
+
+
+def model_xml(name: str) -> str:
+    return (ROOT / f"models/{name}.xml").read_text()
+
+
+def lesson(number: int, **changes: Any) -> Question:
+    raw = copy.deepcopy(json.loads((ROOT / "quizzes/1.3-check.json").read_text())["questions"][number - 1])
+    return QUESTION.validate_python({"id": f"q{number}", **raw, **changes})
+
+
+def certify(question: Question) -> Certificate:
+    certificate = certify_question(question, model_xml)
+    assert certificate is not None
+    assert json.loads(json.dumps(certificate.to_json()))["ok"] is certificate.ok
+    return certificate
+
+
+def numeric(answer: float, tol: float, unit: str, **verify: Any) -> Question:
+    raw = {"id": "n", "kind": "numeric", "q": "?", "answer": answer, "tol": tol, "unit": unit, "verify": verify}
+    return QUESTION.validate_python(raw)
+
+
+def predict(options: list[str], answer: int, sim: dict[str, Any], verify: dict[str, Any] | None = None) -> Question:
+    raw = {"id": "p", "kind": "predict", "q": "?", "options": options, "answer": answer, "sim": sim, "verify": verify}
+    return QUESTION.validate_python(raw)
+
+
+SELECT_SPEED = {
+    "type": "select",
+    "label": "push",
+    "param": "push",
+    "options": [["gentle", 1], ["firm", 4], ["hard", 12]],
+    "value": 1,
+}
+PUSHED = {"model": "pendulum", "controls": [SELECT_SPEED], "setup": "data.qvel[0] = ctx.push"}
+
+
+def test_the_three_decidable_keys_of_the_lesson_are_certified_in_under_5_s() -> None:
+    began = time.perf_counter()
+    certificates = [certify_question(lesson(n), model_xml) for n in (1, 2, 3, 4)]
+    assert [c.ok if c else None for c in certificates] == [True, True, True, None]
+    assert time.perf_counter() - began < 5
+    assert all(c.cost_ms > 0 for c in certificates if c)
+
+
+def test_question_1_by_the_stage_that_fills_the_contacts() -> None:
+    certificate = certify(lesson(1))
+    assert certificate.measured["filled by"] == "mj_fwdPosition"
+    assert certificate.measured["calls"]["mj_fwdPosition"] == "0 contacts, then 1 contacts"
+    assert [certify(lesson(1, answer=wrong)).ok for wrong in (0, 2, 3)] == [False] * 3
+
+
+def test_question_2_by_the_damping_limit() -> None:
+    certificate = certify(lesson(2))
+    assert certificate.answer == pytest.approx(5.0, abs=1e-6)
+    assert certificate.measured["stable at"] < 5 < certificate.measured["unstable at"]
+    assert certificate.uncertainty is not None
+    assert certificate.uncertainty < 0.05 / 5
+    refused = certify(lesson(2, answer=10))
+    assert not refused.ok
+    assert "derived 4.99999" in refused.why
+    assert "key says 10" in refused.why
+
+
+def test_question_3_by_its_lab() -> None:
+    certificate = certify(lesson(3))
+    assert certificate.answer == 2
+    assert certificate.measured["discrete"]["stable"] is True
+    assert certificate.measured["Euler"]["warning"] == "BADQACC"
+    for wrong in (0, 1, 3):
+        refused = certify(lesson(3, answer=wrong))
+        assert not refused.ok
+        assert "'discrete' came out right" in refused.why
+        assert "BADQACC" in refused.why
+
+
+def test_the_certificate_of_question_3_lists_all_five_and_remarks_on_rk4() -> None:
+    certificate = certify(lesson(3))
+    table = certificate.measured["all integrators"]
+    assert list(table) == ["Euler", "RK4", "implicit", "implicitfast", "discrete"]
+    assert [name for name, row in table.items() if row["stable"]] == ["RK4", "discrete"]
+    limits = {name: row["limit_ms"] for name, row in table.items()}
+    # Source: h = (sqrt(c^2 + 4 I K) -+ c) / K with K = kp + m g L = 20004.905, I = 0.2501, c = 5.
+    assert limits["Euler"] == pytest.approx(6.826, abs=2e-3)
+    assert limits["implicitfast"] == pytest.approx(7.326, abs=2e-3)
+    assert limits["RK4"] == pytest.approx(10.22, abs=5e-3)
+    assert limits["discrete"] is None
+    assert len(certificate.remarks) == 1
+    assert "RK4 (up to 10.22 ms)" in certificate.remarks[0]
+
+
+def test_none_of_them_is_right_where_none_is() -> None:
+    sim = copy.deepcopy(json.loads((ROOT / "quizzes/1.3-check.json").read_text())["questions"][2]["sim"])
+    sim["controls"][2]["options"] = [["Euler", 0], ["implicit", 2], ["implicitfast", 3]]
+    options = ["Euler", "implicitfast", "None of them"]
+    assert certify(predict(options, 2, sim)).ok
+    assert not certify(predict(options, 1, sim)).ok
+
+
+def test_an_expression_decides_between_the_settings_of_a_select() -> None:
+    options = ["gentle", "<b>firm</b>", "hard"]
+    over = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever"}
+    certificate = certify(predict(options, 2, PUSHED, over))
+    assert certificate.ok
+    assert not certify(predict(options, 1, PUSHED, over)).ok
+
+
+def test_a_select_that_says_nothing_about_stability_is_not_guessed_at() -> None:
+    assert certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED), model_xml) is None
+
+
+def test_a_key_that_hangs_on_round_off_is_refused() -> None:
+    balanced = {"model": "pendulum", "controls": [SELECT_SPEED], "setup": "data.qpos[0] = Math.PI"}
+    falls = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "seconds": 8}
+    refused = certify(predict(["gentle", "firm", "hard"], 0, balanced, falls))
+    assert not refused.ok
+    assert "round-off" in refused.why
+
+
+def test_one_run_decides_between_claims() -> None:
+    claims = ["Math.abs(data.qpos[0]) < 0.01", "Math.abs(data.qpos[0]) >= 0.01"]
+    sim = {"model": "pendulum_servo", "setup": "data.qpos[0] = 1"}
+    verify = {"by": "outcome", "claims": claims, "seconds": 3}
+    assert certify(predict(["at rest", "still moving"], 0, sim, verify)).ok
+    assert not certify(predict(["at rest", "still moving"], 1, sim, verify)).ok
+
+
+def test_a_threshold_of_a_model_in_the_folder() -> None:
+    verify = {
+        "by": "threshold",
+        "model": "pendulum_servo",
+        "qpos": [1.0],
+        "set": {"model.actuator_gainprm[0]": 2000, "model.actuator_biasprm[1]": -2000, "model.actuator_biasprm[2]": -5},
+        "criterion": "no_warning",
+        "low": 0.001,
+        "high": 0.05,
+    }
+    # Source: the simulated limits within 3 s, kp = 2000, kv = 5, from 1 rad.
+    assert certify(numeric(20.116, 0.1, "ms", **verify)).ok
+    assert certify(numeric(25.194, 0.1, "ms", **verify, integrator="implicitfast")).ok
+    refused = certify(numeric(22.365, 0.5, "ms", **verify))
+    assert not refused.ok
+    assert "derived 20.1" in refused.why
+
+
+def test_a_measurement_must_be_known_to_a_fifth_of_the_tolerance() -> None:
+    period = {
+        "by": "measurement",
+        "model": "pendulum",
+        "setup": "data.qpos[0] = 0.01",
+        "expr": "data.qpos[0] * 1000",
+        "seconds": 1.0,
+    }
+    # Source: q = q0 cos(w t), w^2 = m g L / I = 4.905 / 0.2501.
+    assert certify(numeric(-2.787, 0.5, "mrad", **period)).ok
+    refused = certify(numeric(-2.787, 0.001, "mrad", **period))
+    assert not refused.ok
+    assert "more than a fifth of the tolerance" in refused.why
+
+
+def test_a_chaotic_measurement_is_refused() -> None:
+    tip = {
+        "by": "measurement",
+        "model": "double_pendulum",
+        "key": 0,
+        "expr": "lib.sitePos('tip')[2]",
+        "seconds": 40,
+    }
+    refused = certify(numeric(1.0, 0.05, "m", **tip))
+    assert not refused.ok
+    assert "cannot be decided" in refused.why
+
+
+def test_a_closed_form_and_the_fields_of_a_model() -> None:
+    assert certify(numeric(5, 0.05, "ms", by="expression", expr="1000 * 2 * 0.05 / 20")).ok
+    mass = {"by": "expression", "model": "pendulum", "expr": "model.body_mass[1] * 2"}
+    assert certify(numeric(2, 0.01, "kg", **mass)).ok
+    assert not certify(numeric(3, 0.01, "kg", **mass)).ok
+
+
+@pytest.mark.parametrize(
+    "verify",
+    [
+        {"by": "magic"},
+        {"by": "expression"},
+        {"by": "expression", "expr": "1 +"},
+        {"by": "expression", "expr": "process.exit()"},
+        {"by": "expression", "expr": "0 / 0"},
+        {"by": "expression", "expr": "1", "extra": 1},
+        {"by": "stage"},
+        {"by": "threshold"},
+        {"by": "threshold", "model": "nothing"},
+        {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "low": 0.1, "high": 0.05},
+        {"by": "measurement", "model": "pendulum", "expr": "data.qpos[9].x", "seconds": 1},
+        {"by": "measurement", "model": "pendulum", "key": 9, "expr": "1", "seconds": 1},
+        {"by": "measurement", "xml": "<mujoco><bad/></mujoco>", "expr": "1", "seconds": 1},
+    ],
+)
+def test_a_verify_that_cannot_work_is_refused_and_says_why(verify: dict[str, Any]) -> None:
+    def only_known(name: str) -> str:
+        if name == "nothing":
+            raise KeyError("no model 'nothing'")
+        return model_xml(name)
+
+    certificate = certify_question(numeric(1, 0.1, "s", **verify), only_known)
+    assert certificate is not None
+    assert not certificate.ok
+    assert len(certificate.why) > 10
+
+
+def test_a_question_about_another_field_of_the_data() -> None:
+    raw = {
+        "id": "s",
+        "kind": "mcq",
+        "q": "Which stage fills qfrc_bias?",
+        "options": ["Position stage", "Velocity stage", "Constraint stage"],
+        "answer": 1,
+        "verify": {"by": "stage", "fills": "qfrc_bias"},
+    }
+    assert certify(QUESTION.validate_python(raw)).ok
+    assert not certify(QUESTION.validate_python({**raw, "answer": 0})).ok

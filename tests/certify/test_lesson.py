@@ -1,0 +1,129 @@
+"""A lesson written in Markdown becomes quiz JSON, or is refused with every fault and its line."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grader.domain.quiz import Quiz
+from grader.errors import ContentError
+from grader.lesson import import_lesson
+from grader.library import load
+
+ROOT = Path(__file__).parents[2]
+LESSON = Path(__file__).with_name("lesson-9.9.md").read_text()
+
+
+def faults_of(markdown: str) -> list[str]:
+    with pytest.raises(ContentError) as caught:
+        import_lesson(markdown, "9.9")
+    return [str(fault) for fault in caught.value.faults]
+
+
+def test_quizzes_and_labs_come_out_as_they_were_written() -> None:
+    files = import_lesson(LESSON, "9.9")
+    assert list(files) == ["9.9-check", "9.9-labs"]
+    quiz = files["9.9-check"]
+    assert [q["kind"] for q in quiz["questions"]] == ["mcq", "numeric", "predict"]
+    assert quiz["questions"][0] == {
+        "kind": "mcq",
+        "q": "What rests?",
+        "options": ["The rod", "The <code>mjData</code>"],
+        "answer": 0,
+        "x-note": "easy",
+    }
+    assert "```" in quiz["questions"][1]["explain"]
+    labs = files["9.9-labs"]
+    assert labs["title"] == "Labs of Lesson 9.9: Rods and rests"
+    assert [(lab["id"], lab["kind"]) for lab in labs["labs"]] == [
+        ("a-falling-rod", "simlab"),
+        ("integrators", "integrators"),
+    ]
+
+
+def test_the_imported_files_load_as_content(tmp_path: Path) -> None:
+    (tmp_path / "quizzes").mkdir()
+    (tmp_path / "models").mkdir()
+    for name in ("pendulum", "double_pendulum"):
+        (tmp_path / f"models/{name}.xml").write_text((ROOT / f"models/{name}.xml").read_text())
+    for name, quiz in import_lesson(LESSON, "9.9").items():
+        (tmp_path / f"quizzes/{name}.json").write_text(json.dumps(quiz))
+    library = load(tmp_path)
+    assert [question.id for question in library.quizzes["9.9-check"].questions] == ["q1", "q2", "q3"]
+    assert len(library.quizzes["9.9-labs"].labs) == 2
+
+
+def test_the_knowledge_check_of_lesson_1_3_survives_the_way_through_markdown() -> None:
+    raw = json.loads((ROOT / "quizzes/1.3-check.json").read_text())
+    labs = json.loads((ROOT / "quizzes/1.3-labs.json").read_text())["labs"]
+    lesson = "# Lesson 1.3\n\n```quiz\n" + json.dumps(raw) + "\n```\n"
+    for lab in labs:
+        lesson += f"\n```lab {lab['kind']}\n{json.dumps({k: v for k, v in lab.items() if k != 'kind'})}\n```\n"
+    files = import_lesson(lesson, "1.3")
+    assert files["1.3-check"] == raw
+    assert Quiz.model_validate(files["1.3-labs"]).labs[1].id == "servo-stability"
+
+
+def test_every_fault_is_told_with_its_line() -> None:
+    lesson = """# Wrong
+
+```quiz
+{"id": "a", "title": "A", "questions": [{"kind": "mcq", "q": "?", "options": ["x", "y"]}]}
+```
+
+```quiz
+{"id": "b", "title": "B",
+ "questions": [}
+```
+
+```lab simlab
+{"model": "pendulum", "setup": "data.qpos[0] ="}
+```
+
+```lab gymnasium
+{"model": "pendulum"}
+```
+
+```lab simlab
+{"model": "pendulum", "controler": "data.ctrl[0] = 1"}
+```
+"""
+    faults = faults_of(lesson)
+    assert [fault.split(":")[1].strip() for fault in sorted(faults, key=lambda f: int(f.split()[2][:-1]))] == [
+        "line 3",
+        "line 9",
+        "line 12",
+        "line 16",
+        "line 20",
+    ]
+    text = "\n".join(faults)
+    assert "answer" in text
+    assert "column 16" in text
+    assert "setup: line 1, column" in text
+    assert "no lab 'gymnasium'" in text
+    assert "controler" in text
+
+
+@pytest.mark.parametrize(
+    ("lesson", "why"),
+    [
+        ("# Nothing here", "no quiz or lab block"),
+        ("```quiz\n{}", "never ends"),
+        ("```quiz\n[1]\n```", "one JSON object"),
+        ('```quiz\n{"id": "a b", "title": "t", "questions": []}\n```', "id"),
+        ('```lab simlab\n{"id": "x", "model": "m"}\n```\n```lab simlab\n{"id": "x", "model": "m"}\n```', "two labs"),
+    ],
+)
+def test_a_lesson_that_is_wrong_is_refused(lesson: str, why: str) -> None:
+    assert why in "\n".join(faults_of(lesson))
+
+
+def test_a_single_question_is_a_quiz_of_the_lesson() -> None:
+    files = import_lesson('```quiz\n{"kind": "open", "q": "Why?"}\n```', "my lesson")
+    assert files == {
+        "my-lesson-check": {
+            "id": "my-lesson-check",
+            "title": "Knowledge check",
+            "questions": [{"kind": "open", "q": "Why?"}],
+        }
+    }
