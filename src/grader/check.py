@@ -100,7 +100,7 @@ class Reference:
 def find_references(root: Path) -> Iterator[Reference]:
     """Every reference program; its first line may demand a diagnosis: `# diagnosis: part of the sentence`."""
     for path in sorted((root / "reference_solutions").glob("*/*/*.py")):
-        first = path.read_text().partition("\n")[0]
+        first = path.read_text(encoding="utf-8").partition("\n")[0]
         diagnosis = first.removeprefix("# diagnosis:").strip() if first.startswith("# diagnosis:") else None
         quiz, question = path.parts[-3:-1]
         yield Reference(path, quiz, question, path.stem.partition("__")[0], diagnosis)
@@ -120,7 +120,7 @@ def grade_references(pipeline: Pipeline, references: list[Reference], report: Re
 def grade_one(pipeline: Pipeline, reference: Reference) -> dict[str, Any]:
     """What a reference program got."""
     try:
-        verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.path.read_text()})
+        verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.path.read_text(encoding="utf-8")})
     except NotFound as error:
         return {"got": "not found", "diagnosis": str(error)}
     return {"got": verdict.status.value, "diagnosis": verdict.diagnosis}
