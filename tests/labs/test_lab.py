@@ -4,6 +4,7 @@ import gzip
 import json
 import math
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,15 @@ def test_a_run_is_the_same_bit_for_bit() -> None:
     first, second = (run_lab(question_3(), SERVO, {"stiffness kp": 500}) for _ in range(2))
     assert first.readouts == second.readouts
     assert first.positions.tobytes() == second.positions.tobytes()
+
+
+def test_runs_in_many_threads_do_not_meet() -> None:
+    settings = [{"stiffness kp": kp, "timestep h": 0.002} for kp in (50, 500, 5000) * 8]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda controls: run_lab(question_3(), SERVO, controls).readouts, settings))
+    alone = [run_lab(question_3(), SERVO, controls).readouts for controls in settings[:3]]
+    assert together == alone * 8
+    assert len({readouts[1] for readouts in alone}) == 3
 
 
 def test_a_run_through_c_and_a_run_with_an_idle_controller_are_the_same() -> None:

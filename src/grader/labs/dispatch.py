@@ -1,13 +1,15 @@
 """Which compiler takes which node of the tree; the modules that know the nodes register theirs here."""
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from tree_sitter import Node
 
 from grader.labs.machine import Machine
 from grader.labs.scope import Code, Scope
-from grader.labs.values import Trouble, Value
+from grader.labs.values import Trouble
 
+Result = TypeVar("Result")
 Step = Callable[[Machine], str | None]
 """A statement: returns None, or how control leaves it (break, continue, return)."""
 
@@ -31,11 +33,11 @@ def compile_statement(scope: Scope, node: Node) -> Step:
     return compiler(scope, node)
 
 
-def located(scope: Scope, node: Node, code: Code) -> Code:
-    """The same code; trouble in it names this node's place."""
+def located(scope: Scope, node: Node, code: Callable[[Machine], Result]) -> Callable[[Machine], Result]:
+    """The same code; trouble in it that has no place yet gets this node's."""
     at = scope.source.place(node)
 
-    def run(m: Machine) -> Value:
+    def run(m: Machine) -> Result:
         try:
             return code(m)
         except Trouble as trouble:

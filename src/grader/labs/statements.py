@@ -119,25 +119,11 @@ def _loop(before: Code, body: Step, after: Code, check_first: bool = True) -> St
     return run
 
 
-def _located_loop(scope: Scope, node: Node, step: Step) -> Step:
-    """The loop; trouble in it that has no place of its own names the loop's."""
-    at = scope.source.place(node)
-
-    def run(m: Machine) -> str | None:
-        try:
-            return step(m)
-        except Trouble as trouble:
-            trouble.at = trouble.at or at
-            raise
-
-    return run
-
-
 def _while(scope: Scope, node: Node) -> Step:
     condition = compile_term(scope, field(node, "condition"))
     body = _body(scope.inner(in_loop=True), field(node, "body"))
     loop = _loop(condition, body, lambda m: UNDEFINED, check_first=node.type == "while_statement")
-    return _located_loop(scope, node, loop)
+    return located(scope, node, loop)
 
 
 def _for(scope: Scope, node: Node) -> Step:
@@ -158,7 +144,7 @@ def _for(scope: Scope, node: Node) -> Step:
         begin(m)
         return loop(m)
 
-    return _located_loop(scope, node, run)
+    return located(scope, node, run)
 
 
 def _clause(scope: Scope, node: Node) -> Code:
@@ -190,7 +176,7 @@ def _for_of(scope: Scope, node: Node) -> Step:
                 return left
         return None
 
-    return _located_loop(scope, node, run)
+    return located(scope, node, run)
 
 
 def _jump(scope: Scope, node: Node) -> Step:
