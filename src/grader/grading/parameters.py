@@ -52,6 +52,7 @@ def parameter_faults(error: ValidationError, question: CodeQuestion, where: str)
     return [
         Fault(where, ".".join(map(str, (question.id, "check", *complaint["loc"]))), complaint["msg"])
         for complaint in error.errors()
+        if not (complaint["type"] == "too_short" and complaint["input"])  # short only because its items are faulty
     ]
 
 
