@@ -17,6 +17,7 @@ from grader.pipeline import Pipeline
 from grader.settings import Settings
 
 CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
+INTERRUPTED = 130
 
 cli = typer.Typer(
     help="Auto-grading of a MuJoCo course.", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -156,6 +157,35 @@ def import_(
         path = out / f"{quiz_id}.json"
         path.write_text(json.dumps(quiz, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
         print(path)
+
+
+@cli.command()
+def advise(
+    model: Annotated[str, typer.Argument(help="A model of the content folder, or the path of an MJCF file.")],
+    quantity: Annotated[str | None, typer.Option(help="What you care about: a lab expression.")] = None,
+    tol: Annotated[float | None, typer.Option(help="Its largest error, in its own unit.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length of the run [s].")] = None,
+) -> None:
+    """Pick integrator and timestep by the lesson's procedure, with the measurements."""
+    from grader.advise import advise as measure
+
+    named = Settings().content / "models" / f"{model}.xml"
+    print(measure(named if named.is_file() else Path(model), quantity, tol, seconds))
+
+
+@cli.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="precision, stability, skip or service")],
+    out: Annotated[Path, typer.Option(help="Folder for JSON, CSV and pictures.")] = Path("out"),
+    quick: Annotated[bool, typer.Option(help="A part of it, in under a minute.")] = False,
+) -> None:
+    """Measure, with a progress bar; interrupted and started again, it goes on where it was."""
+    from grader.bench import run
+
+    try:
+        run(name, out, quick)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
 
 
 @token.command("create")
