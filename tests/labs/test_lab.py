@@ -222,6 +222,8 @@ def test_energy_of_the_library_is_mujoco_s() -> None:
         ({"stiffness kp": math.nan}, "stiffness kp must be a number"),
         ({"stiffness kp": "100"}, "stiffness kp must be a number"),
         ({"stiffness kp": True}, "stiffness kp must be a number"),
+        ({"stiffness kp": None}, "stiffness kp must be a number"),
+        ({"stiffness kp": 10**400}, "stiffness kp must be a number"),
         ({"timestep h": 0.0015}, "in steps of 0.001"),
         ({"integrator": "RK4"}, "integrator must be one of: Euler, implicitfast, discrete."),
         ({"integrator": 1}, "integrator must be one of"),

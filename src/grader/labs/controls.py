@@ -47,7 +47,7 @@ def extreme_values(control: Slider | Select) -> list[Given]:
 
 def _slider(control: Slider, given: Given) -> float:
     text = f"{control.label} must be a number from {_text(control.min)} to {_text(control.max)}"
-    if isinstance(given, bool | str) or not isfinite(given) or not control.min <= given <= control.max:
+    if isinstance(given, bool) or not isinstance(given, int | float) or not control.min <= given <= control.max:
         raise Unprocessable(f"{text}.")
     steps = (given - control.min) / control.step
     if abs(steps - round(steps)) > STEP_TOLERANCE and given not in (control.value, control.max):

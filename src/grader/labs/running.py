@@ -29,11 +29,10 @@ WARNINGS_MAX = 100
 class Variant:
     """The same lab, slightly different, for certificates.
 
-    Another timestep [s] or integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge`
-    [rad or m], a frame for every step.
+    Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m], a
+    frame for every step.
     """
 
-    timestep_s: float | None = None
     integrator: int | None = None
     finer: int = 1
     nudge: float = 0.0
@@ -82,7 +81,7 @@ class Running:
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
         self.every_step = variant.every_step
-        self.model.opt.timestep = (variant.timestep_s or self.model.opt.timestep) / variant.finer
+        self.model.opt.timestep /= variant.finer
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator
         if variant.nudge:
