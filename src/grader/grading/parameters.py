@@ -48,11 +48,16 @@ def read_parameters(kind: type[Parameters], question: CodeQuestion) -> Parameter
 
 
 def parameter_faults(error: ValidationError, question: CodeQuestion, where: str) -> list[Fault]:
-    """Every complaint of pydantic as an author's fault, with the key as it stands in the quiz file."""
+    """Every complaint of pydantic as an author's fault, with the key as it stands in the quiz file.
+
+    A list is called too short also when its items are faulty: that is left out.
+    """
+    complaints = error.errors()
+    places = [complaint["loc"] for complaint in complaints]
     return [
-        Fault(where, ".".join(map(str, (question.id, "check", *complaint["loc"]))), complaint["msg"])
-        for complaint in error.errors()
-        if not (complaint["type"] == "too_short" and complaint["input"])  # short only because its items are faulty
+        Fault(where, ".".join(map(str, (question.id, "check", *place))), complaint["msg"])
+        for complaint, place in zip(complaints, places, strict=True)
+        if complaint["type"] != "too_short" or not any(p != place and p[: len(place)] == place for p in places)
     ]
 
 

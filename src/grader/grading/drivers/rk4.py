@@ -40,7 +40,8 @@ def prepare(inputs: dict[str, Any]) -> None:
         for module in (mujoco, sys.modules.get("mujoco._callbacks")):
             if hasattr(module, f"set_mjcb_{name}"):
                 setattr(module, f"set_mjcb_{name}", refusing(keeper.send, f"a MuJoCo callback (mjcb_{name})"))
-    signal.signal = refusing(keeper.send, "a signal handler")
+    for module in (signal, sys.modules["_signal"]):  # a handler would be given the keeper's frame
+        module.__dict__["signal"] = refusing(keeper.send, "a signal handler")
     sys.addaudithook(guard(keeper, trusted_places()))
 
 

@@ -165,6 +165,16 @@ def another_model(problem: Problem, cell: Cell, claim: Claim) -> bool:
     return first.model != cell.model and claim_fits(problem, cell, claim, first.scene)
 
 
+def gains_on_the_file(problem: Problem, cell: Cell, claim: Claim) -> bool:
+    """The right gains on the mass and length that stand in the file."""
+    given = cell.scene.model
+
+    def change(model: mujoco.MjModel) -> None:
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = given.actuator_gainprm, given.actuator_biasprm
+
+    return claim_fits(problem, cell, claim, problem.as_in_the_file.changed(change))
+
+
 def model_of_the_file(problem: Problem, cell: Cell, claim: Claim) -> bool:
     """The limit of the model as it stands in its file."""
     return claim_fits(problem, cell, claim, problem.as_in_the_file)
@@ -221,6 +231,13 @@ METHODS: tuple[WrongMethod, ...] = (
         "model of the file",
         "You measured the model as it stands in its file, with its own gains: measure the model you were given.",
         model_of_the_file,
+    ),
+    WrongMethod(
+        "mass of the file",
+        "You took the gains of the model you were given, but mass and length from the file: measure the model you were "
+        "given.",
+        gains_on_the_file,
+        all_claims=True,
     ),
     WrongMethod(
         "another model",

@@ -1,0 +1,70 @@
+"""What judging costs us, and that a busy machine changes nothing in a verdict."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from exercises.conftest import ROOT, Grade, model_xml, question
+from grader.domain.quiz import CodeQuestion
+from grader.domain.run import Job, RunStatus
+from grader.grading.exercise import judge_exercise, plan_exercise
+from grader.sandbox.jail import Jail
+
+PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
+CASES = [
+    ("servo-threshold", "correct__the_lessons_script_and_a_bisection", 50),
+    ("servo-threshold", "partial__half_a_second", 50),
+    ("rk4-step", "correct__classical", 150),
+    ("rk4-step", "incorrect__state_aliases_data", 150),
+    ("rk4-free-joint", "correct__one_mj_integratepos", 150),
+    ("rk4-free-joint", "correct__quaternion_derivative", 150),
+    ("rk4-free-joint", "incorrect__world_axes", 150),
+]
+
+
+def cost_ms(exercise: CodeQuestion, source: str, jail: Jail, seed: int) -> float:
+    """CPU time of planning and judging, without the student's own; hidden cases never simulated before."""
+    start = time.thread_time()
+    plan = plan_exercise(exercise, model_xml, seed)
+    planned = time.thread_time()
+    report = jail.run(Job(source, plan.driver, plan.inputs, exercise.limits))
+    assert report.status is RunStatus.RETURNED
+    judging = time.thread_time()
+    judge_exercise(exercise, plan, report)
+    return 1000 * (planned - start + time.thread_time() - judging)
+
+
+@pytest.mark.parametrize(("id_", "program", "budget_ms"), CASES)
+def test_judging_stays_within_its_budget(id_: str, program: str, budget_ms: float, jail: Jail) -> None:
+    """The best of five fresh draws: other work on the machine slows a core down, it never speeds it up."""
+    source = (PROGRAMS / id_ / f"{program}.py").read_text()
+    assert min(cost_ms(question(id_), source, jail, seed) for seed in range(100, 105)) < budget_ms
+
+
+@pytest.fixture
+def busy_machine() -> Iterator[None]:
+    """Every core busy, twice over."""
+    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(4)]
+    try:
+        yield
+    finally:
+        for process in spinning:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def verdicts_at_rest(grade: Grade) -> dict[str, str]:
+    return verdicts(grade)
+
+
+def verdicts(grade: Grade) -> dict[str, str]:
+    chosen = [PROGRAMS / id_ / f"{program}.py" for id_, program, _ in CASES]
+    return {path.stem: grade(question(path.parent.name), path.read_text()).model_dump_json() for path in chosen}
+
+
+def test_a_busy_machine_changes_nothing(verdicts_at_rest: dict[str, str], busy_machine: None, grade: Grade) -> None:
+    assert verdicts(grade) == verdicts_at_rest
