@@ -1,12 +1,17 @@
 """MuJoCo's RK4 bit for bit, and the one that keeps its order on rotations."""
 
+from functools import partial
+
 import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.rk4 import mujoco_rk4_step
+from grader.numerics.convergence import errors, observed_order
+from grader.numerics.reference import dop853, sample_times
+from grader.numerics.rk4 import lie_rk4_step, mujoco_rk4_step
+from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from numerics.models import ALL
+from numerics.models import ALL, hinge
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
@@ -26,3 +31,61 @@ def test_reproduces_mujocos_rk4_bit_for_bit(name: str) -> None:
         for part in ("qpos", "qvel", "act", "qacc_warmstart"):
             assert getattr(own.data, part).tobytes() == getattr(engine.data, part).tobytes(), part
         assert own.data.time == engine.data.time
+
+
+def test_a_forward_of_ones_own_is_what_counts() -> None:
+    """A force that exists only inside `forward` moves these steps and leaves mj_step alone."""
+    scene = Scene.from_xml(ALL["double_pendulum"], key="release")
+
+    def pushed(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[0] = 0.1 * np.sin(data.qpos[1])
+        mujoco.mj_forward(model, data)
+        data.qfrc_applied[0] = 0
+
+    for step in (mujoco_rk4_step, lie_rk4_step):
+        plain = simulate(scene, steps=500, timestep_s=0.002, integrator=RK4, stepper=step)
+        moved = simulate(scene, steps=500, timestep_s=0.002, integrator=RK4, stepper=partial(step, forward=pushed))
+        assert abs(moved.qpos[-1, 0] - plain.qpos[-1, 0]) > 1e-3
+
+
+def test_time_stands_at_the_stages_while_forward_runs() -> None:
+    scene = Scene.from_xml(ALL["double_pendulum"])
+    for step in (mujoco_rk4_step, lie_rk4_step):
+        times: list[float] = []
+
+        def watched(model: mujoco.MjModel, data: mujoco.MjData, seen: list[float] = times) -> None:
+            seen.append(data.time)
+            mujoco.mj_forward(model, data)
+
+        with scene.borrow(timestep_s=0.002, keep=False) as workspace:
+            step(workspace.model, workspace.data, watched)
+            assert times == [0.0, 0.001, 0.001, 0.002]
+            assert workspace.data.time == 0.002
+
+
+def test_activations_converge_with_fourth_order() -> None:
+    """The plain filter; MuJoCo's exact filter and its clamp are of first order inside RK4."""
+    xml = ALL["pendulum"].replace(
+        '<motor name="torque" joint="hinge" ctrlrange="-3 3"/>',
+        '<general name="torque" joint="hinge" dyntype="filter" dynprm="0.1" gainprm="1"/>',
+    )
+    scene = Scene.from_xml(xml).at(ctrl=[1.5], qpos=[0.3])
+    reference = dop853(scene, sample_times(1.0, 0.02))
+    for step in (mujoco_rk4_step, lie_rk4_step):
+        timesteps_s = [0.01, 0.005, 0.004, 0.002]
+        found = errors(scene, reference, timesteps_s, integrator=RK4, stepper=step)
+        assert observed_order(timesteps_s, [error.qpos for error in found]).order == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        (hinge(rest="<option><flag sleep='enable'/></option>"), "sleep"),
+        (hinge(rest="<actuator><general joint='hinge' dyntype='user' actdim='1'/></actuator>"), "activation dynamics"),
+    ],
+)
+def test_what_it_does_not_know_is_refused(xml: str, words: str) -> None:
+    with Scene.from_xml(xml).borrow() as workspace:
+        for step in (mujoco_rk4_step, lie_rk4_step):
+            with pytest.raises(ValueError, match=words):
+                step(workspace.model, workspace.data)
