@@ -48,7 +48,11 @@ class Zygote:
         configuration = json.dumps(self._configuration(runtime, models)).encode()
         self._control, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its:
-            self._process = self._start(runtime, models, inside, its.fileno())
+            try:
+                self._process = self._start(runtime, models, inside, its.fileno())
+            except BaseException:
+                self._control.close()
+                raise
         try:
             self._greet(configuration)
         except BaseException:

@@ -1,0 +1,190 @@
+"""The layers one by one. A test build is a copy of the code in the cell with one lock left out; what is shipped has
+no switch for that.
+
+Without:             still holds (each line is a test below)
+    landlock         host files are not in the cell, the runtime is mounted read-only, sockets and links are refused
+    seccomp          no host files, no writing outside, no network to reach, nobody to signal, no capability to mount
+    namespaces       no host files (the outer cell), no writing, no sockets, no forks, no signals, no /proc
+    capabilities     no mounts (SIGSYS), no host files, no sockets
+    rlimits          no forks, memory and CPU time (the keeper sets those), the disk is full at 16 MB
+    no new privs     bubblewrap has set it already, on everything in the cell
+"""
+
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from grader.domain.run import Job, Limits, RunStatus
+from grader.errors import JailRefused
+from grader.sandbox import attest, cell, policy, seccomp, selftest
+from grader.sandbox.jail import Jail
+
+from sandbox.conftest import ROOT, Content
+
+DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
+LIMITS = Limits(cpu_s=2, wall_s=10, memory_mb=256)
+LEFT_OUT = {
+    "landlock": ("lockdown", "def landlock(read, read_write, abi_min): pass"),
+    "seccomp": ("lockdown", "def seccomp(program): pass"),
+    "limits": ("lockdown", "def limit(rlimits): pass"),
+    "no new privileges": ("lockdown", "def no_new_privileges(): pass"),
+    "namespaces": ("namespaces", "def enter(scratch, size, inodes): pass"),
+    "capabilities": ("namespaces", "def drop_capabilities(): pass"),
+    "probe": ("lockdown", "def probe(outside): return {}"),
+}
+
+
+def test_build(folder: Path, layer: str) -> Path:
+    """A copy of the code in the cell without one layer."""
+    module, nothing = LEFT_OUT[layer]
+    inside = folder / "inside"
+    shutil.copytree(cell.INSIDE, inside, ignore=shutil.ignore_patterns("__pycache__"))
+    with (inside / f"{module}.py").open("a") as file:
+        file.write(f"\n\n{nothing}\n")
+    for path in (folder, inside):
+        path.chmod(0o755)
+    return inside
+
+
+test_build.__test__ = False  # type: ignore[attr-defined]
+
+
+@contextmanager
+def jail_without(layer: str, folder: Path, content: Content) -> Iterator[Jail]:
+    """A jail that lacks one layer and does not look."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(attest, "check", lambda *arguments: None)
+        patch.setattr(selftest, "run", lambda play: selftest.SelfTest(()))
+        with Jail(content.models, workers=1, inside=test_build(folder, layer)) as jail:
+            yield jail
+
+
+HOST_FILE = "open('/etc/passwd')"
+PACKAGES = "import numpy\nopen(numpy.__path__[0] + '/trap.py', 'w')"
+SOCKET = "import socket\nsocket.socket()"
+REACH = "import socket\nsocket.create_connection(('1.1.1.1', 53), 0.2)"
+DATAGRAM = "import socket\nsocket.socket(socket.AF_INET, socket.SOCK_DGRAM).sendto(b'x', ('1.1.1.1', 53))"
+FORK = "import os\nos.fork()"
+KILL = "import os\nos.kill({SERVER}, 0)"
+LINK = "import os\nos.symlink('/etc', 'x')"
+MOUNT = "import ctypes\nlibc = ctypes.CDLL(None, use_errno=True)\nif libc.mount(b'x', b'/scratch', b'tmpfs', 0, None):\n    raise OSError(ctypes.get_errno(), 'mount')"
+PROC = "open('/proc/1/status').read()"
+BOMB = "x = []\nwhile True:\n    x.append(bytes(1 << 20))"
+SPIN = "while True:\n    pass"
+DISK = "with open('big', 'wb') as file:\n    while True:\n        file.write(bytes(1 << 20))"
+CELL = "open('/cell/inside/guest.py').read()"
+
+STILL_HOLDS = [
+    ("landlock", HOST_FILE, "forbidden"),
+    ("landlock", PACKAGES, "forbidden"),
+    ("landlock", SOCKET, "forbidden"),
+    ("landlock", LINK, "forbidden"),
+    ("seccomp", HOST_FILE, "forbidden"),
+    ("seccomp", PACKAGES, "forbidden"),
+    ("seccomp", REACH, "forbidden"),  # Landlock: no TCP
+    ("seccomp", DATAGRAM, "crashed"),  # OSError: network is unreachable
+    ("seccomp", KILL, "crashed"),  # ProcessLookupError: there is nobody of that number
+    ("seccomp", MOUNT, "forbidden"),
+    ("namespaces", HOST_FILE, "forbidden"),
+    ("namespaces", PACKAGES, "forbidden"),
+    ("namespaces", SOCKET, "forbidden"),
+    ("namespaces", FORK, "forbidden"),
+    ("namespaces", KILL, "forbidden"),
+    ("namespaces", PROC, "forbidden"),
+    ("capabilities", MOUNT, "forbidden"),
+    ("capabilities", HOST_FILE, "forbidden"),
+    ("capabilities", SOCKET, "forbidden"),
+    ("limits", FORK, "forbidden"),
+    ("limits", BOMB, "out_of_memory"),
+    ("limits", SPIN, "timed_out"),
+    ("limits", DISK, "crashed"),
+    ("no new privileges", HOST_FILE, "forbidden"),
+    ("no new privileges", SOCKET, "forbidden"),
+]
+# That the layer was really off: what only this layer stops now goes through.
+GETS_THROUGH = [("landlock", CELL), ("seccomp", SOCKET), ("seccomp", LINK)]
+
+
+@pytest.mark.parametrize("layer", sorted({layer for layer, _, _ in STILL_HOLDS}))
+def test_what_holds_without_a_layer(layer: str, tmp_path: Path, content: Content) -> None:
+    with jail_without(layer, tmp_path, content) as jail:
+        for without, source, status in STILL_HOLDS:
+            if without == layer:
+                report = jail.run(Job(source.replace("{SERVER}", "4194000"), DRIVER, {}, LIMITS))
+                assert report.status == status, (source, report.reason)
+        for without, source in GETS_THROUGH:
+            if without == layer:
+                assert jail.run(Job(source, DRIVER, {}, LIMITS)).status is RunStatus.RETURNED, source
+
+
+@pytest.mark.parametrize(
+    ("layer", "named"),
+    [
+        ("landlock", "landlock"),
+        ("seccomp", "seccomp"),
+        ("limits", "limits"),
+        ("namespaces", "user namespace"),
+        ("capabilities", "CapBnd"),
+        ("probe", "descriptors"),
+    ],
+)
+def test_attestation_catches_a_child_that_skipped_a_layer(
+    layer: str, named: str, tmp_path: Path, content: Content
+) -> None:
+    with pytest.raises(JailRefused, match=f"lacks: .*{named}"):
+        Jail(content.models, workers=1, inside=test_build(tmp_path, layer))
+
+
+def test_the_self_test_finds_a_hole_that_attestation_would_not(tmp_path: Path, content: Content) -> None:
+    """A filter is loaded, so that the kernel says Seccomp: 2, but it lets everything through."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(seccomp, "build", lambda own_pid: b"\x06\x00\x00\x00\x00\x00\xff\x7f")  # RET_ALLOW
+        with pytest.raises(JailRefused, match="self-test failed: .*socket"):
+            Jail(content.models, workers=1)
+
+
+def test_without_landlock_the_service_refuses(monkeypatch: pytest.MonkeyPatch, content: Content) -> None:
+    monkeypatch.setattr(policy, "LANDLOCK_ABI_MIN", 99)
+    monkeypatch.setattr(policy, "LANDLOCK_ABI_MIN_ALONE", 99)
+    with pytest.raises(JailRefused, match="Landlock ABI"):
+        Jail(content.models, workers=1, allow_t2=True)
+
+
+def test_without_libseccomp_the_service_refuses(monkeypatch: pytest.MonkeyPatch, content: Content) -> None:
+    monkeypatch.setitem(sys.modules, "pyseccomp", None)
+    seccomp.build.cache_clear()
+    with pytest.raises(JailRefused, match="libseccomp"):
+        Jail(content.models, workers=1)
+    seccomp.build.cache_clear()
+
+
+def test_without_bubblewrap_the_service_refuses(monkeypatch: pytest.MonkeyPatch, content: Content) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(JailRefused, match="bubblewrap"):
+        Jail(content.models, workers=1)
+
+
+def test_nothing_of_ours_is_in_the_cell(content: Content) -> None:
+    command = cell.bubblewrap(cell.discover(), content.models, cell.INSIDE, 3)
+    sources = [Path(command[n + 1]) for n, word in enumerate(command) if word in ("--ro-bind", "--bind", "--dev-bind")]
+    ours = [ROOT / name for name in ("src/grader/errors.py", "quizzes", "reference_solutions", "tests", "README.md")]
+    assert not [path for path in ours if any(path.is_relative_to(source) for source in sources)]
+    assert not [word for word in command if word in ("--bind", "--share-net")]
+
+
+def test_our_package_is_covered_where_it_is_installed_beside_mujoco(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: Content
+) -> None:
+    packages = tmp_path / "site-packages"
+    for name in ("grader", "numpy"):
+        (packages / name).mkdir(parents=True)
+    monkeypatch.setattr(cell, "OURS", packages / "grader")
+    runtime = cell.Runtime(Path(sys.executable), (packages,), (), (packages,))
+    command = cell.bubblewrap(runtime, content.models, cell.INSIDE, 3)
+    at = command.index("--tmpfs")
+    assert command[at + 1] == str(packages / "grader")
+    assert command.index(str(packages)) < at
+    assert runtime.readable == (packages / "numpy",)

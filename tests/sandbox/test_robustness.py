@@ -1,0 +1,131 @@
+"""The jail when it breaks itself: the zygote dies, is recycled, hangs about; nothing is left behind."""
+
+import os
+import signal
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from grader.domain.run import Job, Limits, RunReport, RunStatus
+from grader.errors import JailFault
+from grader.sandbox.jail import Jail
+
+from sandbox.conftest import MODELS, census, descendants, settled
+
+DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
+TRIVIAL = Job("print('hi')", DRIVER, {})
+SLEEPER = Job("import time\ntime.sleep(30)", DRIVER, {}, Limits(cpu_s=5, wall_s=60))
+
+
+def zygotes() -> list[int]:
+    """Processes named as the interpreter whose parent is bubblewrap."""
+    return [pid for pid in descendants(os.getpid()) if command(pid).startswith("python") and command(parent(pid)) == "bwrap"]
+
+
+def command(pid: int) -> str:
+    try:
+        with open(f"/proc/{pid}/comm") as file:
+            return file.read().strip()
+    except OSError:
+        return ""
+
+
+def parent(pid: int) -> int:
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return int(file.read().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0
+
+
+def patiently(jail: Jail, job: Job) -> RunReport:
+    """As the pipeline does: one more try after a fault."""
+    try:
+        return jail.run(job)
+    except JailFault:
+        return jail.run(job)
+
+
+def test_a_zygote_killed_in_the_middle_is_a_fault_and_a_new_one_takes_over() -> None:
+    with Jail(MODELS, workers=2) as jail, ThreadPoolExecutor(1) as pool:
+        running = pool.submit(jail.run, SLEEPER)
+        time.sleep(0.5)
+        (zygote,) = zygotes()
+        os.kill(zygote, signal.SIGKILL)
+        with pytest.raises(JailFault):
+            running.result(timeout=20)
+        assert patiently(jail, TRIVIAL).status is RunStatus.RETURNED
+        assert zygotes() != [zygote]
+
+
+def test_bubblewrap_killed_is_the_same() -> None:
+    with Jail(MODELS, workers=1) as jail:
+        for _ in range(3):
+            (zygote,) = zygotes()
+            os.kill(parent(zygote), signal.SIGKILL)
+            assert patiently(jail, TRIVIAL).status is RunStatus.RETURNED
+
+
+def test_spares_that_were_killed_are_not_handed_out() -> None:
+    with Jail(MODELS, workers=2) as jail:
+        time.sleep(0.5)
+        (zygote,) = zygotes()
+        for pid in descendants(zygote):
+            os.kill(pid, signal.SIGKILL)
+        reports = [patiently(jail, TRIVIAL) for _ in range(4)]
+        assert {report.status for report in reports} == {RunStatus.RETURNED}
+
+
+def test_zygotes_are_recycled_while_jobs_run() -> None:
+    before = census()
+    with Jail(MODELS, workers=2, recycle_after=20) as jail, ThreadPoolExecutor(2) as pool:
+        first = set(zygotes())
+        reports = list(pool.map(lambda _: jail.run(TRIVIAL), range(60)))
+        assert {report.status for report in reports} == {RunStatus.RETURNED}
+        deadline = time.monotonic() + 10
+        while len(zygotes()) > 1 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert len(zygotes()) == 1
+        assert not first & set(zygotes())
+    assert settled(before) == before
+
+
+def test_closing_leaves_nothing_and_ends_running_jobs() -> None:
+    before = census()
+    jail = Jail(MODELS, workers=2)
+    failures = list[str]()
+
+    def run() -> None:
+        try:
+            jail.run(SLEEPER)
+        except JailFault as fault:
+            failures.append(str(fault))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    time.sleep(0.5)
+    jail.close()
+    thread.join(20)
+    assert len(failures) == 1
+    with pytest.raises(JailFault, match="closed"):
+        jail.run(TRIVIAL)
+    assert settled(before) == before
+
+
+def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_SECRET", "canary-of-the-environment")
+    with Jail(MODELS, workers=1):
+        for pid in descendants(os.getpid()):
+            with open(f"/proc/{pid}/environ", "rb") as file:
+                assert b"canary-of-the-environment" not in file.read(), command(pid)
+
+
+def test_runs_as_nobody_when_root_started_it() -> None:
+    with Jail(MODELS, workers=1):
+        (zygote,) = zygotes()
+        expected = 65534 if os.geteuid() == 0 else os.geteuid()
+        for pid in {zygote} | descendants(zygote):
+            with open(f"/proc/{pid}/status") as file:
+                uids = next(line for line in file if line.startswith("Uid:")).split()[1:]
+            assert set(uids) == {str(expected)}

@@ -1,0 +1,97 @@
+"""The jail for an ordinary user: the same programs, as nobody's friend and with nobody's rights.
+
+When the suite itself runs as root it starts a second interpreter as an unprivileged user. That user may not be able
+to reach this interpreter (it may lie in root's home): then the system's own is taken, if it is of the same version.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from sandbox.conftest import ROOT, Content
+
+USER = 65533  # neither root nor nobody, and needs no entry in /etc/passwd
+SCRIPT = """
+import json, os, shutil, sys
+from pathlib import Path
+from grader.domain.run import Job, Limits
+from grader.sandbox.jail import Jail
+
+models, allow_t2 = Path(sys.argv[1]), sys.argv[2] == "T2"
+if allow_t2:
+    shutil.which = lambda name: None
+DRIVER = "def run(student, inputs, submit):\\n    submit('answer', [1.0])\\n"
+programs = json.load(sys.stdin)
+with Jail(models, workers=1, allow_t2=allow_t2) as jail:
+    ended = {name: jail.run(Job(source, DRIVER, {}, Limits(cpu_s=1, wall_s=1, memory_mb=256))).status
+             for name, source in programs.items()}
+    print(json.dumps({"uid": os.geteuid(), "tier": jail.tier, "held": len(jail.self_test.held), "ended": ended}))
+"""
+# Those that need nothing of the suite's own driver; the rest is the same code in the kernel.
+PICKED = [
+    "forbidden__reads_etc_passwd", "forbidden__writes_into_site_packages", "forbidden__opens_a_tcp_socket",
+    "forbidden__fork_bomb", "forbidden__runs_a_shell", "forbidden__kills_everybody", "forbidden__calls_ptrace",
+    "forbidden__calls_unshare", "forbidden__int80", "forbidden__makes_a_symlink", "crashed__segfault",
+    "crashed__thread_bomb", "out_of_memory__a_long_list", "out_of_memory__shared_mapping", "timed_out__spins",
+    "timed_out__sleeps", "output_too_large__floods_stdout", "crashed__results_truncated", "returned__raw_clone",
+    "returned__raises_its_limits", "returned__unknown_system_calls", "forbidden__becomes_root",
+]  # fmt: skip
+
+
+def interpreter() -> str | None:
+    for candidate in (sys.executable, "/usr/bin/python3"):
+        probe = [candidate, "-c", "import sys; print(*sys.version_info[:2])"]
+        try:
+            done = subprocess.run(probe, capture_output=True, text=True, check=False, **as_user())
+        except OSError:
+            continue
+        if done.stdout.split() == [str(n) for n in sys.version_info[:2]]:
+            return candidate
+    return None
+
+
+def as_user() -> dict[str, object]:
+    if os.geteuid() != 0:
+        return {}
+    return {"user": USER, "group": USER, "extra_groups": [], "cwd": "/"}
+
+
+@pytest.mark.parametrize("tier", ["T1", "T2"])
+def test_an_unprivileged_user_has_the_same_jail(tier: str, content: Content, tmp_path: Path) -> None:
+    python = interpreter()
+    assert python is not None, "no interpreter of this version that an unprivileged user can run"
+    models = Path("/tmp") / f"models-{os.getpid()}-{tier}"
+    shutil.copytree(content.models, models)
+    try:
+        ended = play(python, models, tier)
+    finally:
+        shutil.rmtree(models)
+    assert ended["uid"] != 0
+    assert ended["tier"] in ({"T2"} if tier == "T2" else {"T0", "T1"})
+    assert ended["held"] >= 10
+    wrong = {name: status for name, status in ended["ended"].items() if status != name.split("__")[0]}
+    assert not wrong
+
+
+def play(python: str, models: Path, tier: str) -> dict[str, object]:
+    programs = {name: (ROOT / "tests" / "hostile" / f"{name}.py").read_text() for name in PICKED}
+    packages = Path(mujoco.__file__).parents[1]
+    done = subprocess.run(
+        [python, "-B", "-c", SCRIPT, str(models), tier],
+        input=json.dumps(programs),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": f"{ROOT / 'src'}:{packages}"},
+        **as_user(),
+    )
+    assert done.returncode == 0, done.stderr
+    answer: dict[str, object] = json.loads(done.stdout)
+    return answer
