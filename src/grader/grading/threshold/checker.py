@@ -11,10 +11,10 @@ from grader.errors import Fault, GraderError
 from grader.grading.parameters import duplicate_faults, parameter_faults, read_parameters
 from grader.grading.plan import ModelXml, Plan, driver_text
 from grader.grading.threshold.claims import Bracket, NoLimit, read_claim, shown
+from grader.grading.threshold.diagnosis import name_the_mistake
 from grader.grading.threshold.evidence import evidence_of, expected_of
 from grader.grading.threshold.parameters import Problem, ThresholdParameters, pose_problem
 from grader.grading.threshold.truth import Judged, judge_claim
-from grader.grading.threshold.wrong_methods import name_the_mistake
 
 SAME_EVERYWHERE = (
     "The function gave the same answer for every model, although their limits differ: an instructor will look at it. "
