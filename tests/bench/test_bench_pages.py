@@ -53,3 +53,22 @@ def test_runs_agree_with_themselves_and_not_with_others() -> None:
     assert compare(one, far).apart
     other = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 2e-3}
     assert compare(one, other).unequal == ("$/error: 0.001 and 0.002",)
+
+
+def test_the_three_findings_hold_in_the_results() -> None:
+    results = load_results(RESULTS)
+    scenes, stability = results["precision"]["scenes"], results["stability"]
+    for name in ("joint_limits", "cube"):
+        assert scenes[name]["cheapest"]["1e-05"] is None
+        assert scenes[name]["peers"]["SciPy LSODA, mj_forward"]["1e-07"] is not None
+        assert 0.5 < scenes[name]["orders"]["RK4"]["order"] < 1.5
+    assert scenes["servo"]["orders"]["RK4"]["order"] == pytest.approx(4, abs=0.1)
+    assert scenes["spinning_body"]["orders"]["RK4"]["order"] == pytest.approx(2, abs=0.05)
+    kinds = {window["kind"] for window in stability["windows"]["oscillator"]["RK4"]}
+    assert kinds == {"slow", "window"}
+    assert all(one["shares"]["warned"] == 0 for one in stability["cases"]["box"].values())
+    for name in ("double_pendulum", "servo", "spinning_body", "eccentric_body"):
+        procedure = scenes[name]["procedure"]
+        assert 6 < procedure["quarter"]["cost"] < 17
+        assert procedure["four_times"]["cost"] < 1.1
+        assert procedure["start"]["error"] > 10 * procedure["four_times"]["error"]

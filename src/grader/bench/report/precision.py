@@ -97,7 +97,7 @@ def legend_panel(axes: Any, summary: Record) -> None:
 
 def draw_peers(records: Records, summary: Record, out: Path) -> list[Path]:
     """MuJoCo's Pareto front beside what a user would pick instead."""
-    made = figure(14, 4.6)
+    made = figure(14, 5)
     for axes, name in zip(made.subplots(1, 3), PEER_SCENES, strict=True):
         front = pareto(points_of(records, "setting", name))
         plot(axes, front, "black", "o", "MuJoCo in C, its best settings")
@@ -111,7 +111,9 @@ def draw_peers(records: Records, summary: Record, out: Path) -> list[Path]:
             xs, ys = [p.cost for p in ordered], [p.error for p in ordered]
             axes.plot(xs, ys, dash, color=PEER_COLOURS[family], marker=marker, ms=5, lw=1, label=method)
         mark_reference(axes, summary["scenes"][name], name.replace("_", " "))
-        axes.legend(fontsize=7, loc="lower left")
+    made.legend(
+        *made.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8, frameon=False
+    )
     return save(made, out, "precision_peers")
 
 

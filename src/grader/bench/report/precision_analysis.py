@@ -79,6 +79,19 @@ def against(mujoco: Point | None, peer: Point | None) -> Record | None:
     return {"setting": peer.setting, "ratio": peer.cost / mujoco.cost, "spread": spread}
 
 
+def procedure(points: Sequence[Point]) -> Record | None:
+    """The lesson's start beside RK4 at a quarter and at four times its step: errors, and costs in runs of the start."""
+    found = {(point.method, point.setting): point for point in points}
+    settings = {"start": ("implicitfast", 0.002), "quarter": ("RK4", 0.0005), "four_times": ("RK4", 0.008)}
+    if not all(setting in found for setting in settings.values()):
+        return None
+    start = found[settings["start"]]
+    return {
+        name: {"error": found[setting].error, "cost": found[setting].cost / start.cost}
+        for name, setting in settings.items()
+    }
+
+
 def scene_summary(records: Mapping[str, Record], scene: str) -> Record:
     """Everything the tables need about one scene."""
     truth = records[f"truth/{scene}"]
@@ -99,6 +112,7 @@ def scene_summary(records: Mapping[str, Record], scene: str) -> Record:
             }
             for name in names
         },
+        "procedure": procedure(points),
         "yardstick_s": min(r["yardstick_s"] for k, r in records.items() if k.startswith(f"setting/{scene}/")),
         "warned": sum(1 for point in points if point.error is None),
     }
