@@ -1,6 +1,7 @@
 """Puts the service together: settings, database, content, jail, worker, routes."""
 
 import signal
+import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable
@@ -120,13 +121,26 @@ def in_database(settings: Settings, change: Callable[[Session], str]) -> str:
         database.close()
 
 
+class Server(uvicorn.Server):
+    """Says where its pages are as soon as they can be opened."""
+
+    def __init__(self, config: uvicorn.Config, settings: Settings) -> None:
+        super().__init__(config)
+        self.settings = settings
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Binds the port."""
+        await super().startup(sockets)
+        if self.started:
+            print(f"Student page:    {self.settings.origin}/")
+            print(f"Instructor page: {sign_in_url(self.settings)}  (good for one sign-in)", flush=True)
+
+
 def run_server(settings: Settings) -> None:
     """Serves until it is told to end; SIGHUP loads the content again. Exits 3 where it cannot start."""
     app = create_app(settings)
     content: Content = app.state.context.content
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())
-    print(f"Student page:    {settings.origin}/", file=sys.stderr)
-    print(f"Instructor page: {sign_in_url(settings)}  (good for one sign-in)", file=sys.stderr)
     config = uvicorn.Config(
         app,
         host=settings.host,
@@ -137,7 +151,7 @@ def run_server(settings: Settings) -> None:
         server_header=False,
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
-    server = uvicorn.Server(config)
+    server = Server(config, settings)
     server.run()
     if not server.started:
         sys.exit(FAULT)

@@ -61,11 +61,12 @@ class Gate:
 
     async def _admit(self, scope: Scope, headers: Headers) -> None:
         unsafe = scope["method"] not in SAFE_METHODS
+        cookies = read_cookies(headers)
         if not is_api(scope):
-            if unsafe and not self._is_same_origin(headers):
+            by_browser = cookies or "origin" in headers or "sec-fetch-site" in headers
+            if unsafe and by_browser and not self._is_same_origin(headers):
                 raise Forbidden("This form must be sent from its own page.")
             return
-        cookies = read_cookies(headers)
         identity = await run_in_threadpool(authenticate, self.database, headers.get("authorization"), cookies)
         if unsafe and identity.by_cookie and not self._is_same_origin(headers):
             raise Forbidden("A browser may send this from the service's own pages only.")

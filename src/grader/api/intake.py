@@ -123,11 +123,10 @@ def verdict_at_once(pipeline: Pipeline, body: AnswerBody, question: Question) ->
 
 def next_attempt(session: Session, who: Identity, body: AnswerBody, question: Question) -> int:
     """The number of the learner's next go. Raises Conflict where none is left."""
-    used = submissions.attempts_used(session, Chosen(who.course, who.user, body.quiz, body.question))
-    count = used.get(body.question, 0)
-    if question.attempts is not None and count >= question.attempts:
+    used = submissions.attempts_at(session, Chosen(who.course, who.user, body.quiz, body.question))
+    if question.attempts is not None and used >= question.attempts:
         raise Conflict(f"All {question.attempts} attempts at this question are used up.")
-    return count + 1
+    return used + 1
 
 
 def refuse_flood(session: Session, who: Identity, queue_max: int) -> None:

@@ -1,5 +1,6 @@
 """Every error as RFC 9457 `application/problem+json`, mapped in this one place."""
 
+import re
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -104,4 +105,15 @@ def problem_of_framework(request: Request, error: HTTPException) -> Response:
         405: f"{request.method} is not possible here.",
         422: "The body is not JSON in UTF-8.",
     }
-    return problem(status, details.get(status, str(error.detail)), error.headers)
+    headers = {"Allow": ", ".join(methods_at(request))} if status == HTTPStatus.METHOD_NOT_ALLOWED else error.headers
+    return problem(status, details.get(status, str(error.detail)), headers)
+
+
+def methods_at(request: Request) -> list[str]:
+    """Every method of the path that was asked for; the router itself names those of one route only."""
+    methods: set[str] = set()
+    for template, operations in request.app.openapi()["paths"].items():
+        pattern = re.sub(r"\\{[^/]*?\\}", "[^/]+", re.escape(template))
+        if re.fullmatch(pattern, request.url.path):
+            methods.update(name.upper() for name in operations)
+    return sorted(methods)

