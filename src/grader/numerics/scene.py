@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import isfinite
 
 import mujoco
@@ -25,6 +25,7 @@ from grader.numerics.process import prepare
 Vector = NDArray[np.float64]
 Values = Sequence[float] | Vector
 
+INTEGRATORS = len(mujoco.mjtIntegrator.__members__)
 FULL_STATE = int(mjtState.mjSTATE_INTEGRATION)
 
 
@@ -109,10 +110,15 @@ class Scene:
                 data.time = time_s
             return replace(self, start_vector=_full_state(self.model, data), start=state_of(data))
 
-    @property
+    @cached_property
     def flags(self) -> int:
         """The disable bits that are proved to change nothing."""
         return proofs.skippable(self.needs)
+
+    @cached_property
+    def _disabled(self) -> int:
+        """What the model itself disables."""
+        return int(self.model.opt.disableflags)
 
     @contextmanager
     def borrow(
@@ -129,9 +135,9 @@ class Scene:
         """
         timestep_s, integrator = checked_options(self.model, timestep_s, integrator)
         workspace = self._take()
-        workspace.option.timestep = timestep_s
-        workspace.option.integrator = integrator
-        workspace.option.disableflags = int(self.model.opt.disableflags) | (self.flags if skip else 0)
+        option = workspace.option
+        option.timestep, option.integrator = timestep_s, integrator
+        option.disableflags = self._disabled | self.flags if skip else self._disabled
         mujoco.mj_resetData(workspace.model, workspace.data)
         mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
         yield workspace
@@ -176,11 +182,11 @@ class Scene:
 
 def checked_options(model: mujoco.MjModel, timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
     """Timestep [s] and integrator as asked for, or the model's own; ValueError where they mean nothing."""
-    timestep_s = float(model.opt.timestep if timestep_s is None else timestep_s)
+    timestep_s = float(model.opt.timestep) if timestep_s is None else float(timestep_s)
     if not (isfinite(timestep_s) and timestep_s > 0):
         raise ValueError(f"the timestep must be positive and finite, not {timestep_s}")
-    integrator = int(model.opt.integrator if integrator is None else integrator)
-    if not 0 <= integrator < len(mujoco.mjtIntegrator.__members__):
+    integrator = int(model.opt.integrator) if integrator is None else int(integrator)
+    if not 0 <= integrator < INTEGRATORS:
         raise ValueError(f"there is no integrator {integrator}")
     return timestep_s, integrator
 
