@@ -61,14 +61,15 @@ class Pipeline:
     def grade(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> Verdict:
         """The verdict on one answer; what breaks on our side is a `grader_fault`, never a wrong answer.
 
-        `seed` draws the hidden cases of an exercise; the default is the same for everyone.
+        `seed` draws the hidden cases of an exercise; the default follows from the submission, so that a second run
+        judges it by the same cases, and nobody's recorded results serve anybody else.
         Raises NotFound, TooLarge and Unprocessable.
         """
         question = self.library.question(quiz_id, question_id)
+        digest = submission_digest(quiz_id, question_id, answer)
         started = time.perf_counter()
         if isinstance(question, CodeQuestion):
-            seed = default_seed(quiz_id, question_id) if seed is None else seed
-            verdict = self._grade_script(question, answer, seed)
+            verdict = self._grade_script(question, answer, seed_of(digest) if seed is None else seed)
         else:
             verdict = grade_answer(question, answer)
         total_ms = 1000 * (time.perf_counter() - started)
@@ -77,7 +78,7 @@ class Pipeline:
                 "timing_ms": {**verdict.timing_ms, "total": round(total_ms, 3)},
                 "environment": ENVIRONMENT,
                 "content_digest": self.library.digest(quiz_id),
-                "submission_digest": submission_digest(quiz_id, question_id, answer),
+                "submission_digest": digest,
             }
         )
 
@@ -138,9 +139,9 @@ def ungraded(question: Question, status: Status, why: str) -> Verdict:
     return Verdict(status=status, points=0.0, max_points=question.points, diagnosis=why)
 
 
-def default_seed(quiz_id: str, question_id: str) -> int:
-    """The same hidden cases for everyone who answers this question."""
-    return int.from_bytes(hashlib.sha256(f"{quiz_id}/{question_id}".encode()).digest()[:4], "big")
+def seed_of(digest: str) -> int:
+    """The seed that a submission is judged by; its digest is in the verdict, and so the seed is on record."""
+    return int(digest[:8], 16)
 
 
 def submission_digest(quiz_id: str, question_id: str, answer: Any) -> str:

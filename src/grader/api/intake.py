@@ -1,6 +1,5 @@
 """An answer comes in: read, graded or queued, and kept, in one transaction."""
 
-import hashlib
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ from grader.domain.quiz import CodeQuestion, Question
 from grader.domain.verdict import Verdict
 from grader.errors import Conflict, InvalidAnswer, TooLarge, TooManyRequests, Unprocessable
 from grader.identity import Identity
-from grader.pipeline import Pipeline, default_seed
+from grader.pipeline import Pipeline, seed_of, submission_digest
 from grader.queue import jobs
 from grader.store import submissions
 from grader.store.submissions import Chosen
@@ -60,7 +59,7 @@ def take_in(context: Context, who: Identity, body: AnswerBody, key: str | None) 
     pipeline = context.content.pipeline
     question = pipeline.library.question(body.quiz, body.question)
     verdict = verdict_at_once(pipeline, body, question)
-    digest = hashlib.sha256("\n".join([body.quiz, body.question, answer]).encode()).hexdigest()
+    digest = submission_digest(body.quiz, body.question, body.answer)
     with context.database.write() as session:
         context.database.lock(session, f"{who.course}\n{who.user}")
         if key is not None and (earlier := submissions.find_key(session, who.course, who.user, key)):
@@ -72,7 +71,7 @@ def take_in(context: Context, who: Identity, body: AnswerBody, key: str | None) 
             quiz=body.quiz,
             question=body.question,
             answer=answer,
-            seed=default_seed(body.quiz, body.question) if isinstance(question, CodeQuestion) else None,
+            seed=seed_of(digest) if isinstance(question, CodeQuestion) else None,
             content_digest=pipeline.library.digest(body.quiz),
             attempt=next_attempt(session, who, body, question),
         )
