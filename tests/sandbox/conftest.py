@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
 from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[2]
@@ -71,6 +72,18 @@ def settled(expected: Census, patience_s: float = 10.0) -> Census:
     while (now := census()) != expected and time.monotonic() < deadline:
         time.sleep(0.01)
     return now
+
+
+def at_rest_with(processes: int, patience_s: float = 20.0) -> Census:
+    """The census once there are so many processes and the descriptors no longer change."""
+    deadline, before = time.monotonic() + patience_s, census()
+    while time.monotonic() < deadline:
+        time.sleep(0.1)
+        now = census()
+        if now == before and now.processes == processes:
+            return now
+        before = now
+    raise AssertionError(f"no rest: {before}")
 
 
 def descendants(pid: int) -> set[int]:

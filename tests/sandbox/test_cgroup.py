@@ -7,6 +7,7 @@ memory controller cannot be had everywhere the suite runs.
 from pathlib import Path
 
 import pytest
+
 from grader.sandbox import cgroup
 from grader.sandbox.cgroup import Group, delegated
 from grader.sandbox.policy import CGROUP_MEMORY_EXTRA, MB, THREADS_MAX

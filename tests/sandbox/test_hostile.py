@@ -5,10 +5,10 @@ import re
 from pathlib import Path
 
 import pytest
+
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.sandbox.jail import Jail
-
-from sandbox.conftest import ROOT, Census, Content, census, resident_kb, settled
+from sandbox.conftest import ROOT, Census, Content, at_rest_with, resident_kb, settled
 
 PROGRAMS = sorted((ROOT / "tests" / "hostile").glob("*.py"))
 DRIVER = """
@@ -42,10 +42,8 @@ def words(report: RunReport) -> str:
 def at_rest(jail: Jail) -> Census:
     """The census with the jail at rest, after a first clean job."""
     assert jail.run(CLEAN).status is RunStatus.RETURNED
-    before = census()
-    while (now := settled(before, 0.5)) != before:
-        before = now
-    return before
+    # bubblewrap, its pid 1 and the zygote; a keeper and a child for each of the two spares.
+    return at_rest_with(processes=7)
 
 
 @pytest.fixture(scope="module")

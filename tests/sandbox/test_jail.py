@@ -212,9 +212,7 @@ def test_starving_for_a_core_is_not_held_against_a_script(jail: Jail) -> None:
 
 
 def test_the_same_script_does_the_same_again(jail: Jail) -> None:
-    source = (
-        "import random, numpy as np\ndef main():\n    return [random.random(), np.random.rand(), hash('x')]\n"
-    )
+    source = "import random, numpy as np\ndef main():\n    return [random.random(), np.random.rand(), hash('x')]\n"
     assert value(run(jail, source)) == value(run(jail, source))
 
 

@@ -1,17 +1,19 @@
 """The jail when it breaks itself: the zygote dies, is recycled, hangs about; nothing is left behind."""
 
+import contextlib
 import os
 import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
+
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
 from grader.sandbox.jail import Jail
-
-from sandbox.conftest import MODELS, census, descendants, settled
+from sandbox.conftest import MODELS, at_rest_with, census, descendants, settled
 
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
 TRIVIAL = Job("print('hi')", DRIVER, {})
@@ -19,22 +21,21 @@ SLEEPER = Job("import time\ntime.sleep(30)", DRIVER, {}, Limits(cpu_s=5, wall_s=
 
 
 def zygotes() -> list[int]:
-    """Processes named as the interpreter whose parent is bubblewrap."""
-    return [pid for pid in descendants(os.getpid()) if command(pid).startswith("python") and command(parent(pid)) == "bwrap"]
+    """Interpreters whose parent is bubblewrap."""
+    ours = descendants(os.getpid())
+    return [pid for pid in ours if command(pid).startswith("python") and command(parent(pid)) == "bwrap"]
 
 
 def command(pid: int) -> str:
     try:
-        with open(f"/proc/{pid}/comm") as file:
-            return file.read().strip()
+        return Path(f"/proc/{pid}/comm").read_text().strip()
     except OSError:
         return ""
 
 
 def parent(pid: int) -> int:
     try:
-        with open(f"/proc/{pid}/stat") as file:
-            return int(file.read().rpartition(")")[2].split()[1])
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     except OSError:
         return 0
 
@@ -69,10 +70,11 @@ def test_bubblewrap_killed_is_the_same() -> None:
 
 def test_spares_that_were_killed_are_not_handed_out() -> None:
     with Jail(MODELS, workers=2) as jail:
-        time.sleep(0.5)
+        at_rest_with(processes=7)
         (zygote,) = zygotes()
         for pid in descendants(zygote):
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # a child ends with its keeper
+                os.kill(pid, signal.SIGKILL)
         reports = [patiently(jail, TRIVIAL) for _ in range(4)]
         assert {report.status for report in reports} == {RunStatus.RETURNED}
 
@@ -116,16 +118,17 @@ def test_closing_leaves_nothing_and_ends_running_jobs() -> None:
 def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GRADER_SECRET", "canary-of-the-environment")
     with Jail(MODELS, workers=1):
+        at_rest_with(processes=5)
         for pid in descendants(os.getpid()):
-            with open(f"/proc/{pid}/environ", "rb") as file:
-                assert b"canary-of-the-environment" not in file.read(), command(pid)
+            assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), command(pid)
 
 
 def test_runs_as_nobody_when_root_started_it() -> None:
     with Jail(MODELS, workers=1):
+        at_rest_with(processes=5)
         (zygote,) = zygotes()
         expected = 65534 if os.geteuid() == 0 else os.geteuid()
         for pid in {zygote} | descendants(zygote):
-            with open(f"/proc/{pid}/status") as file:
-                uids = next(line for line in file if line.startswith("Uid:")).split()[1:]
+            status = Path(f"/proc/{pid}/status").read_text().splitlines()
+            uids = next(line for line in status if line.startswith("Uid:")).split()[1:]
             assert set(uids) == {str(expected)}

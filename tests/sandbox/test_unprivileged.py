@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
@@ -56,7 +57,7 @@ def interpreter() -> str | None:
     return None
 
 
-def as_user() -> dict[str, object]:
+def as_user() -> dict[str, Any]:
     if os.geteuid() != 0:
         return {}
     return {"user": USER, "group": USER, "extra_groups": [], "cwd": "/"}
@@ -79,7 +80,7 @@ def test_an_unprivileged_user_has_the_same_jail(tier: str, content: Content, tmp
     assert not wrong
 
 
-def play(python: str, models: Path, tier: str) -> dict[str, object]:
+def play(python: str, models: Path, tier: str) -> dict[str, Any]:
     programs = {name: (ROOT / "tests" / "hostile" / f"{name}.py").read_text() for name in PICKED}
     packages = Path(mujoco.__file__).parents[1]
     done = subprocess.run(
@@ -93,5 +94,5 @@ def play(python: str, models: Path, tier: str) -> dict[str, object]:
         **as_user(),
     )
     assert done.returncode == 0, done.stderr
-    answer: dict[str, object] = json.loads(done.stdout)
+    answer: dict[str, Any] = json.loads(done.stdout)
     return answer

@@ -106,6 +106,11 @@ class Jail:
         finally:
             self._pool.give_back(child)
 
+    @property
+    def restarts(self) -> int:
+        """How often the zygote had to be started again because it had died."""
+        return self._pool.restarts
+
     def close(self) -> None:
         """End every process of the jail; jobs that still run end with a JailFault."""
         self._pool.close()

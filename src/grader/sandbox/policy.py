@@ -24,7 +24,10 @@ SCRATCH_BYTES: Final = 16 * MB
 SCRATCH_INODES: Final = 256
 MODELS: Final = "/models"
 
-THREADS_MAX: Final = 24
+# MuJoCo's pool waits for ever when a thread of it cannot be started: leave room for 32 workers, as its own tests take,
+# and let their stacks be small, as RLIMIT_DATA counts them whole.
+THREADS_MAX: Final = 64
+THREAD_STACK_BYTES: Final = 2 * MB
 RESULT_BYTES_MAX: Final = 16 * MB
 RESULT_ARRAYS_MAX: Final = 512
 NAME_CHARS_MAX: Final = 32

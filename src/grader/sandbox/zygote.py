@@ -85,6 +85,7 @@ class Zygote:
         return {
             "user": policy.NOBODY if os.geteuid() == 0 else None,
             "preload": policy.PRELOAD,
+            "thread_stack": policy.THREAD_STACK_BYTES,
             "models": models_inside,
             "directory": "/" if self._alone else policy.SCRATCH,
             "namespaces": None if self._alone else scratch,
