@@ -11,6 +11,7 @@ from web.browsing import chromium, service, settings_in
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "reference_solutions/1.3-exercises/servo-threshold/partial__pd_law_on_a_motor.py"
 VERDICT_MS = 60_000
+WIDTH = 900
 
 
 def answer_everything(page: Page) -> None:
@@ -33,12 +34,15 @@ def answer_everything(page: Page) -> None:
 
 
 def main(target: Path) -> None:
-    """The whole page, answered, as a picture."""
+    """The page from its top to the first exercise, answered, as a picture."""
     with tempfile.TemporaryDirectory() as data, service(settings_in(Path(data))) as origin, chromium() as browser:
-        page = browser.new_page(viewport={"width": 900, "height": 900})
+        page = browser.new_page(viewport={"width": WIDTH, "height": 900})
         page.goto(origin)
         answer_everything(page)
-        page.screenshot(path=target, full_page=True)
+        card = page.locator('[id="1.3-exercises--servo-threshold"]').bounding_box()
+        assert card is not None
+        height = card["y"] + card["height"] + 16
+        page.screenshot(path=target, full_page=True, clip={"x": 0, "y": 0, "width": WIDTH, "height": height})
 
 
 if __name__ == "__main__":
