@@ -10,9 +10,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ..domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
+from ..domain.run import SOURCE_BYTES_MAX, Job, Limits, RunReport, RunStatus
 from ..errors import JailFault, JailRefused
 from . import cell, cgroup, selftest
+from .child import Child
 from .policy import MB
 from .pool import Pool
 from .report import report
@@ -23,6 +24,7 @@ from .zygote import Zygote
 QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0
 RECYCLE_AFTER = 2000
+TRIES = 8
 
 
 class Jail:
@@ -97,14 +99,25 @@ class Jail:
                 "filename": Path(job.filename).name or "submission.py",
             }
         ).encode()
-        child = self._pool.take(CHILD_S_MAX)
+        child = self._limited_child(job.limits)
         try:
-            child.limit(job.limits.memory_mb * MB, math.ceil(job.limits.cpu_s))
             return report(Watch(child, job.limits, packed).run(), job.limits)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:
             self._pool.give_back(child)
+
+    def _limited_child(self, limits: Limits) -> Child:
+        """A spare with this job's limits; one that has broken while it waited has seen no script: take the next."""
+        for _ in range(TRIES):
+            child = self._pool.take(CHILD_S_MAX)
+            try:
+                child.limit(limits.memory_mb * MB, math.ceil(limits.cpu_s))
+                return child
+            except JailFault as fault:
+                self._pool.give_back(child)
+                broken = fault
+        raise broken
 
     @property
     def restarts(self) -> int:
