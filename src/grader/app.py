@@ -18,6 +18,7 @@ from grader.api import problems, routes
 from grader.api.content import Content
 from grader.api.context import Context
 from grader.api.gate import Gate, Rules
+from grader.api.lab_cache import LabCache
 from grader.api.rate import RateLimit
 from grader.api.signin import Doorstep, Welcome
 from grader.identity import Role, create_sign_in_code, create_token
@@ -48,7 +49,9 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
         redirect_slashes=False,
     )
-    app.state.context = Context(database, content, settings.queue_per_user, worker.wake)
+    app.state.context = Context(
+        database, content, settings.queue_per_user, worker.wake, LabCache(settings.lab_cache_mb * 1024 * 1024)
+    )
     app.state.doorstep = Doorstep(database, settings.origin.startswith("https:"), settings.is_local)
     app.state.checks = {"database": lambda: look_at(database), "content": lambda: describe(content)}
     problems.install(app)

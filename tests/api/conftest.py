@@ -20,6 +20,8 @@ from servers import serving
 
 ROOT = Path(__file__).parents[2]
 
+STIFFNESS = "model.actuator_gainprm[0] = value; model.actuator_biasprm[1] = -value"
+
 QUIZ: dict[str, Any] = {
     "id": "small",
     "title": "A small quiz",
@@ -37,12 +39,14 @@ QUIZ: dict[str, Any] = {
                 "controls": [
                     {"label": "step", "set": "model.opt.timestep", "min": 0.001, "max": 0.02, "step": 0.001,
                      "value": 0.01, "reset": True},
+                    {"label": "stiffness", "apply": STIFFNESS, "min": 10, "max": 40000, "step": 10, "value": 100},
                 ],
                 "readouts": [{"label": "angle", "expr": "data.qpos[0]", "digits": 3}],
             },
         },
         {"kind": "open", "q": "Why?", "reference": "SECRET reference"},
     ],
+    "labs": [{"id": "five", "kind": "integrators", "model": "double_pendulum", "key": 0, "seconds": 1}],
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from fastapi.security import HTTPBearer
 
 from grader.api.content import Content
 from grader.api.gate import identity_in
+from grader.api.lab_cache import LabCache
 from grader.identity import Identity, Role
 from grader.store.database import Database
 
@@ -21,6 +22,7 @@ class Context:
     content: Content
     queue_per_user: int
     wake: Callable[[], None]
+    labs: LabCache
 
 
 async def context_of(request: Request) -> Context:

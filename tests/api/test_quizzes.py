@@ -1,0 +1,214 @@
+"""What a learner sees of a quiz, and content that changes while the server runs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from grader.app import issue_token
+from grader.settings import Settings
+
+ROOT = Path(__file__).parents[2]
+API = "/api/v1"
+
+
+def strings(value: Any) -> Iterator[str]:
+    """Every string and every number of a JSON value, as text."""
+    if isinstance(value, dict):
+        for item in value.values():
+            yield from strings(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from strings(item)
+    elif value is not None and not isinstance(value, bool):
+        yield str(value)
+
+
+def keys(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield name
+            yield from keys(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from keys(item)
+
+
+SECRET = ("answer", "explain", "reference", "tol", "verify", "check", "sim")
+"""Keys of a question that no learner may see before the answer."""
+
+
+def secrets_of(question: dict[str, Any]) -> set[str]:
+    """Every text in the hidden part of a question that does not stand in its open part too."""
+    hidden = {text for name in SECRET if name in question for text in strings({name: question[name]})}
+    shown = {text for name in question.keys() - {*SECRET} for text in strings(question[name])}
+    return {text for text in hidden if len(text) > 3} - shown
+
+
+def test_no_secret_of_the_shipped_content_reaches_a_learner(open_site_with: Callable[..., Any]) -> None:
+    ann = open_site_with(content=ROOT).client("ann")
+    walked = 0
+    for item in ann.get(f"{API}/quizzes").json()["items"]:
+        quiz = ann.get(f"{API}/quizzes/{item['id']}").json()
+        told = set(strings(quiz["questions"]))
+        assert not {*SECRET, "entry_cases", "setup", "apply", "expr", "run", "xml"} & set(keys(quiz["questions"]))
+        raw = json.loads(next((ROOT / "quizzes").glob(f"{item['id']}.json")).read_text())
+        for question in raw.get("questions", ()):
+            secrets = secrets_of(question)
+            walked += len(secrets)
+            assert not secrets & told
+            assert not [text for text in secrets if len(text) > 20 and any(text in shown for shown in told)]
+    assert walked > 30
+
+
+def test_the_list_names_every_quiz(ann: httpx.Client) -> None:
+    listed = ann.get(f"{API}/quizzes").json()
+    assert listed["items"] == [{"id": "small", "title": "A small quiz", "questions": 4, "points": 4.0}]
+    assert listed["next_cursor"] is None
+
+
+def test_a_quiz_says_how_many_attempts_are_used(ann: httpx.Client, bob: httpx.Client) -> None:
+    for answer in ("6 ms", "5 kg"):
+        ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q2", "answer": answer})
+
+    def used(client: httpx.Client) -> list[int]:
+        return [question["attempts_used"] for question in client.get(f"{API}/quizzes/small").json()["questions"]]
+
+    assert used(ann) == [0, 1, 0, 0]
+    assert used(bob) == [0, 0, 0, 0]
+
+
+def retitle(content: Path, title: str) -> None:
+    path = content / "quizzes" / "small.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"title": title}))
+
+
+def test_content_is_loaded_again_on_request(open_site_with: Callable[..., Any], content: Path) -> None:
+    site = open_site_with()
+    teacher, ann = site.client("tina", "instructor"), site.client("ann")
+    before = ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q1", "answer": 1}).json()
+    retitle(content, "Another title")
+    assert teacher.post(f"{API}/content:reload").json()["quizzes"][0]["id"] == "small"
+    assert ann.get(f"{API}/quizzes/small").json()["title"] == "Another title"
+    after = ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q1", "answer": 1}).json()
+    digests = [one["verdict"]["content_digest"] for one in (before, after)]
+    assert digests[0] != digests[1]
+    kept = ann.get(f"{API}/submissions/{before['id']}").json()["verdict"]["content_digest"]
+    assert kept == digests[0]
+
+
+def test_faulty_content_is_refused_as_a_whole_and_the_old_one_stays(
+    open_site_with: Callable[..., Any], content: Path
+) -> None:
+    site = open_site_with()
+    teacher = site.client("tina", "instructor")
+    retitle(content, "Another title")
+    (content / "quizzes" / "bad.json").write_text("{")
+    (content / "quizzes" / "worse.json").write_text('{"id": "worse", "title": "x", "questoins": []}')
+    refused = teacher.post(f"{API}/content:reload")
+    assert refused.status_code == 422
+    assert refused.headers["content-type"] == "application/problem+json"
+    faults = refused.json()["faults"]
+    assert {fault["file"] for fault in faults} == {"quizzes/bad.json", "quizzes/worse.json"}
+    assert all(fault["why"] for fault in faults)
+    assert teacher.get(f"{API}/quizzes/small").json()["title"] == "A small quiz"
+
+
+def until(holds: Callable[[], bool], seconds: float = 40.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
+    """It says where its pages are; SIGHUP loads the content again, faults or not; SIGTERM ends it."""
+    data = tmp_path / "data"
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "0"}
+    command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(data)]
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as server:
+        try:
+            assert server.stdout is not None
+            student, instructor = server.stdout.readline(), server.stdout.readline()
+            origin = student.split()[-1].rstrip("/")
+            assert f"{origin}/signin?code=gri_" in instructor
+            token = issue_token(Settings(content=content, data=data), "ann", "student", None)
+            with httpx.Client(base_url=origin, headers={"Authorization": f"Bearer {token}"}) as ann:
+                retitle(content, "After the signal")
+                server.send_signal(signal.SIGHUP)
+                until(lambda: ann.get(f"{API}/quizzes/small").json()["title"] == "After the signal")
+                (content / "quizzes" / "small.json").write_text("{")
+                server.send_signal(signal.SIGHUP)
+                time.sleep(0.5)
+                assert ann.get(f"{API}/quizzes/small").json()["title"] == "After the signal"
+        finally:
+            server.terminate()
+        _, told = server.communicate(timeout=30)
+    assert "content refused; the old one stays" in told
+    assert token.split("_")[2] not in told
+
+
+def test_a_server_that_cannot_have_its_port_says_so(content: Path, tmp_path: Path, site: Any) -> None:
+    port = site.origin.rpartition(":")[2]
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "0"}
+    command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", port, "--data", str(tmp_path / "data")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 3
+    assert "address already in use" in done.stderr
+    assert "signin" not in done.stdout
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/openapi.json", "/"])
+def test_what_needs_no_token(nobody: httpx.Client, path: str) -> None:
+    assert nobody.get(path).status_code == 200
+
+
+def test_readiness_names_what_was_looked_at(nobody: httpx.Client) -> None:
+    checks = nobody.get("/readyz").json()["checks"]
+    assert checks["database"] == {"ok": True, "backend": "sqlite"}
+    assert checks["content"]["quizzes"].keys() == {"small"}
+
+
+def test_a_database_that_does_not_answer_is_not_ready(
+    site: Any, nobody: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone() -> None:
+        raise OSError("a path of the server")
+
+    monkeypatch.setattr(site.app.state.context.database, "ping", gone)
+    response = nobody.get("/readyz")
+    assert (response.status_code, response.headers["content-type"]) == (503, "application/problem+json")
+    assert response.json()["checks"]["database"] == {"ok": False}
+    assert "path" not in response.text
+    assert nobody.get("/healthz").status_code == 200
+
+
+def test_every_route_of_the_api_is_described_with_its_refusals(nobody: httpx.Client) -> None:
+    paths = nobody.get("/openapi.json").json()["paths"]
+    assert {
+        f"{API}/quizzes",
+        f"{API}/quizzes/{{quiz_id}}",
+        f"{API}/submissions",
+        f"{API}/submissions/{{submission_id}}",
+        f"{API}/submissions/{{submission_id}}/events",
+        f"{API}/answers:validate",
+        f"{API}/labs:run",
+        f"{API}/content:reload",
+        "/healthz",
+        "/readyz",
+    } <= paths.keys()
+    for path, operations in paths.items():
+        for operation in operations.values():
+            refusals = {status: one for status, one in operation["responses"].items() if status >= "400"}
+            assert path in ("/healthz", "/readyz") or "401" in refusals
+            assert all(list(one["content"]) == ["application/problem+json"] for one in refusals.values())
