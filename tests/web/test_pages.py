@@ -32,9 +32,10 @@ def kept_back() -> list[str]:
     texts = []
     for path in (ROOT / "quizzes").glob("1.3-*.json"):
         for question in json.loads(path.read_text(encoding="utf-8")).get("questions", []):
-            texts += [question.get(key) for key in ("explain", "reference")]
-            texts += [case["id"] for case in question.get("check", {}).get("cases", []) if case.get("hidden")]
-    return [text for text in texts if text and len(text) > 8]  # a short name of a case may be a common word
+            texts += [question[key] for key in ("explain", "reference") if question.get(key)]
+            ids = [case["id"] for case in question.get("check", {}).get("cases", []) if case.get("hidden")]
+            texts += [name for name in ids if "-" in name]  # a single word may stand in a prompt too
+    return texts
 
 
 def without_tags(text: str) -> str:
