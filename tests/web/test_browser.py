@@ -14,7 +14,11 @@ from grader.settings import Settings
 from web.browsing import chromium, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises" / "servo-threshold"
-VERDICT_MS = 30_000
+PATIENCE_MS = 30_000
+"""A busy machine is slow, not wrong: how long anything on the page may take to appear."""
+
+expect.set_options(timeout=PATIENCE_MS)
+
 PAINTED = """canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data
   .filter((value, index) => index % 4 === 3 && value > 0).length"""
 """How many pixels of a canvas are not empty."""
@@ -112,7 +116,7 @@ def test_a_script_is_uploaded_and_its_verdict_awaited(visit: Visit) -> None:
     card = visit.card("1.3-exercises", "servo-threshold")
     card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__forgets_kv.py")
     card.get_by_role("button", name="Hand in").click()
-    expect(visit.status("1.3-exercises", "servo-threshold")).to_have_text("Partly correct", timeout=VERDICT_MS)
+    expect(visit.status("1.3-exercises", "servo-threshold")).to_have_text("Partly correct")
     expect(card.locator(".diagnosis")).to_be_visible()
     assert card.get_by_role("row").count() > 3
     expect(card.get_by_role("img").first).to_be_visible()
@@ -123,7 +127,7 @@ def test_a_pasted_script_that_prints_shows_its_output_as_text(visit: Visit) -> N
     script = "print('<b>not bold</b>')\ndef largest_stable_timestep(model, integrator):\n    return None\n"
     card.get_by_label("or pasted here").fill(script)
     card.get_by_role("button", name="Hand in").click()
-    expect(card.get_by_text("<b>not bold</b>", exact=False).last).to_be_visible(timeout=VERDICT_MS)
+    expect(card.get_by_text("<b>not bold</b>", exact=False).last).to_be_visible()
 
 
 WRITTEN = {"0": "0", "-2.5": "−2.5", "1/3": "0.3333", "1e-11": "10⁻¹¹", "-2.5e7": "−2.5·10⁷", "1/0": "∞"}
