@@ -69,10 +69,10 @@ def pinocchio_rk4(name: str, scene: Scene) -> Run:
 
 def drake_rk5(name: str, scene: Scene) -> Run:
     """Drake's error-controlled fifth-order Runge-Kutta on its MultibodyPlant, with dense output as in SciPy."""
-    logging.getLogger("drake").setLevel(logging.ERROR)  # it tells at length which MJCF elements it ignores
     parsing, multibody, analysis = (
         import_module(f"pydrake.{module}") for module in ("multibody.parsing", "multibody.plant", "systems.analysis")
     )
+    logging.getLogger("drake").setLevel(logging.ERROR)  # it tells at length which MJCF elements it ignores
     plant: Any = multibody.MultibodyPlant(0.0)
     parsing.Parser(plant).AddModels(str(scene_path(name)))
     plant.mutable_gravity_field().set_gravity_vector(scene.model.opt.gravity)

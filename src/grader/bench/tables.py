@@ -16,8 +16,8 @@ MARKED = re.compile(r"(<!-- measured:begin ?(\w*) -->\n).*?(<!-- measured:end ?\
 SHOWN_TOLERANCES = ("1e-02", "1e-04", "1e-06", "1e-08")
 SUMMARY_WORDS = (
     "The cheapest setting within each position error over 1 s, in brackets its CPU time in runs of MuJoCo's defaults "
-    "(Euler at 2 ms); and how much faster a run is than a Python loop when the wheel's timer is off, steps are made in C "
-    "and everything is skipped that provably changes no bit. [All of it, with pictures](docs/measured.md)."
+    "(Euler at 2 ms); and how much faster a run is than a Python loop when the wheel's timer is off, steps are made in "
+    "C and everything is skipped that provably changes no bit. [All of it, with pictures](docs/measured.md)."
 )
 BENCHMARKS = ("precision", "stability", "skip")
 
