@@ -182,7 +182,7 @@ class Request:
 def loses_energy(scene: Scene) -> str | None:
     """Why energy need not be conserved, from what the scene provably lacks; None where it must be."""
     for need in scene.needs:
-        if need.needed and need.part in ("everything", "dampers", "actuation", "constraints"):
+        if need.needed and need.part in ("everything", "dampers", "fluid", "actuation", "constraints"):
             return need.reason
     return None
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grader.advise import DISCRETE, IMPLICITFAST, RK4, advise
+from grader.advise import DISCRETE, IMPLICITFAST, RK4, advise, loses_energy, scene_of
 from grader.bench.scenes import scene_path, scene_text
 from grader.errors import ContentError, Unprocessable
 
@@ -70,3 +70,18 @@ def test_what_means_nothing_is_refused(
 ) -> None:
     with pytest.raises(error):
         advise(model, quantity, tol, seconds)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("<option", '<option density="1.2"'), "medium"),
+        (('name="elbow" type="hinge"', 'name="elbow" type="hinge" damping="0.1"'), "damping"),
+        (('name="elbow" type="hinge"', 'name="elbow" type="hinge" frictionloss="0.1"'), "friction loss"),
+    ],
+)
+def test_what_can_lose_energy_is_told(change: tuple[str, str], why: str) -> None:
+    assert loses_energy(scene_of(scene_text("double_pendulum"))) is None
+    reason = loses_energy(scene_of(scene_text("double_pendulum").replace(*change)))
+    assert reason is not None
+    assert why in reason
