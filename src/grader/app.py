@@ -135,8 +135,10 @@ class Server(uvicorn.Server):
         """Binds the port."""
         await super().startup(sockets)
         if self.started:
-            print(f"Student page:    {self.settings.origin}/")
-            print(f"Instructor page: {sign_in_url(self.settings)}  (good for one sign-in)", flush=True)
+            port = self.servers[0].sockets[0].getsockname()[1]
+            bound = self.settings.model_copy(update={"port": port})
+            print(f"Student page:    {bound.origin}/")
+            print(f"Instructor page: {sign_in_url(bound)}  (good for one sign-in)", flush=True)
 
 
 def run_server(settings: Settings) -> None:

@@ -99,9 +99,10 @@ class Worker:
             self._put_back(claimed, self.retry_s * 2 ** (claimed.tries - 1))
             return
         with self.database.write() as session:
-            if jobs.finish(session, claimed):
-                submission = session.get_one(Submission, claimed.subject)
-                submissions.append_verdict(session, submission, verdict, "grading")
+            if not jobs.finish(session, claimed):
+                return
+            submission = session.get_one(Submission, claimed.subject)
+            submissions.append_verdict(session, submission, verdict, "grading")
         log.info("graded", submission=claimed.subject, status=verdict.status.value, tries=claimed.tries)
 
     def _put_back(self, claimed: Claim, delay_s: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
+import structlog
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
@@ -17,6 +18,8 @@ from grader.api.rate import RateLimit
 from grader.errors import CallerError, Forbidden
 from grader.identity import COOKIE, SECURE_COOKIE, Identity, authenticate
 from grader.store.database import Database
+
+log = structlog.get_logger()
 
 PREFIX = "/api/v1"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
@@ -38,10 +41,20 @@ class Gate:
         self.app, self.database, self.rules, self.limit = app, database, rules, limit
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Lets the request through or answers it with a problem."""
+        """Lets the request through or answers it with a problem; what breaks inside is 500, told in the log alone."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        response = Reply(scope, send)
+        try:
+            await self._pass(scope, receive, response.send)
+        except Exception:
+            log.exception("unhandled", method=scope["method"], path=scope["path"])
+            if response.started:
+                raise
+            await problem(500, "Something went wrong on our side.")(scope, receive, response.send)
+
+    async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
             await problem(421, "This service does not answer to that host name.")(scope, receive, send)
@@ -51,7 +64,7 @@ class Gate:
         except CallerError as error:
             await problem_of(error)(scope, receive, send)
             return
-        await self.app(scope, self._sized(headers, receive), _private(scope, send))
+        await self.app(scope, self._sized(headers, receive), send)
 
     def _is_our_host(self, headers: Headers) -> bool:
         try:
@@ -114,17 +127,21 @@ def read_cookies(headers: Headers) -> dict[str, str]:
     return {name: jar[name].value for name in (SECURE_COOKIE, COOKIE) if name in jar}
 
 
-def _private(scope: Scope, send: Send) -> Send:
-    """`send`, adding that answers of the API are one person's and are what they say they are."""
+class Reply:
+    """An answer on its way out: what the API says is for one person, and is what it says it is."""
 
-    async def send_private(message: Message) -> None:
-        if message["type"] == "http.response.start" and is_api(scope):
-            headers = MutableHeaders(scope=message)
-            headers.setdefault("Cache-Control", "private, no-cache")
-            headers["X-Content-Type-Options"] = "nosniff"
-        await send(message)
+    def __init__(self, scope: Scope, send: Send) -> None:
+        self.scope, self._send, self.started = scope, send, False
 
-    return send_private
+    async def send(self, message: Message) -> None:
+        """Sends a part of it."""
+        if message["type"] == "http.response.start":
+            self.started = True
+            if is_api(self.scope):
+                headers = MutableHeaders(scope=message)
+                headers.setdefault("Cache-Control", "private, no-cache")
+                headers["X-Content-Type-Options"] = "nosniff"
+        await self._send(message)
 
 
 def identity_in(scope: Scope) -> Identity:

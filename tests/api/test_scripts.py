@@ -1,0 +1,194 @@
+"""Scripts over HTTP: queued, run in the real jail, graded, and told as events on the way."""
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from grader.domain.verdict import Status, Verdict
+from grader.queue import jobs
+from grader.settings import Settings
+from grader.worker import Worker
+from sites import ROOT, Site, open_site
+
+API = "/api/v1"
+REFERENCE = ROOT / "reference_solutions" / "1.3-exercises" / "servo-threshold" / "correct__spectral_radius.py"
+GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
+
+
+def read_events(client: httpx.Client, location: str, **headers: str) -> list[dict[str, str]]:
+    """Listens to the end."""
+    with client.stream("GET", f"{location}/events", headers=headers) as response:
+        if response.status_code == 204:
+            return []
+        assert response.headers["content-type"].startswith("text/event-stream")
+        lines = [line for line in response.iter_lines() if not line.startswith(":")]
+    blocks = [block.splitlines() for block in "\n".join(lines).split("\n\n") if block.strip()]
+    return [dict(line.split(": ", 1) for line in block) for block in blocks]
+
+
+def hand_in(client: httpx.Client, source: Any, **headers: str) -> httpx.Response:
+    answer = {"source": source} if isinstance(source, str) else source
+    body = {"quiz": "1.3-exercises", "question": "servo-threshold", "answer": answer}
+    return client.post(f"{API}/submissions", json=body, headers=headers)
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A server with the shipped content, a worker and its jail."""
+    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("graded"), workers=2)) as site:
+        yield site
+
+
+@pytest.fixture
+def idle(open_site_with: Callable[..., Site]) -> Site:
+    """The same without a worker: what is handed in waits."""
+    return open_site_with(content=ROOT)
+
+
+def test_a_script_is_accepted_run_and_judged(graded: Site) -> None:
+    ann = graded.client("ann")
+    made = hand_in(ann, REFERENCE.read_text())
+    assert made.status_code == 202
+    assert {"status": "queued", "verdict": None, "attempt": 1}.items() <= made.json().items()
+    events = read_events(ann, made.headers["location"])
+    assert [event["event"] for event in events] == ["queued", "running", "graded"]
+    shown = ann.get(made.headers["location"])
+    assert shown.headers["etag"] != made.headers["etag"]
+    body = shown.json()
+    assert (body["status"], body["verdict"]["status"]) == ("graded", "correct")
+    assert len(body["verdict"]["content_digest"]) == 64
+    assert body["answer"] == {"source": REFERENCE.read_text()}
+
+
+def test_a_script_that_breaks_is_the_learners_and_its_output_comes_back(graded: Site) -> None:
+    ann = graded.client("ann")
+    made = hand_in(ann, "print('hello')\nraise SystemExit(3)\n")
+    last = read_events(ann, made.headers["location"])[-1]
+    assert last["event"] == "graded"
+    verdict = ann.get(made.headers["location"]).json()["verdict"]
+    assert verdict["status"] == "crashed"
+    assert "hello" in verdict["stdout"]
+
+
+def test_the_jail_is_part_of_readiness(graded: Site) -> None:
+    jail = graded.anonymous().get("/readyz").json()["checks"]["jail"]
+    assert jail["ok"]
+    assert jail["tier"] in ("T0", "T1")
+    assert "attacks held" in jail["self_test"]
+
+
+def test_a_late_listener_hears_the_last_event_and_one_who_heard_it_nothing(graded: Site) -> None:
+    ann = graded.client("ann")
+    made = hand_in(ann, "x = 1\n")
+    all_of_them = read_events(ann, made.headers["location"])
+    assert read_events(ann, made.headers["location"]) == all_of_them
+    first, *rest = all_of_them
+    assert read_events(ann, made.headers["location"], **{"Last-Event-ID": first["id"]}) == rest
+    assert read_events(ann, made.headers["location"], **{"Last-Event-ID": rest[-1]["id"]}) == []
+    assert read_events(ann, made.headers["location"], **{"Last-Event-ID": "nonsense"}) == all_of_them
+
+
+def test_an_instant_answer_has_its_last_event_too(graded: Site) -> None:
+    ann = graded.client("ann")
+    for question, answer, name in (("q1", 1, "graded"), ("q4", "I would measure.", "needs_review")):
+        body = {"quiz": "1.3-check", "question": question, "answer": answer}
+        made = ann.post(f"{API}/submissions", json=body)
+        assert [event["event"] for event in read_events(ann, made.headers["location"])] == [name]
+
+
+def test_events_come_while_the_work_goes_on(idle: Site) -> None:
+    ann = idle.client("ann")
+    made = hand_in(ann, "x = 1\n")
+    heard: list[str] = []
+
+    def listen() -> None:
+        heard.extend(event["event"] for event in read_events(ann, made.headers["location"]))
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    Worker(idle.app.state.context.database, lambda _: GOOD, 1, 60.0, 3).do_one()
+    listener.join(20)
+    assert heard == ["queued", "running", "graded"]
+
+
+def test_nobody_else_may_listen(graded: Site) -> None:
+    made = hand_in(graded.client("ann"), "x = 1\n")
+    assert graded.client("bob").get(f"{made.headers['location']}/events").status_code == 404
+    assert graded.client("tina", "instructor").get(made.headers["location"]).status_code == 200
+
+
+def test_a_submission_and_its_job_are_kept_together_or_not_at_all(idle: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError
+
+    ann = idle.client("ann")
+    monkeypatch.setattr("grader.api.intake.jobs.put", broken)
+    assert hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}).status_code == 500
+    assert ann.get(f"{API}/submissions").json()["items"] == []
+    monkeypatch.undo()
+    assert hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}).status_code == 202
+    with idle.app.state.context.database.read() as session:
+        assert jobs.waiting(session) == 1
+
+
+def test_a_repeated_script_is_not_queued_twice(idle: Site) -> None:
+    ann = idle.client("ann")
+    first, again = (hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}) for _ in range(2))
+    assert (again.status_code, again.json()) == (202, first.json())
+    with idle.app.state.context.database.read() as session:
+        assert jobs.waiting(session) == 1
+
+
+@pytest.mark.parametrize(
+    ("answer", "status"),
+    [
+        ("#" * (256 * 1024 + 1), 413),
+        ("#" * (256 * 1024), 202),
+        ("é" * (128 * 1024 + 1), 413),
+        ({"source": "x", "more": 1}, 422),
+        ({"source": 5}, 422),
+        (5, 422),
+        ([], 422),
+    ],
+    ids=["too-long", "longest", "too-many-bytes", "unknown-key", "number", "no-object", "list"],
+)
+def test_sources_that_cannot_be_taken_are_refused_before_they_are_queued(idle: Site, answer: Any, status: int) -> None:
+    ann = idle.client("ann")
+    assert hand_in(ann, answer).status_code == status
+    assert len(ann.get(f"{API}/submissions").json()["items"]) == (status == 202)
+
+
+def test_an_empty_script_is_invalid_at_once(idle: Site) -> None:
+    made = hand_in(idle.client("ann"), "  \n")
+    assert (made.status_code, made.json()["verdict"]["status"]) == (201, "invalid_answer")
+
+
+def test_one_learner_cannot_fill_the_queue(open_site_with: Callable[..., Site]) -> None:
+    site = open_site_with(content=ROOT, queue_per_user=2)
+    ann = site.client("ann")
+    assert [hand_in(ann, "x = 1\n").status_code for _ in range(3)] == [202, 202, 429]
+    assert hand_in(site.client("bob"), "x = 1\n").status_code == 202
+    assert len(ann.get(f"{API}/submissions").json()["items"]) == 2
+
+
+def test_logs_hold_neither_sources_nor_tokens(
+    capsys: pytest.CaptureFixture[str], idle: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr("grader.api.intake.jobs.put", broken)
+    ann = idle.client("ann")
+    hand_in(ann, "source_that_nobody_may_log = 1\n")
+    told = "".join(capsys.readouterr())
+    assert "RuntimeError: broken" in told
+    assert "source_that_nobody_may_log" not in told
+    assert ann.headers["Authorization"].split("_")[2] not in told
+
+
+def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> None:
+    assert (tmp_path / "data" / "grader.db").exists()
