@@ -9,6 +9,7 @@ from grader.domain.verdict import Status
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.library import Library, load
 from grader.pipeline import JAIL_TRIES, Pipeline
+from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = {"source": "def largest_stable_timestep(model, integrator):\n    return None\n"}
@@ -83,3 +84,13 @@ def test_an_empty_script_uses_no_attempt(library: Library) -> None:
 def test_what_is_not_there(library: Library) -> None:
     with pytest.raises(NotFound):
         Pipeline(library).grade("1.3-check", "q99", 1)
+
+
+def test_the_explanation_of_an_exercise_comes_with_full_marks_only(library: Library) -> None:
+    folder = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
+    with Jail(ROOT / "models", workers=1) as jail:
+        pipeline = Pipeline(library, jail.run)
+        for name in ("correct__spectral_radius.py", "partial__forgets_kv.py"):
+            source = (folder / name).read_text(encoding="utf-8")
+            verdict = pipeline.grade("1.3-exercises", "servo-threshold", {"source": source})
+            assert (verdict.explain is not None) == name.startswith("correct")

@@ -29,9 +29,13 @@ def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int) -> Pla
 
 
 def judge_exercise(question: CodeQuestion, plan: Plan[Any], report: RunReport) -> Verdict:
-    """The verdict; a script that did not return gets the status of that name, with the reason."""
+    """The verdict; a script that did not return gets the status of that name, with the reason.
+
+    The explanation of an exercise names its results, so it comes with full marks only.
+    """
     if report.status is not RunStatus.RETURNED:
         return Verdict(
             status=Status(report.status.value), points=0.0, max_points=question.points, diagnosis=report.reason or None
         )
-    return CHECKERS[question.check.kind].judge(question, plan, report)
+    verdict = CHECKERS[question.check.kind].judge(question, plan, report)
+    return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict

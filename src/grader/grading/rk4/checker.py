@@ -78,7 +78,6 @@ class Rk4Checker:
             tuple(findings),
             diagnosis=diagnosis_of(problem, outcomes, order),
             evidence=evidence_of(outcomes, order),
-            explain=question.explain,
         )
         if not refused or verdict.status is Status.INCORRECT:
             return verdict

@@ -59,7 +59,6 @@ class ThresholdChecker:
             tuple(findings),
             diagnosis=diagnosis_of(problem, judged),
             evidence=evidence_of(problem, judged),
-            explain=question.explain,
         )
         if not same_everywhere(judged):
             return verdict
