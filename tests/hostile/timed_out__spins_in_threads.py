@@ -11,3 +11,4 @@ def spin():
 
 for _ in range(8):
     threading.Thread(target=spin).start()
+spin()

@@ -76,7 +76,8 @@ class Pool:
                     break
             self._bury()
             try:
-                child = self._living().child() if self._lacking() else None
+                zygote = self._living()
+                child = zygote.child() if self._lacking() else None
                 failures = 0
             except (JailFault, OSError) as fault:
                 failures += 1
