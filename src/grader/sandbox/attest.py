@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ..errors import JailFault
@@ -12,15 +11,21 @@ CAPABILITIES = ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb")
 DESCRIPTORS = [0, 1, 2, 3, 4]  # /dev/null, stdout, stderr, results, job
 
 
+def proc(name: str) -> str:
+    """A file of /proc. Not by pathlib, which interns every part of a path: new pids would add up for ever."""
+    with open(f"/proc/{name}") as file:  # noqa: PTH123
+        return file.read()
+
+
 def pid_of(pidfd: int) -> int:
     """The process behind a pidfd, in our own numbering; -1 when it is gone."""
-    lines = Path(f"/proc/self/fdinfo/{pidfd}").read_text().splitlines()
+    lines = proc(f"self/fdinfo/{pidfd}").splitlines()
     return int(dict(line.split(":", 1) for line in lines)["Pid"])
 
 
 def namespaces(pid: int) -> dict[str, str]:
     """The namespaces a process is in."""
-    return {name: str(Path(f"/proc/{pid}/ns/{name}").readlink()) for name in NAMESPACES}
+    return {name: os.readlink(f"/proc/{pid}/ns/{name}") for name in NAMESPACES}  # noqa: PTH115
 
 
 def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
@@ -29,7 +34,7 @@ def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | Non
     `probed` is the child's own trial of what cannot be seen from outside (said before any script is in it), `zygote`
     the namespaces of the zygote (None where there are none), `uid` the user it must run as.
     """
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    lines = proc(f"{pid}/status").splitlines()
     status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
     faults = [name for name in CAPABILITIES if int(status[name], 16)]
     held = {
@@ -65,5 +70,5 @@ def check(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None,
 
 
 def _limits(pid: int) -> dict[str, list[str]]:
-    rows = Path(f"/proc/{pid}/limits").read_text().splitlines()[1:]
+    rows = proc(f"{pid}/limits").splitlines()[1:]
     return {row[:26].strip(): row[26:].split()[:2] for row in rows}

@@ -96,7 +96,7 @@ class Jail:
                 "source": job.source,
                 "driver": job.driver,
                 "inputs": dict(job.inputs),
-                "filename": Path(job.filename).name or "submission.py",
+                "filename": job.filename.rpartition("/")[2] or "submission.py",
             }
         ).encode()
         child = self._limited_child(job.limits)

@@ -7,10 +7,10 @@ import struct
 import time
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 from ..domain.run import Limits
 from ..errors import JailFault
+from .attest import proc
 from .child import Child
 from .policy import KB, RESULT_BYTES_MAX
 
@@ -169,6 +169,6 @@ def _cpu_s(pid: int) -> float:
 def _starved_s(pid: int) -> float:
     """How long its main thread was ready to run and had no core [s]: time that is the machine's, not the script's."""
     try:
-        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+        return int(proc(f"{pid}/schedstat").split()[1]) / 1e9
     except (OSError, IndexError):
         return 0.0
