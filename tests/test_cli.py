@@ -50,7 +50,6 @@ def test_a_negative_answer_goes_after_two_dashes() -> None:
         ["grade", "1.3-exercises", "servo-threshold", "no_such_file.py"],
         ["grade", "1.3-check"],
         ["no-such-command"],
-        ["check", "/nowhere/at/all"],
         ["token", "create", "--user", "ada", "--role", "emperor"],
     ],
 )
@@ -60,6 +59,20 @@ def test_usage_errors_exit_2_with_a_sentence_and_no_traceback(arguments: list[st
     assert done.stderr.strip()
     assert "Traceback" not in done.stderr
     assert not done.stdout
+
+
+def test_check_of_a_folder_without_content_says_so() -> None:
+    done = grader("check", "/nowhere/at/all")
+    assert done.returncode == 2
+    assert "no content folder here" in done.stdout
+
+
+@pytest.mark.parametrize(("name", "value"), [("PORT", "abc"), ("HOST", "0.0.0.0"), ("WORKERS", "-1")])
+def test_a_setting_that_cannot_be_is_named(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(f"GRADER_{name}", value)
+    done = grader("serve")
+    assert done.returncode == 2
+    assert "GRADER" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_a_source_that_is_not_utf8_or_too_long_exits_2(tmp_path: Path) -> None:

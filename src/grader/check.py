@@ -120,7 +120,8 @@ def grade_references(pipeline: Pipeline, references: list[Reference], report: Re
 def grade_one(pipeline: Pipeline, reference: Reference) -> dict[str, Any]:
     """What a reference program got."""
     try:
-        verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.path.read_text(encoding="utf-8")})
+        source = reference.path.read_text(encoding="utf-8")
+        verdict = pipeline.grade(reference.quiz, reference.question, {"source": source})
     except NotFound as error:
         return {"got": "not found", "diagnosis": str(error)}
     return {"got": verdict.status.value, "diagnosis": verdict.diagnosis}

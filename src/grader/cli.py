@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault
 from grader.library import Library, load
 from grader.pipeline import Pipeline
-from grader.settings import Settings
+from grader.settings import Settings, log_to_stderr
 
 CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
 INTERRUPTED = 130
@@ -32,8 +33,14 @@ Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
 
 def main() -> None:
     """Run a command; every error becomes a line on stderr and the contract's exit code."""
+    log_to_stderr()
     try:
         cli()
+    except ValidationError as error:
+        for wrong in error.errors():
+            where = "_".join(("GRADER", *map(str, wrong["loc"]))).upper()
+            err.print(f"{where}: {wrong['msg']}", style="red", markup=False, soft_wrap=True)
+        sys.exit(USAGE)
     except ContentError as error:
         for fault in error.faults:
             err.print(str(fault), style="red", markup=False, soft_wrap=True)
@@ -64,14 +71,14 @@ def pipeline_for(library: Library, jailed: bool = True) -> Iterator[Pipeline]:
         return
     from grader.sandbox.jail import Jail
 
-    with Jail(library.root / "models") as jail:
+    with Jail(library.root / "models", allow_t2=Settings().allow_t2) as jail:
         yield Pipeline(library, jail.run)
 
 
 @cli.command()
 def serve(
-    host: Annotated[str, typer.Option(help="Address to bind.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to bind.")] = 8000,
+    host: Annotated[str | None, typer.Option(help="Address to bind: 127.0.0.1 if not given.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to bind: 8000 if not given.")] = None,
     data: Data = None,
 ) -> None:
     """API, pages and an embedded worker."""
@@ -139,7 +146,7 @@ def check(paths: Annotated[list[Path] | None, typer.Argument()] = None, as_json:
             err.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
         for fault in faults:
             print(fault)
-        say(f"{len(faults)} faults" if faults else "all holds")
+        say(f"{len(faults)} fault(s)" if faults else "all holds")
     sys.exit(USAGE if faults else 0)
 
 

@@ -117,6 +117,14 @@ def test_one_scene_under_all_integrators(teacher: httpx.Client) -> None:
     run = teacher.post(RUN, json={**target, "controls": {"timestep": 0.005}}).json()
     assert run["timestep"] == 0.005
     assert [one["name"] for one in run["integrators"]] == ["Euler", "RK4", "implicit", "implicitfast", "discrete"]
-    for controls in ({"timestep": 10}, {"model": "other"}, {"timestep": "x"}, {"steps": 1}, {"timestep": True}):
+    assert teacher.post(RUN, json={**target, "controls": {"key": ""}}).json()["energy"] != run["energy"]
+    for controls in (
+        {"timestep": 10},
+        {"model": "other"},
+        {"key": "nowhere"},
+        {"timestep": "x"},
+        {"steps": 1},
+        {"timestep": True},
+    ):
         assert teacher.post(RUN, json={**target, "controls": controls}).status_code == 422
     assert teacher.post(RUN, json={**target, "events": [[0, "x"]]}).status_code == 422

@@ -60,3 +60,14 @@ def test_the_lab_of_the_lesson_has_no_fault() -> None:
     assert check_integrators(lab, XML["double_pendulum"], "energy-drift") == []
     assert check_integrators(lab.model_copy(update={"key": 9}), XML["double_pendulum"], "x")[0].key == "x.key"
     assert check_integrators(lab.model_copy(update={"timestep": 5.0}), XML["double_pendulum"], "x")
+
+
+def test_another_keyframe_starts_from_another_state() -> None:
+    lab = lesson_lab()
+    own = run_integrators(lab, XML["double_pendulum"], seconds=1).to_json()
+    none = run_integrators(lab, XML["double_pendulum"], key="", seconds=1).to_json()
+    assert (own["key"], own["keys"]) == ("release", ["release"])
+    assert none["key"] is None
+    assert none["energy"] != own["energy"]
+    with pytest.raises(KeyError, match="release"):
+        run_integrators(lab, XML["double_pendulum"], key="nowhere")

@@ -55,6 +55,7 @@ class IntegratorsSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 
     model: str | None = None
+    key: str | None = None
     timestep: float | None = None
     seconds: float | None = None
 
@@ -117,12 +118,18 @@ def compare(library: Library, lab: IntegratorsLab, body: LabBody) -> dict[str, A
     try:
         settings = IntegratorsSettings.model_validate(body.controls)
     except ValueError as error:
-        raise Unprocessable("This lab takes `model`, `timestep` [s] and `seconds`.") from error
+        raise Unprocessable(
+            "This lab takes `model`, `key` (a keyframe's name), `timestep` [s] and `seconds`."
+        ) from error
     if body.events:
         raise Unprocessable("This lab has no buttons.")
     model = settings.model or lab.model
     if model not in (lab.model, *lab.models):
         raise Unprocessable(f"model must be one of: {', '.join(dict.fromkeys((lab.model, *lab.models)))}.")
     seconds = settings.seconds if settings.seconds is not None else body.seconds
-    chosen = run_integrators(lab, library.model_xml(model), model=model, timestep=settings.timestep, seconds=seconds)
-    return chosen.to_json()
+    xml = library.model_xml(model)
+    try:
+        run = run_integrators(lab, xml, model=model, key=settings.key, timestep=settings.timestep, seconds=seconds)
+    except KeyError as error:
+        raise Unprocessable(str(error.args[0])) from error
+    return run.to_json()

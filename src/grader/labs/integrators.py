@@ -41,9 +41,11 @@ class IntegratorRun:
 
 @dataclass(frozen=True)
 class IntegratorsRun:
-    """The five runs, from one state, with one timestep [s]."""
+    """The five runs, from one state, with one timestep [s]; `keys` are the keyframes that the model offers."""
 
     model: str
+    key: str | None
+    keys: tuple[str, ...]
     timestep_s: float
     seconds: float
     energy_j: float
@@ -53,6 +55,8 @@ class IntegratorsRun:
         """Plain JSON; an error that is no number is null."""
         return {
             "model": self.model,
+            "key": self.key,
+            "keys": list(self.keys),
             "timestep": self.timestep_s,
             "seconds": self.seconds,
             "energy": self.energy_j,
@@ -82,20 +86,24 @@ def run_integrators(
 ) -> IntegratorsRun:
     """Run the scene `xml` (of `model`, the lab's own where not named) under all five integrators.
 
-    Energy is read as the lesson reads it: `data.energy` after each step. Raises Unprocessable for a model, timestep [s]
-    or length [s] that the lab does not offer, KeyError for an unknown keyframe, ValueError where the model does not
-    compile.
+    Energy is read as the lesson reads it: `data.energy` after each step. `key` is a keyframe's name or index, "" for
+    none (qpos0). Raises Unprocessable for a model, timestep [s] or length [s] that the lab does not offer, KeyError for
+    an unknown keyframe, ValueError where the model does not compile.
     """
     model, timestep, seconds = _checked(lab, model or lab.model, timestep or lab.timestep, seconds or lab.seconds)
     scene = Scene.from_xml(xml)
+    keys = scene.names_of(mujoco.mjtObj.mjOBJ_KEY)
     key = lab.key if key is None and model == lab.model else key
-    if key is not None:
-        scene = scene.at(key=key)
+    if key is None or key == "":
+        index = None
+    else:
+        index = scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
+        scene = scene.at(key=index)
     steps = round(seconds / timestep)
     with scene.borrow() as workspace:
         energy = _energy_at_start(workspace)
     runs = tuple(_run_one(scene, name, timestep, steps, energy) for name in INTEGRATORS)
-    return IntegratorsRun(model, timestep, seconds, energy, runs)
+    return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, energy, runs)
 
 
 def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:

@@ -150,12 +150,16 @@ class Scene:
         except IndexError:
             return Workspace(self.model)
 
+    def names_of(self, kind: mjtObj) -> tuple[str, ...]:
+        """The names of all objects of a kind, in order; their index where they have none."""
+        return tuple(mujoco.mj_id2name(self.model, kind, i) or str(i) for i in range(self._count(kind)))
+
     def id_of(self, kind: mjtObj, name: int | str) -> int:
         """The index of an object by its name (an index is checked and passed through); KeyError if there is none."""
-        names = {mujoco.mj_id2name(self.model, kind, i): i for i in range(self._count(kind))}
-        index = names.get(name) if isinstance(name, str) else name
+        names = self.names_of(kind)
+        index = (names.index(name) if name in names else None) if isinstance(name, str) else name
         if index is None or not 0 <= index < len(names):
-            known = ", ".join(sorted(str(n) for n in names)) or "none"
+            known = ", ".join(sorted(names)) or "none"
             raise KeyError(f"no {kind.name[6:].lower()} {name!r}; there are: {known}")
         return index
 

@@ -10,18 +10,28 @@ export function openIntegrators(box, target, lab) {
   const models = Array.from(new Set([lab.model, ...lab.models]));
   const model = el("select", { id: freshId("model") }, models.map((name) => el("option", {}, name)));
   const timestep = el("input", { id: freshId("timestep"), type: "number", min: 0.1, max: 100, step: 0.1, value: number(1000 * lab.timestep) });
+  const key = el("select", { id: freshId("key") }, el("option", { value: "" }, "the model's own"));
   const status = el("p", { class: "progress", role: "status" });
   const results = el("div");
-  let timer = 0, turn = null;
+  let timer = 0, turn = null, shownModel = null;
+
+  function offerKeys(answer) {
+    if (answer.model === shownModel) return;
+    shownModel = answer.model;
+    key.replaceChildren(el("option", { value: "" }, "the model's own"), ...answer.keys.map((name) => el("option", {}, name)));
+    key.value = answer.key ?? "";
+  }
 
   async function run() {
     const mine = (turn = Symbol("turn"));
     status.textContent = "Running…";
     try {
-      const controls = { model: model.value, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) };
+      const chosen = model.value === shownModel ? { key: key.value } : {};
+      const controls = { model: model.value, ...chosen, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) };
       const answer = await post("/labs:run", { ...target, controls, events: [] });
       if (mine !== turn) return;
       status.textContent = "";
+      offerKeys(answer);
       results.replaceChildren(...shown(answer));
     } catch (error) {
       if (mine === turn) status.textContent = error.message;
@@ -30,8 +40,9 @@ export function openIntegrators(box, target, lab) {
 
   const soon = () => { clearTimeout(timer); timer = setTimeout(run, SETTLE_MS); };
   model.addEventListener("change", soon);
+  key.addEventListener("change", soon);
   timestep.addEventListener("input", () => { if (timestep.validity.valid && timestep.value) soon(); });
-  box.replaceChildren(el("div", { class: "controls" }, control("model", model), control("timestep (ms)", timestep)), status, results);
+  box.replaceChildren(el("div", { class: "controls" }, control("model", model), control("start", key), control("timestep (ms)", timestep)), status, results);
   run();
 }
 
