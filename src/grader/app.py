@@ -4,7 +4,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
@@ -125,11 +125,11 @@ def in_database(settings: Settings, change: Callable[[Session], str]) -> str:
 
 
 class Server(uvicorn.Server):
-    """Says where its pages are as soon as they can be opened."""
+    """Says where its pages are as soon as they can be opened, and how well the jail holds."""
 
-    def __init__(self, config: uvicorn.Config, settings: Settings) -> None:
+    def __init__(self, config: uvicorn.Config, settings: Settings, checks: Mapping[str, Callable[[], Any]]) -> None:
         super().__init__(config)
-        self.settings = settings
+        self.settings, self.checks = settings, checks
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Binds the port."""
@@ -138,7 +138,10 @@ class Server(uvicorn.Server):
             port = self.servers[0].sockets[0].getsockname()[1]
             bound = self.settings.model_copy(update={"port": port})
             print(f"Student page:    {bound.origin}/")
-            print(f"Instructor page: {sign_in_url(bound)}  (good for one sign-in)", flush=True)
+            print(f"Instructor page: {sign_in_url(bound)}  (good for one sign-in)")
+            if "jail" in self.checks:
+                told = self.checks["jail"]()
+                print(f"Jail:            tier {told['tier']}, {told['self_test']}", flush=True)
 
 
 def run_server(settings: Settings) -> None:
@@ -156,7 +159,7 @@ def run_server(settings: Settings) -> None:
         server_header=False,
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
-    server = Server(config, settings)
+    server = Server(config, settings, app.state.checks)
     server.run()
     if not server.started:
         sys.exit(FAULT)

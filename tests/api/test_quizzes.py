@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -130,16 +131,17 @@ def until(holds: Callable[[], bool], seconds: float = 40.0) -> None:
 
 
 def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
-    """It says where its pages are; SIGHUP loads the content again, faults or not; SIGTERM ends it."""
+    """It says where its pages are and how the jail holds; SIGHUP loads the content again, faults or not; SIGTERM ends it."""
     data = tmp_path / "data"
-    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "0"}
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1"}
     command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(data)]
     with subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as server:
         try:
             assert server.stdout is not None
-            student, instructor = server.stdout.readline(), server.stdout.readline()
+            student, instructor, jail = (server.stdout.readline() for _ in range(3))
+            assert re.fullmatch(r"Jail: +tier T[012], (\d+) of \1 attacks held\n", jail)
             origin = student.split()[-1].rstrip("/")
             assert f"{origin}/signin?code=gri_" in instructor
             token = issue_token(Settings(content=content, data=data), "ann", "student", None)
