@@ -33,7 +33,7 @@ def open_site_with(content: Path, tmp_path: Path) -> Iterator[Callable[..., Site
         yield open_it
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("site")
     with open_site(Settings(content=write_content(folder / "content"), data=folder / "data", workers=0)) as site:
@@ -46,7 +46,7 @@ def site(shared_site: Site) -> Site:
     return replace(shared_site, course=f"course-{secrets.token_hex(4)}")
 
 
-@pytest.fixture(scope="session", params=BACKENDS)
+@pytest.fixture(scope="module", params=BACKENDS)
 def either_shared_site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("either")
     with (

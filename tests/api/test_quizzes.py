@@ -131,7 +131,7 @@ def until(holds: Callable[[], bool], seconds: float = 40.0) -> None:
 
 
 def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
-    """It says where its pages are and how the jail holds; SIGHUP loads the content again, faults or not; SIGTERM ends it."""
+    """It says where its pages are and how the jail holds; SIGHUP loads the content again; SIGTERM ends it."""
     data = tmp_path / "data"
     environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1"}
     command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(data)]

@@ -34,13 +34,13 @@ def with_check(question: CodeQuestion, **changes: Any) -> CodeQuestion:
     return CodeQuestion.model_validate(raw)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def jail() -> Iterator[Jail]:
     with Jail(ROOT / "models", workers=2) as jail:
         yield jail
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def run(jail: Jail) -> Callable[..., RunReport]:
     def run(question: CodeQuestion, source: str, seed: int = 1) -> RunReport:
         plan = plan_exercise(question, model_xml, seed)
@@ -49,7 +49,7 @@ def run(jail: Jail) -> Callable[..., RunReport]:
     return run
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def grade(run: Callable[..., RunReport]) -> Grade:
     def grade(question: CodeQuestion, source: str, seed: int = 1) -> Verdict:
         report = run(question, source, seed)

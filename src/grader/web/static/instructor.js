@@ -11,6 +11,7 @@ let cursor = null;
 filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
 more.addEventListener("click", () => load(false));
 find("certify").addEventListener("click", certify);
+find("certify").disabled = false; // until now a click would have done nothing
 load(true);
 
 async function certify() {
