@@ -1,3 +1,5 @@
-"""Keys of the administrator."""
+"""The administrator's files."""
 
-print(open("/root/.ssh/id_rsa").read())
+import os
+
+print(os.listdir("/root"))
