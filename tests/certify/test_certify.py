@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from grader.certify import Certificate, certify_question
 from grader.domain.quiz import Question
@@ -198,12 +198,9 @@ def test_a_closed_form_and_the_fields_of_a_model() -> None:
 @pytest.mark.parametrize(
     "verify",
     [
-        {"by": "magic"},
-        {"by": "expression"},
         {"by": "expression", "expr": "1 +"},
         {"by": "expression", "expr": "process.exit()"},
         {"by": "expression", "expr": "0 / 0"},
-        {"by": "expression", "expr": "1", "extra": 1},
         {"by": "stage"},
         {"by": "threshold"},
         {"by": "threshold", "model": "nothing"},
@@ -223,6 +220,14 @@ def test_a_verify_that_cannot_work_is_refused_and_says_why(verify: dict[str, Any
     assert certificate is not None
     assert not certificate.ok
     assert len(certificate.why) > 10
+
+
+@pytest.mark.parametrize(
+    "verify", [{"by": "magic"}, {"by": "expression"}, {"by": "expression", "expr": "1", "extra": 1}]
+)
+def test_a_verify_of_another_form_is_no_question(verify: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        numeric(1, 0.1, "s", **verify)
 
 
 def test_a_question_about_another_field_of_the_data() -> None:

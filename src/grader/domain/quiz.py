@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import Lab, LabConfig
 from grader.domain.run import Limits
+from grader.domain.verify import Verify
 
 
 def _index_of_option(answer: int, info: ValidationInfo) -> int:
@@ -34,7 +35,7 @@ class QuestionPart(BaseModel):
     explain: str | None = None
     points: float = Field(default=1.0, gt=0, le=1000, strict=True, allow_inf_nan=False)
     attempts: int | None = Field(default=None, ge=1, strict=True)
-    verify: dict[str, Any] | None = None
+    verify: Verify | None = None
 
 
 class ChoiceQuestion(QuestionPart):

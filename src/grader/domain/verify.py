@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field
 
 from grader.domain.lab import Expression
 
@@ -114,4 +114,3 @@ class ByExpression(VerifyPart):
 Verify = Annotated[
     ByOptions | ByOutcome | ByStage | ByThreshold | ByMeasurement | ByExpression, Field(discriminator="by")
 ]
-VERIFY: TypeAdapter[Verify] = TypeAdapter(Verify)

@@ -1,17 +1,16 @@
-"""What only shows when a well-formed question is tried: its lab is run, its exercise planned, its `verify` read."""
+"""What only shows when a well-formed question is tried: its lab is run, its exercise planned."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from grader.domain.lab import IntegratorsLab, LabConfig
 from grader.domain.quiz import CodeQuestion, PredictQuestion
-from grader.domain.verify import VERIFY
 from grader.errors import Fault, NotFound
 from grader.grading.exercise import check_exercise
 from grader.labs.lab import check_integrators, check_lab
 from grader.library.crossings import named_models
 from grader.library.json_text import join
-from grader.library.schema import Reading, validate
+from grader.library.schema import Reading
 
 
 def meaning_faults(reading: Reading, models: Mapping[str, str], file: str) -> Iterator[Fault]:
@@ -23,8 +22,6 @@ def meaning_faults(reading: Reading, models: Mapping[str, str], file: str) -> It
         return models[name]
 
     for question in reading.questions:
-        if question.verify is not None:
-            yield from validate(VERIFY, [(join(question.id, "verify"), question.verify)], file)[1]
         if isinstance(question, CodeQuestion):
             wanted = {name for _, name in named_models(dict(question.check.parameters), "")}
             yield from check_exercise(question, model_xml, file) if wanted <= set(models) else ()
