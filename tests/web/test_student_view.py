@@ -20,7 +20,7 @@ QUIZ = Quiz.model_validate(
                 "q": "Three?",
                 "options": ["a", "b"],
                 "answer": 0,
-                "verify": {"how": SECRET},
+                "verify": {"by": "expression", "expr": SECRET},
                 "sim": {
                     "model": "pendulum",
                     "setup": SECRET,
