@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from grader.bench.journal import Record, Task
+from grader.settings import Settings
 
 GRADER = Path(sys.executable).parent / "grader"
 STUDENTS = 4
@@ -34,6 +35,14 @@ def largest_stable_timestep(model, integrator):
     return None
 """
 """Costs the jail a whole run and the grader a whole certificate, whatever the verdict."""
+
+
+JUDGED = (
+    "servo-threshold/correct__the_lessons_script_and_a_bisection.py",
+    "rk4-step/correct__classical.py",
+    "rk4-free-joint/correct__quaternion_derivative.py",
+)
+"""Right answers; the last is judged by its convergence, which costs most."""
 
 
 class Client:
@@ -59,14 +68,21 @@ class Client:
     def script_s(self) -> float:
         """How long a script takes from the request until its verdict can be fetched [s]."""
         begin = time.perf_counter()
-        body = {"quiz": "1.3-exercises", "question": "servo-threshold", "answer": {"source": SCRIPT}}
+        self.graded("servo-threshold", SCRIPT)
+        return time.perf_counter() - begin
+
+    def graded(self, question: str, source: str) -> dict[str, Any]:
+        """The verdict on a script of the exercises, once it is there."""
+        end = time.perf_counter() + GRADED_S
+        body = {"quiz": "1.3-exercises", "question": question, "answer": {"source": source}}
         status, submission = self.request("POST", "/submissions", body)
         expect(status == 202, submission)
-        while time.perf_counter() - begin < GRADED_S:
+        while time.perf_counter() < end:
             _, found = self.request("GET", f"/submissions/{submission['id']}")
-            if found["status"] == "graded":
+            if found["status"] in ("graded", "needs_review"):
                 expect(found["verdict"]["status"] != "grader_fault", found)
-                return time.perf_counter() - begin
+                verdict: dict[str, Any] = found["verdict"]
+                return verdict
             time.sleep(POLL_S)
         raise TimeoutError("a script was not graded in time")
 
@@ -143,11 +159,30 @@ def load_task(name: str, students: int, each: int, one: Callable[[Client], float
     return Task(f"{name}/{students}", measure)
 
 
+def judging_task(program: Path, count: int, clients: Clients) -> Task:
+    """What our own simulating again costs (CPU time), without the script's run; every submission draws its cases anew."""
+    question = program.parent.name
+
+    def measure() -> Record:
+        source = program.read_text(encoding="utf-8")
+        verdicts = [clients()[0].graded(question, f"{source}\n# {number}\n") for number in range(count)]
+        times = [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
+        middle, late = np.percentile(times, [50, 95])
+        return {"submissions": count, "median_s": float(middle), "p95_s": float(late)}
+
+    return Task(f"judging {question}/1", measure)
+
+
 def service_tasks(quick: bool, clients: Clients) -> list[Task]:
-    """Typed numbers and scripts, by one student and by four at once; `clients` starts the server when first called."""
+    """Typed numbers and scripts, by one student and by four at once, and what judging costs alone.
+
+    `clients` starts the server when first called.
+    """
     answers, scripts = (25, 3) if quick else (200, 15)
-    return [
+    loads = [
         load_task(name, students, each, one, clients)
         for students in (1, STUDENTS)
         for name, each, one in (("answers", answers, Client.answer_s), ("scripts", scripts, Client.script_s))
     ]
+    programs = (Settings().content / "reference_solutions/1.3-exercises" / program for program in JUDGED)
+    return loads + [judging_task(program, scripts, clients) for program in programs]

@@ -42,11 +42,14 @@ def draw(records: Records, _summary: Record, out: Path) -> list[Path]:
             name, students = key.split("/")
             axes.barh(place, 1e3 * record["p95_s"], color="#bbccee", height=0.6)
             axes.barh(place, 1e3 * record["median_s"], color="#335599", height=0.6)
-            text = f" {name}, {students} at once: {record['per_second']:.0f} a second"
+            speed = f", {students} at once: {record['per_second']:.0f} a second" if "per_second" in record else ""
+            text = f" {name}{speed}"
             axes.text(1e3 * record["p95_s"], place, text, va="center", fontsize=8)
         axes.set_yticks([])
         axes.set_xlim(0, 2.2e3 * max(record["p95_s"] for record in records.values()))
-        axes.set_xlabel("ms until the verdict is back: median (dark) and 95th percentile (light)")
+        axes.set_xlabel(
+            "ms until the verdict is back (judging: CPU time of ours alone): median (dark) and 95th percentile (light)"
+        )
         return save(made, out, "service")
 
 
