@@ -160,7 +160,7 @@ def load_task(name: str, students: int, each: int, one: Callable[[Client], float
 
 
 def judging_task(program: Path, count: int, clients: Clients) -> Task:
-    """What our own simulating again costs (CPU time), without the script's run; every submission draws its cases anew."""
+    """The CPU time of our own simulating, without the script's run; every submission draws its cases anew."""
     question = program.parent.name
 
     def measure() -> Record:
