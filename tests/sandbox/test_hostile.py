@@ -8,7 +8,7 @@ import pytest
 
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.sandbox.jail import Jail
-from sandbox.conftest import ROOT, Census, Content, at_rest_with, resident_kb, settled
+from sandbox.conftest import ROOT, Census, Content, at_rest_with, held_kb, settled
 
 PROGRAMS = sorted((ROOT / "tests" / "hostile").glob("*.py"))
 DRIVER = """
@@ -48,7 +48,7 @@ def at_rest(jail: Jail) -> Census:
 
 @pytest.fixture(scope="module")
 def resident_at_rest(at_rest: Census) -> int:
-    return resident_kb(os.getpid())
+    return held_kb()
 
 
 def test_there_are_at_least_a_hundred_programs() -> None:
@@ -68,4 +68,4 @@ def test_hostile_program(path: Path, jail: Jail, content: Content, at_rest: Cens
     clean = jail.run(CLEAN)
     assert (clean.status, clean.stdout, list(clean.results["value"])) == (RunStatus.RETURNED, "clean\n", [1.0, 2.0])
     assert settled(at_rest) == at_rest
-    assert resident_kb(os.getpid()) < resident_at_rest + GROWTH_KB_MAX
+    assert held_kb() < resident_at_rest + GROWTH_KB_MAX
