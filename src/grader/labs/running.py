@@ -189,9 +189,7 @@ class Running:
             readouts=tuple(readouts),
             traces=tuple(traces),
             reference_lines=tuple(
-                tuple(
-                    self._reference_line(line, program) for line, program in zip(plot.refLines, programs, strict=True)
-                )
+                self._reference_lines(plot, programs)
                 for plot, programs in zip(config.plots, self.programs.reference_lines, strict=True)
             ),
             trail=rest[0] if self.programs.trail else None,
