@@ -1,13 +1,24 @@
 """Random small scenes: what is skipped never changes a bit, under any integrator."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from grader.numerics import workspace
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def without_visuals() -> Iterator[None]:
+    """Models without visuals are used from the first step on."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workspace, "BARE_AFTER", 0)
+        yield
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,12 @@ def joint(limb: Limb, index: int) -> str:
     damping="{limb.damping}" frictionloss="{limb.friction_loss}"/>"""
 
 
-EXTRAS = ["", '<sensor><framepos objtype="body" objname="b0"/><subtreecom body="b0"/></sensor>', "<contact/>"]
+EXTRAS = [
+    "",
+    '<visual/><worldbody><light pos="0 0 3"/><camera pos="0 -2 1"/></worldbody>',
+    '<sensor><framepos objtype="body" objname="b0"/><subtreecom body="b0"/></sensor>',
+    "<contact/>",
+]
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -12,8 +12,9 @@ import numpy as np
 from grader.bench.journal import Record, Task
 from grader.bench.scenes import load_scene
 from grader.bench.settings_grid import INTEGRATORS
-from grader.numerics.scene import Scene, Workspace
+from grader.numerics.scene import Scene
 from grader.numerics.stepping import first_warning
+from grader.numerics.workspace import Workspace
 
 WALL_NEAR, WALL_FAR = 0.495, 0.505
 """Faces of the wall [m]."""

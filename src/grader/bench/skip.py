@@ -1,5 +1,6 @@
 """What skipping saves: per scene and flag, proven or not and why, time saved, and whether the bits stay the same."""
 
+import copy
 from collections.abc import Callable
 from dataclasses import asdict
 
@@ -8,15 +9,17 @@ import numpy as np
 
 from grader.bench.by_hand import Array
 from grader.bench.journal import Record, Task
-from grader.bench.scenes import load_scene
+from grader.bench.scenes import load_scene, scene_text
 from grader.bench.settings_grid import INTEGRATORS
 from grader.bench.timing import paired
 from grader.bench.wheel_timer import profiling_timer
 from grader.numerics.needs import Need
 from grader.numerics.scene import FULL_STATE, Scene
+from grader.numerics.visuals import without_visuals
 
 SCENES = (
     "double_pendulum",
+    "drawn_pendulum",
     "servo",
     "spinning_body",
     "eccentric_body",
@@ -33,13 +36,24 @@ CHUNK = 50
 
 
 class Run:
-    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set."""
+    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set.
 
-    def __init__(self, scene: Scene, integrator: str = "Euler", bits: int = 0, chunk: int = CHUNK) -> None:
+    `bare` is a model that moves alike, to be stepped in place of the scene's own.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        integrator: str = "Euler",
+        bits: int = 0,
+        chunk: int = CHUNK,
+        bare: mujoco.MjModel | None = None,
+    ) -> None:
         self.start, self.chunk = scene.start_vector, chunk
-        with scene.borrow(timestep_s=TIMESTEP_S, integrator=INTEGRATORS[integrator], keep=False) as workspace:
-            self.model, self.data = workspace.model, workspace.data
+        self.model = copy.copy(bare or scene.model)
+        self.model.opt.timestep, self.model.opt.integrator = TIMESTEP_S, INTEGRATORS[integrator]
         self.model.opt.disableflags |= bits
+        self.data = mujoco.MjData(self.model)
 
     def reset(self) -> None:
         """Back to the start."""
@@ -77,11 +91,11 @@ def with_timer(work: Callable[[], object]) -> Callable[[], None]:
     return timed
 
 
-def largest_difference(scene: Scene, bits: int) -> dict[str, float]:
+def largest_difference(scene: Scene, bits: int, bare: mujoco.MjModel | None = None) -> dict[str, float]:
     """Per integrator, the largest difference of any state over the run; 0 only if bitwise equal."""
     found = {}
     for integrator in INTEGRATORS:
-        whole, less = (Run(scene, integrator, b).trajectory() for b in (0, bits))
+        whole, less = Run(scene, integrator).trajectory(), Run(scene, integrator, bits, bare=bare).trajectory()
         same = whole.tobytes() == less.tobytes()
         found[integrator] = 0.0 if same else max(float(np.abs(whole - less).max()), 5e-324)
     return found
@@ -112,7 +126,7 @@ def is_proven(need: Need) -> bool:
 
 
 def ladder_task(name: str, budget_s: float) -> Task:
-    """Cumulative: from a Python loop as the wheel comes, by timer off, chunks in C, then each proven flag."""
+    """Cumulative: from a Python loop as the wheel comes, by timer off, chunks in C, each proven flag, no visuals."""
 
     def measure() -> Record:
         scene = load_scene(name)
@@ -126,8 +140,11 @@ def ladder_task(name: str, budget_s: float) -> Task:
             if need.flag and is_proven(need):
                 bits |= need.flag
                 rungs.append((need.part, Run(scene, bits=bits)))
+        bare = without_visuals(scene_text(name), scene.model, scene.needs)
+        if bare is not None:
+            rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
         timed = [{"rung": rung} | asdict(paired(first, work, budget_s)) for rung, work in rungs]
-        differences = largest_difference(scene, bits)
+        differences = largest_difference(scene, bits, bare)
         return {"rungs": timed, "bitwise": all(d == 0 for d in differences.values()), "bits": bits}
 
     return Task(f"ladder/{name}", measure)

@@ -10,14 +10,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from grader.bench.scenes import load_scene, scene_text
 from grader.bench.timing import Paired, paired
 from grader.bench.wheel_timer import profiling_timer, timer_is_known
 from grader.numerics.process import prepare
@@ -25,11 +24,15 @@ from grader.numerics.rollout import simulate
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import STEPS_MAX
 from grader.numerics.threshold import certify
+from grader.numerics.workspace import BARE_AFTER
+from grader.settings import Settings
 
 SOURCE = Path(__file__).with_name("step_loop.c")
 PACKAGE = Path(mujoco.__file__).parent
 
-SCENES = ("servo", "double_pendulum", "spinning_body")
+SCENES = {"pendulum_servo": "horizontal", "double_pendulum": "release", "tumbling_box": "spun"}
+"""The course's models as its learners have them, geoms and lights included, and the keyframe each starts from."""
+
 INTEGRATORS = {"Euler": 0, "RK4": 1}
 STEPS = 2000
 TIMESTEP_S = 0.002
@@ -45,18 +48,16 @@ class NoLoop(Exception):
     """The loop in C cannot be built here; the message says why."""
 
 
-def measure(
-    budget_s: float = 0.4, scenes: Mapping[str, Scene] | None = None, servo: str | None = None
-) -> dict[str, Any]:
+def measure(budget_s: float = 0.4) -> dict[str, Any]:
     """All measurements as a plain dict, about `budget_s` of CPU time [s] for each ratio.
-
-    `scenes` takes the place of SCENES, and `servo` (MJCF) that of the exercise's servo, which starts at 1 rad.
 
     `loop_in_c` is "measured", or why it is not; then the rows lack `ours_per_c`. `timer_on` tells whether the
     lesson's scripts ran with the wheel's profiling timer, as a student's do.
     """
     prepare()
-    scenes = scenes or {name: load_scene(name) for name in SCENES}
+    models = Settings().content / "models"
+    texts = {name: (models / f"{name}.xml").read_text(encoding="utf-8") for name in SCENES}
+    scenes = {name: in_use(Scene.from_xml(text, key=SCENES[name])) for name, text in texts.items()}
     with tempfile.TemporaryDirectory() as folder:
         try:
             loop, said = compiled_loop(Path(folder)), "measured"
@@ -68,7 +69,7 @@ def measure(
             "timer_on": timer_is_known(),
             "steps": STEPS,
             "rows": rows,
-            "certify": certifying(servo or servo_text(), budget_s),
+            "certify": certifying(stiff(texts["pendulum_servo"]), budget_s),
         }
 
 
@@ -177,7 +178,7 @@ def lessons_loop(scene: Scene, integrator: int) -> Work:
 
 def certifying(text: str, budget_s: float) -> dict[str, Any]:
     """Two simulations of a claimed bracket against the lesson's own bisection for the same answer."""
-    scene = Scene.from_xml(text).at(qpos=[1.0])
+    scene = in_use(Scene.from_xml(text)).at(qpos=[1.0])
     low, high = lessons_bisection(text)
     holds = certify(scene, low, high, integrator=0).holds
     found = paired(lambda: lessons_bisection(text), lambda: certify(scene, low, high, integrator=0), budget_s)
@@ -190,9 +191,15 @@ def certifying(text: str, budget_s: float) -> dict[str, Any]:
     }
 
 
-def servo_text() -> str:
-    """The servo of the lesson's exercise, kp = 2000 and kv = 5, by replacing text as the lesson does."""
-    return scene_text("servo").replace('kp="100" kv="5"', 'kp="2000" kv="5"')
+def stiff(servo: str) -> str:
+    """The servo of the exercise, kp = 2000 and kv = 5, by replacing text as the lesson does."""
+    return servo.replace('kp="100" kv="5"', 'kp="2000" kv="5"')
+
+
+def in_use(scene: Scene) -> Scene:
+    """The scene after so many steps that it has its model without visuals, as one that the service knows."""
+    simulate(scene, steps=BARE_AFTER, timestep_s=TIMESTEP_S, integrator=0, every=STEPS_MAX)
+    return scene
 
 
 def lessons_bisection(text: str) -> tuple[float, float]:

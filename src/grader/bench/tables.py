@@ -199,7 +199,7 @@ def reset(found: Record | None) -> str:
 
 
 def skip_block(results: Results) -> str:
-    """The cumulative ladder: timer off, steps in C, all proven flags."""
+    """The cumulative ladder: timer off, steps in C, all that is not needed."""
     rows = []
     for name, scene in results["skip"]["scenes"].items():
         first, second, last = scene["ladder"][0], scene["ladder"][1], scene["ladder"][-1]
@@ -215,7 +215,7 @@ def skip_block(results: Results) -> str:
                 ", ".join(needed) or "none",
             ]
         )
-    return table(["scene", "timer off", "steps in C", "and proven flags", "bitwise equal", "needed, so kept"], rows)
+    return table(["scene", "timer off", "steps in C", "and skipping", "bitwise equal", "needed, so kept"], rows)
 
 
 def flags_block(results: Results) -> str:

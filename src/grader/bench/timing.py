@@ -22,13 +22,16 @@ class Paired:
     pairs: int
 
 
-def calls_per_sample(work: Callable[[], object]) -> int:
-    """Warm up, then say how often to call the work so that one sample lasts SAMPLE_S."""
-    work()
-    start = time.thread_time()
-    work()
-    once = time.thread_time() - start
-    return max(1, round(SAMPLE_S / max(once, 1e-7)))
+def calls_per_sample(*works: Callable[[], object]) -> list[int]:
+    """Warm up, then say how often to call each, so that their samples last alike, and SAMPLE_S or more.
+
+    Alike, because a short sample right after a long one of something else would measure how cold the caches are.
+    """
+    once = []
+    for work in works:
+        work()
+        once.append(max(sample(work, 1), 1e-7))
+    return [max(1, round(max(SAMPLE_S, *once) / each)) for each in once]
 
 
 def sample(work: Callable[[], object], calls: int) -> float:
@@ -46,7 +49,7 @@ def paired(
 
     The order within a pair alternates, so that a drift of the clock frequency does not favour either side.
     """
-    counts = calls_per_sample(work), calls_per_sample(yardstick)
+    counts = calls_per_sample(work, yardstick)
     pairs: list[tuple[float, float]] = []
     end = time.thread_time() + budget_s
     while len(pairs) < least or (time.thread_time() < end and len(pairs) < 200):

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from grader.domain.lab import IntegratorsLab
 from grader.errors import Fault, Unprocessable
 from grader.labs.record import Warned
-from grader.numerics.scene import Scene, Workspace
+from grader.numerics.scene import Scene
+from grader.numerics.workspace import Workspace
 
 INTEGRATORS = {"Euler": 0, "RK4": 1, "implicit": 2, "implicitfast": 3, "discrete": 4}
 """In the lesson's order. Source: mjtIntegrator of MuJoCo 3.14.0."""

@@ -13,7 +13,8 @@ from grader.labs.expressions import Program
 from grader.labs.programs import LabPrograms, lab_programs
 from grader.labs.record import LabRun
 from grader.labs.running import SAME, Running, Variant
-from grader.numerics.scene import Scene, Workspace
+from grader.numerics.scene import Scene
+from grader.numerics.workspace import Workspace
 
 SECONDS_DEFAULT = 3.0
 SECONDS_MAX = 60.0

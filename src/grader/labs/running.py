@@ -18,7 +18,8 @@ from grader.labs.poses import Floats, describe_geom, drawn_geoms, quaternions
 from grader.labs.programs import LabPrograms
 from grader.labs.record import LabRun, Warned
 from grader.labs.values import Value, Vector, to_boolean
-from grader.numerics.scene import FULL_STATE, Workspace
+from grader.numerics.scene import FULL_STATE
+from grader.numerics.workspace import Workspace
 
 STEPS_MAX = 200_000
 FRAMES_PER_SECOND = 60

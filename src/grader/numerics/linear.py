@@ -8,7 +8,8 @@ from mujoco import mjtIntegrator
 from numpy.typing import NDArray
 from scipy import optimize
 
-from grader.numerics.scene import Scene, Vector, Workspace
+from grader.numerics.scene import Scene, Vector
+from grader.numerics.workspace import Workspace
 
 Matrix = NDArray[np.float64]
 

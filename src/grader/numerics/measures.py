@@ -7,7 +7,8 @@ import numpy as np
 
 from grader.numerics.reference import Reference
 from grader.numerics.rollout import Rollout
-from grader.numerics.scene import Scene, Vector, Workspace, frozen
+from grader.numerics.scene import Scene, Vector, frozen
+from grader.numerics.workspace import Workspace
 
 EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 

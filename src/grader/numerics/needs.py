@@ -186,6 +186,6 @@ def _sensors(model: mujoco.MjModel) -> Need:
 
 
 def _visuals(model: mujoco.MjModel) -> Need:
-    """No flag: geoms without collision already cost no more than their pose."""
+    """No flag of MuJoCo leaves their poses out; `visuals.without_visuals` makes a model that has none."""
     shown = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
     return Need("visuals", False, f"{shown} geoms, {model.ncam} cameras and {model.nlight} lights only show")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy import integrate
 
 from grader.numerics.rk4 import Forward
-from grader.numerics.scene import Scene, Values, Vector, Workspace, frozen
+from grader.numerics.scene import Scene, Values, Vector, frozen
+from grader.numerics.workspace import Workspace
 
 RTOL = 3e-14
 """Source: measured on the double pendulum; reaches 9e-15 over 1 s. SciPy refuses less than 100 rounding units."""

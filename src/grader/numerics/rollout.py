@@ -13,8 +13,9 @@ from mujoco import mjtWarning
 from numpy.typing import NDArray
 
 from grader.numerics.needs import assert_proved
-from grader.numerics.scene import Scene, Vector, Workspace, frozen
+from grader.numerics.scene import Scene, Vector, frozen
 from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_by, advance_exactly, first_warning
+from grader.numerics.workspace import Workspace
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ threads, or a run inside a run, never share an MjData or a mutable MjModel, and 
 
 import copy
 import hashlib
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,6 +20,8 @@ from numpy.typing import NDArray
 
 from grader.numerics import needs as proofs
 from grader.numerics.process import prepare
+from grader.numerics.visuals import without_visuals
+from grader.numerics.workspace import Stock, Workspace
 
 Vector = NDArray[np.float64]
 Values = Sequence[float] | Vector
@@ -40,16 +41,6 @@ class State:
     ctrl: Vector
 
 
-class Workspace:
-    """A model and a data that one run holds alone. `counts` (7,) are the live warning counters."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.model = copy.copy(model)
-        self.data = mujoco.MjData(self.model)
-        self.option = self.model.opt
-        self.counts: NDArray[np.int32] = self.data.warning.number
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Built by `Scene.from_xml`, or `Scene.of_model`, which copies the model it is given.
@@ -62,8 +53,8 @@ class Scene:
     start_vector: Vector
     start: State
     needs: tuple[proofs.Need, ...]
+    _stock: Stock = field(repr=False)
     digest: str = ""
-    _pool: deque[Workspace] = field(default_factory=deque, repr=False)
 
     @staticmethod
     def from_xml(xml: str, *, key: int | str | None = None) -> "Scene":
@@ -77,13 +68,14 @@ class Scene:
     def of_model(model: mujoco.MjModel, *, digest: str = "") -> "Scene":
         """The scene of a private copy of `model`, at `qpos0`."""
         prepare()
-        return _scene_of(copy.copy(model), digest)
+        model = copy.copy(model)
+        return _scene_of(model, proofs.prove(model), Stock(model), digest)
 
     def changed(self, change: Callable[[mujoco.MjModel], object]) -> "Scene":
         """A scene with a private copy of the model, written by `change`, its needs proved anew; the start is kept."""
         model = copy.copy(self.model)
         change(model)
-        return replace(self, model=model, needs=proofs.prove(model), digest="", _pool=deque())
+        return replace(self, model=model, needs=proofs.prove(model), digest="", _stock=Stock(model))
 
     def at(
         self,
@@ -134,21 +126,17 @@ class Scene:
         Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
         """
         timestep_s, integrator = checked_options(self.model, timestep_s, integrator)
-        workspace = self._take()
+        workspace = self._stock.take(skip=skip)
         option = workspace.option
         option.timestep, option.integrator = timestep_s, integrator
         option.disableflags = self._disabled | self.flags if skip else self._disabled
-        mujoco.mj_resetData(workspace.model, workspace.data)
-        mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
+        data = workspace.data
+        mujoco.mj_resetData(workspace.model, data)
+        mujoco.mj_setState(workspace.model, data, self.start_vector, FULL_STATE)
         yield workspace
         if keep:  # not reached after an exception: what it left behind is thrown away
-            self._pool.append(workspace)
-
-    def _take(self) -> Workspace:
-        try:
-            return self._pool.pop()
-        except IndexError:
-            return Workspace(self.model)
+            steps = (data.time - self.start.time_s) / timestep_s if skip else 0.0
+            self._stock.give_back(workspace, steps)
 
     def names_of(self, kind: mjtObj) -> tuple[str, ...]:
         """The names of all objects of a kind, in order; their index where they have none."""
@@ -213,12 +201,14 @@ def _compiled(xml: str, key: int | str | None) -> Scene:
     if key is not None:
         return _compiled(xml, None).at(key=key)
     digest = hashlib.sha256(xml.encode()).hexdigest()
-    return _scene_of(mujoco.MjModel.from_xml_string(xml), digest)
+    model = mujoco.MjModel.from_xml_string(xml)
+    needs = proofs.prove(model)
+    return _scene_of(model, needs, Stock(model, lambda: without_visuals(xml, model, needs)), digest)
 
 
-def _scene_of(model: mujoco.MjModel, digest: str) -> Scene:
+def _scene_of(model: mujoco.MjModel, needs: tuple[proofs.Need, ...], stock: Stock, digest: str) -> Scene:
     data = mujoco.MjData(model)
-    return Scene(model, _full_state(model, data), state_of(data), proofs.prove(model), digest)
+    return Scene(model, _full_state(model, data), state_of(data), needs, stock, digest)
 
 
 def _full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:

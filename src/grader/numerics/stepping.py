@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 from mujoco import mjtWarning
 
-from grader.numerics.scene import FULL_STATE, Workspace
+from grader.numerics.scene import FULL_STATE
+from grader.numerics.workspace import Workspace
 
 CHUNK = 64
 """Steps in the first call into C; each later call takes twice as many, up to CHUNK_MAX.

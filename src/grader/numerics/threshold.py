@@ -11,8 +11,9 @@ from math import isfinite, log
 from mujoco import mjtWarning
 
 from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
-from grader.numerics.scene import Scene, State, Vector, Workspace
+from grader.numerics.scene import Scene, State, Vector
 from grader.numerics.stepping import STEPS_MAX, advance_coarsely, advance_counting
+from grader.numerics.workspace import Workspace
 
 STEPS_MIN = 16
 """With fewer steps in the horizon, a divergence has no time to show; the run then goes on to STEPS_EXTENDED."""

@@ -76,8 +76,8 @@ def draw(records: Records, _summary: Record, out: Path) -> list[Path]:
 
 
 def draw_ladders(axes: "mpl.axes.Axes", records: Records) -> None:
-    """Stacked by stage: timer off, steps in C, all proven flags."""
-    stages = {"timer off": "#bbccee", "steps in C": "#88aadd", "proven flags": "#335599"}
+    """Stacked by stage: timer off, steps in C, all that is not needed."""
+    stages = {"timer off": "#bbccee", "steps in C": "#88aadd", "what is not needed": "#335599"}
     for row, name in enumerate(reversed(SCENES)):
         rungs = records[f"ladder/{name}"]["rungs"]
         reached = [rungs[0]["ratio"], rungs[1]["ratio"], rungs[-1]["ratio"]]
