@@ -14,9 +14,9 @@ from grader.domain.verdict import Status
 from grader.grading.drivers.hidden_force import with_force
 from grader.grading.exercise import check_exercise, judge_exercise, plan_exercise
 from grader.grading.rk4.mistakes import METHODS
-from grader.grading.rk4.outcomes import error_of
 from grader.grading.rk4.parameters import Problem
 from grader.grading.rk4.trajectories import difference, fourth_order, mujocos, unforced
+from grader.grading.rk4.truth import truth_of
 from grader.sandbox.jail import Jail
 
 STEP, FREE = question("rk4-step"), question("rk4-free-joint")
@@ -91,7 +91,7 @@ def test_every_route_through_mj_step_is_far_away(exercise: CodeQuestion, seed: i
 def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: int) -> None:
     step, free = problem_of(STEP, seed), problem_of(FREE, seed)
     for problem, trajectory, order in ((step, mujocos, 4), (free, fourth_order, 4), (free, mujocos, 2)):
-        errors = [error_of(problem.runs[i], trajectory(problem.runs[i])) for i in problem.order_runs]
+        errors = [truth_of(problem, 0).error(problem.runs[i], trajectory(problem.runs[i])) for i in problem.order_runs]
         slopes = -np.diff(np.log2(errors))
         assert np.all(np.abs(slopes - order) < 0.1)
 

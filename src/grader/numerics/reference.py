@@ -79,14 +79,16 @@ def solve(
 
 def _rate(workspace: Workspace, forward: Forward) -> Callable[[float, Vector], Vector]:
     model, data = workspace.model, workspace.data
-    nq, nv = int(model.nq), int(model.nv)
+    nq, nv, na = int(model.nq), int(model.nv), int(model.na)
     position_rate = _position_rate(model)
 
     def rate(time: float, state: Vector) -> Vector:
-        data.time = time
-        data.qpos[:], data.qvel[:], data.act[:] = state[:nq], state[nq : nq + nv], state[nq + nv :]
+        qpos, qvel = state[:nq], state[nq : nq + nv]
+        data.time, data.qpos[:], data.qvel[:] = time, qpos, qvel
+        if na:
+            data.act[:] = state[nq + nv :]
         forward(model, data)
-        return np.concatenate([position_rate(state[:nq], state[nq : nq + nv]), data.qacc, data.act_dot])
+        return np.concatenate((position_rate(qpos, qvel), data.qacc, data.act_dot))
 
     return rate
 
@@ -95,19 +97,23 @@ def _position_rate(model: mujoco.MjModel) -> Callable[[Vector, Vector], Vector]:
     """d qpos / dt from qpos and qvel: q' = q w / 2 for quaternions, with w in the body's frame."""
     offsets = {int(mjtJoint.mjJNT_BALL): 0, int(mjtJoint.mjJNT_FREE): 3}
     joints = list(zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True))
-    if not any(kind in offsets for kind, _, _ in joints):
+    quats = [(at + offsets[kind], dof + offsets[kind]) for kind, at, dof in joints if kind in offsets]
+    if not quats:
         return lambda qpos, qvel: qvel
+    places = [(slice(at, at + 4), slice(dof, dof + 3)) for at, dof in quats]
+    straight_q = np.delete(np.arange(model.nq), np.r_[tuple(where for where, _ in places)])
+    straight_v = np.delete(np.arange(model.nv), np.r_[tuple(spin for _, spin in places)])
+    turning = np.zeros(4)
+    spinning = turning[1:]
 
     def rate(qpos: Vector, qvel: Vector) -> Vector:
-        result = np.empty_like(qpos)
-        for kind, at, dof in joints:
-            shift = offsets.get(kind)
-            linear = 1 if shift is None else shift
-            result[at : at + linear] = qvel[dof : dof + linear]
-            if shift is not None:
-                spin = np.concatenate([[0.0], 0.5 * qvel[dof + shift : dof + shift + 3]])
-                where = slice(at + shift, at + shift + 4)
-                mujoco.mju_mulQuat(result[where], qpos[where], spin)
+        result = np.empty(len(qpos))
+        if len(straight_q):
+            result[straight_q] = qvel[straight_v]
+        half = 0.5 * qvel
+        for where, spin in places:
+            spinning[:] = half[spin]
+            mujoco.mju_mulQuat(result[where], qpos[where], turning)
         return result
 
     return rate

@@ -6,7 +6,7 @@ dynamics that MuJoCo does not integrate by a plain Euler or exact-filter update 
 """
 
 from collections.abc import Callable
-from math import exp
+from math import exp, sqrt, tan
 
 import mujoco
 import numpy as np
@@ -38,24 +38,27 @@ def mujoco_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward
     order there. Warm start, activations and time are carried as MuJoCo carries them; its divergence checks are not.
     """
     check_supported(model)
-    h, start = float(model.opt.timestep), float(data.time)
-    qpos, qvel, act = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+    h, start, nv = float(model.opt.timestep), float(data.time), int(model.nv)
+    qpos, rest = data.qpos.copy(), _rest(data)
     forward(model, data)
     slopes = [_slope(data)]
     for fraction in STAGES:
-        velocity, acceleration, rate = (fraction * part for part in slopes[-1])
-        data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
-        mujoco.mj_integratePos(model, data.qpos, velocity, h)
-        mujoco.mju_addToScl(data.qvel, acceleration, h)
-        _add(data.act, rate, h)
+        slope = fraction * slopes[-1]
+        data.qpos[:] = qpos
+        mujoco.mj_integratePos(model, data.qpos, slope[:nv], h)
+        _set_rest(data, _added(rest, slope[nv:], h))
         data.time = start + fraction * h
         forward(model, data)
         slopes.append(_slope(data))
-    velocity, acceleration, rate = (_weighted(parts) for parts in zip(*slopes, strict=True))
-    data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
-    _advance_act(model, data, rate)
-    _add(data.qvel, acceleration, h)
-    mujoco.mj_integratePos(model, data.qpos, velocity, h)
+    slope = np.zeros(slopes[0].size)
+    for weight, part in zip(WEIGHTS, slopes, strict=True):
+        mujoco.mju_addToScl(slope, part, weight)
+    data.qpos[:] = qpos
+    _set_rest(data, rest)
+    if data.act.size:
+        _advance_act(model, data, slope[2 * nv :])
+    mujoco.mju_addToScl(data.qvel, slope[nv : 2 * nv], h)
+    mujoco.mj_integratePos(model, data.qpos, slope[:nv], h)
     data.time = start + h
     data.qacc_warmstart[:] = data.qacc
 
@@ -68,24 +71,26 @@ def lie_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward = 
     Activations advance by the plain rule also where MuJoCo filters exactly.
     """
     check_supported(model)
-    h, start = float(model.opt.timestep), float(data.time)
-    qpos, qvel, act = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+    h, start, nv = float(model.opt.timestep), float(data.time), int(model.nv)
+    qpos, rest = data.qpos.copy(), _rest(data)
     rotations = rotation_slices(model)
-    chart = np.zeros(model.nv)
-    slopes: list[tuple[Vector, Vector, Vector]] = []
+    slopes: list[Vector] = []
+    shift = np.zeros(nv + rest.size)
     for fraction in (0.0, *STAGES):
         if slopes:
-            shift, acceleration, rate = (fraction * h * part for part in slopes[-1])
-            chart, data.qvel[:], data.act[:] = shift, qvel + acceleration, act + rate
-        data.qpos[:] = qpos
-        mujoco.mj_integratePos(model, data.qpos, chart, 1.0)
-        data.time = start + fraction * h
+            shift = fraction * h * slopes[-1]
+            _set_rest(data, rest + shift[nv:])
+            data.qpos[:] = qpos
+            mujoco.mj_integratePos(model, data.qpos, shift[:nv], 1.0)
+            data.time = start + fraction * h
         forward(model, data)
-        velocity, acceleration, rate = _slope(data)
-        slopes.append((_chart_rate(rotations, chart, velocity), acceleration, rate))
-    shift, acceleration, rate = (h * _weighted(parts) for parts in zip(*slopes, strict=True))
-    data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel + acceleration, _clamped(model, act + rate)
-    mujoco.mj_integratePos(model, data.qpos, shift, 1.0)
+        slopes.append(_slope(data))
+        _to_chart(rotations, shift, slopes[-1])
+    shift = h * np.dot(WEIGHTS, slopes)
+    data.qpos[:] = qpos
+    _set_rest(data, rest + shift[nv:])
+    data.act[:] = _clamped(model, data.act)
+    mujoco.mj_integratePos(model, data.qpos, shift[:nv], 1.0)
     data.time = start + h
     data.qacc_warmstart[:] = data.qacc
 
@@ -111,22 +116,28 @@ def rotation_slices(model: mujoco.MjModel) -> tuple[slice, ...]:
     return tuple(slice(start, start + 3) for start in starts)
 
 
-def _slope(data: mujoco.MjData) -> tuple[Vector, Vector, Vector]:
-    return data.qvel.copy(), data.qacc.copy(), data.act_dot.copy()
+def _slope(data: mujoco.MjData) -> Vector:
+    """Velocities, accelerations and activation rates, (2 nv + na,)."""
+    return np.concatenate((data.qvel, data.qacc, data.act_dot))
 
 
-def _weighted(parts: tuple[Vector, ...]) -> Vector:
-    """The sum of WEIGHTS times parts, in MuJoCo's order of operations."""
-    total = np.zeros_like(parts[0])
-    for weight, part in zip(WEIGHTS, parts, strict=True):
-        _add(total, part, weight)
-    return total
+def _rest(data: mujoco.MjData) -> Vector:
+    """What the last parts of a slope advance: velocities and activations, (nv + na,)."""
+    return np.concatenate((data.qvel, data.act))
 
 
-def _add(total: Vector, part: Vector, scale: float) -> None:
-    """total += part * scale by MuJoCo's own routine, so that both round alike on every machine."""
-    if total.size:
-        mujoco.mju_addToScl(total, part, scale)
+def _set_rest(data: mujoco.MjData, rest: Vector) -> None:
+    nv = data.qvel.size
+    data.qvel[:] = rest[:nv]
+    if data.act.size:
+        data.act[:] = rest[nv:]
+
+
+def _added(total: Vector, part: Vector, scale: float) -> Vector:
+    """total + part * scale by MuJoCo's own routine, so that both round alike on every machine."""
+    result = total.copy()
+    mujoco.mju_addToScl(result, part, scale)
+    return result
 
 
 def _advance_act(model: mujoco.MjModel, data: mujoco.MjData, rate: Vector) -> None:
@@ -154,16 +165,18 @@ def _clamped(model: mujoco.MjModel, act: Vector) -> Vector:
     return clamped
 
 
-def _chart_rate(rotations: tuple[slice, ...], chart: Vector, velocity: Vector) -> Vector:
-    """Bortz' equation: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame."""
-    rate = velocity.copy()
+def _to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> None:
+    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame."""
     for where in rotations:
-        turn, spin = chart[where], velocity[where]
-        cross, twice = np.empty(3), np.empty(3)
-        mujoco.mju_cross(cross, turn, spin)
-        mujoco.mju_cross(twice, turn, cross)
-        rate[where] = spin + 0.5 * cross + _bortz(float(np.linalg.norm(turn))) * twice
-    return rate
+        ux, uy, uz = chart[where].tolist()
+        wx, wy, wz = slope[where].tolist()
+        cx, cy, cz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        b = _bortz(sqrt(ux * ux + uy * uy + uz * uz))
+        slope[where] = (
+            wx + 0.5 * cx + b * (uy * cz - uz * cy),
+            wy + 0.5 * cy + b * (uz * cx - ux * cz),
+            wz + 0.5 * cz + b * (ux * cy - uy * cx),
+        )
 
 
 def _bortz(angle: float) -> float:
@@ -171,4 +184,4 @@ def _bortz(angle: float) -> float:
     if angle < 1e-2:
         return 1 / 12 + angle**2 / 720 + angle**4 / 30240
     half = 0.5 * angle
-    return float((1 - half / np.tan(half)) / angle**2)
+    return (1 - half / tan(half)) / angle**2

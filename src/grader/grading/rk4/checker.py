@@ -16,7 +16,8 @@ from grader.grading.rk4.diagnosis import name_the_mistake
 from grader.grading.rk4.evidence import evidence_of
 from grader.grading.rk4.outcomes import MUJOCO_ORDER, OrderOutcome, Outcome, judge_cases, judge_order
 from grader.grading.rk4.parameters import Problem, Rk4Parameters, pose_problem, pose_run
-from grader.grading.rk4.trajectories import mujocos, truth
+from grader.grading.rk4.trajectories import mujocos
+from grader.grading.rk4.truth import CASE_RTOL, solved
 
 ORDER = 4.0
 
@@ -38,7 +39,7 @@ class Rk4Checker:
             try:
                 run = pose_run(case, parameters.numbers, model_xml, [0, index])
                 if index in needs_truth:
-                    truth(run, (run.timestep_s,))
+                    solved(run, (run.timestep_s,), CASE_RTOL)
             except (ValueError, KeyError, GraderError) as error:
                 faults.append(Fault(where, f"{question.id}.check.cases.{index}", str(error.args[0])))
         return faults

@@ -19,6 +19,9 @@ from grader.grading.rk4.trajectories import (
 PREFIX = 40
 """Steps on which methods are told apart: enough for a fourth-order tableau to differ by more than round-off."""
 
+GLANCE = 3
+"""Steps after which most methods are ruled out already, so that they need not take the others."""
+
 ROUND_OFF = 1e-12
 """What two ways to write one method differ by over PREFIX steps.
 
@@ -101,6 +104,7 @@ def another_step(run: Run, student: Trajectory, departure: float) -> str | None:
     """Which wrong method it is."""
     forward = forward_of(run)
     for wrong in METHODS:
-        if matches(run, student, stepped(run, stepper(wrong.method, forward), PREFIX), departure):
+        step = stepper(wrong.method, forward)
+        if all(matches(run, student, stepped(run, step, steps), departure) for steps in (GLANCE, PREFIX)):
             return wrong.sentence
     return None

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.grading.rk4.parameters import OrderCheck, Problem, Rk4Case, Run, replaced
+from grader.grading.rk4.parameters import OrderCheck, Problem, Rk4Case, Run
 from grader.grading.rk4.trajectories import (
     Difference,
     Trajectory,
@@ -16,15 +16,12 @@ from grader.grading.rk4.trajectories import (
     fourth_order,
     mujocos,
     read_trajectory,
-    truth,
 )
+from grader.grading.rk4.truth import Truth, coarser, truth_of
 from grader.numerics.convergence import observed_order
 
 TIME_ROUNDING_S = 1e-9
 """A sum of a few thousand timesteps in double precision drifts by less than this."""
-
-SAMPLES = 5
-"""Times at which a run is held against the truth, the last at its end."""
 
 NEARNESS = 20.0
 """How many times further from the truth than our own fourth-order method a fourth-order method may be.
@@ -40,20 +37,6 @@ MUJOCO_ORDER = 2.0
 """On rotations. Source: slope 2.00 measured with MuJoCo 3.14.0's RK4."""
 
 
-def sampled(run: Run, trajectory: Trajectory) -> tuple[Trajectory, tuple[float, ...]]:
-    """The rows of a trajectory at SAMPLES times [s], and those times; fewer where it ended early."""
-    rows = np.array([round(run.steps * (i + 1) / SAMPLES) for i in range(SAMPLES)]) - 1
-    return trajectory.at(rows[rows < len(trajectory)]), tuple(
-        round(float(row + 1) * run.timestep_s, 12) for row in rows
-    )
-
-
-def error_of(run: Run, trajectory: Trajectory) -> float:
-    """Sup norm of the distance to the truth, which is the same motion for every timestep; inf where it ended early."""
-    rows, times = sampled(run, trajectory)
-    return difference(run, rows, truth(replaced(run, 1.0, 1), times)).worst
-
-
 @dataclass(frozen=True)
 class Outcome:
     """One case. The two errors against the truth are measured only where they may decide."""
@@ -63,6 +46,7 @@ class Outcome:
     run: Run
     student: Trajectory
     may_converge: bool
+    truth: Truth
 
     @cached_property
     def difference(self) -> Difference:
@@ -79,13 +63,16 @@ class Outcome:
         """As near to the truth as a fourth-order method is; only asked where that counts."""
         if not self.may_converge or self.agrees:
             return False
-        ours = error_of(self.run, fourth_order(self.run))
+        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujocos(self.run)) + TRUTH_FLOOR:
+            return False  # ours need not be simulated: it is no further from the truth than MuJoCo's
+        coarse, factor = coarser(self.run)
+        ours = self.truth.error(coarse, fourth_order(coarse)) / factor
         return self.error <= NEARNESS * ours + TRUTH_FLOOR
 
     @cached_property
     def error(self) -> float:
         """To the truth."""
-        return error_of(self.run, self.student)
+        return self.truth.error(self.run, self.student)
 
     @cached_property
     def keeps_time(self) -> bool:
@@ -130,10 +117,9 @@ class OrderOutcome:
 
 def judge_cases(problem: Problem, results: Mapping[str, NDArray[np.generic]]) -> list[Outcome]:
     """Every case of a submission."""
-    may_converge = problem.parameters.accept == "mujoco or fourth order"
     cases = zip(problem.parameters.cases, problem.titles, problem.runs, strict=False)
     return [
-        Outcome(case, title, run, read_trajectory(results, index, run), may_converge)
+        Outcome(case, title, run, read_trajectory(results, index, run), problem.may_converge, truth_of(problem, index))
         for index, (case, title, run) in enumerate(cases)
     ]
 
@@ -143,6 +129,7 @@ def judge_order(problem: Problem, results: Mapping[str, NDArray[np.generic]]) ->
     check = problem.parameters.order
     if check is None:
         return None
+    truth = truth_of(problem, 0)
     runs = [(problem.runs[index], index) for index in problem.order_runs]
-    errors = tuple(error_of(run, read_trajectory(results, index, run)) for run, index in runs)
+    errors = tuple(truth.error(run, read_trajectory(results, index, run)) for run, index in runs)
     return OrderOutcome(check, errors)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from grader.grading.drivers.hidden_force import Forward, with_force
 from grader.grading.rk4.parameters import Run
-from grader.numerics.reference import dop853
 from grader.numerics.rk4 import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.rollout import Rollout, simulate
 
@@ -140,14 +139,3 @@ def fourth_order(run: Run) -> Trajectory:
 def unforced(run: Run, integrator: int, steps: int) -> Trajectory:
     """By MuJoCo's own mj_step, which knows nothing of the hidden force."""
     return steps_of(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
-
-
-TRUTH_RTOL = 1e-13
-"""Leaves the truth with an error of 1e-12, a thirtieth of the smallest error that is held against it (3e-11)."""
-
-
-@lru_cache(maxsize=64)
-def truth(run: Run, times_s: tuple[float, ...]) -> Trajectory:
-    """The exact motion with the hidden force at `times_s` [s]. Raises ValueError where the scene has constraints."""
-    reference = dop853(run.scene(), times_s, rtol=TRUTH_RTOL, forward=forward_of(run))
-    return Trajectory(reference.time, reference.qpos, reference.qvel, reference.act)
