@@ -51,6 +51,7 @@ def test_a_negative_answer_goes_after_two_dashes() -> None:
         ["grade", "1.3-check"],
         ["no-such-command"],
         ["token", "create", "--user", "ada", "--role", "emperor"],
+        ["token", "revoke"],
     ],
 )
 def test_usage_errors_exit_2_with_a_sentence_and_no_traceback(arguments: list[str]) -> None:

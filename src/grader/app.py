@@ -7,7 +7,7 @@ import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from typing import Any
+from typing import Any, TypeVar
 
 import uvicorn
 from fastapi import FastAPI
@@ -21,7 +21,7 @@ from grader.api.gate import Gate, Rules
 from grader.api.lab_cache import LabCache
 from grader.api.rate import RateLimit
 from grader.api.signin import Doorstep, Welcome
-from grader.identity import Role, create_sign_in_code, create_token
+from grader.identity import Role, create_sign_in_code, create_token, revoke_all
 from grader.sandbox.jail import Jail
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
@@ -32,6 +32,8 @@ SHUTDOWN_S = 5
 """How long open event streams may hold up a shutdown [s]."""
 
 FAULT = 3
+
+Result = TypeVar("Result")
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -107,13 +109,18 @@ def issue_token(settings: Settings, user: str, role: str, course: str | None) ->
     return in_database(settings, lambda session: create_token(session, user, role, course))
 
 
+def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:
+    """Ends whatever lets this user in; how many tokens and sessions that were."""
+    return in_database(settings, lambda session: revoke_all(session, user, course))
+
+
 def sign_in_url(settings: Settings) -> str:
     """Where the instructor signs in, once."""
     code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
     return f"{settings.origin}/signin?code={code}"
 
 
-def in_database(settings: Settings, change: Callable[[Session], str]) -> str:
+def in_database(settings: Settings, change: Callable[[Session], Result]) -> Result:
     """What `change` returns, in a transaction on a database opened for it alone."""
     database = Database(settings.database)
     database.migrate()

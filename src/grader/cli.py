@@ -206,3 +206,17 @@ def token_create(
     from grader.app import issue_token
 
     print(issue_token(settings_with(data=data), user, role, course))
+
+
+@token.command("revoke")
+def token_revoke(
+    user: Annotated[str, typer.Option()],
+    course: Annotated[str | None, typer.Option()] = None,
+    data: Data = None,
+) -> None:
+    """End every token and browser session of a user; says how many there were."""
+    from grader.app import revoke_tokens
+
+    ended = revoke_tokens(settings_with(data=data), user, course)
+    print(f"{ended} of {user} ended")
+    sys.exit(0 if ended else USAGE)

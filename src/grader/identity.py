@@ -107,10 +107,9 @@ def end_session(session: Session, cookie: str) -> None:
         credentials.revoke(session, credential.id, now())
 
 
-def revoke_token(session: Session, token: str) -> bool:
-    """Ends a bearer token; False where it was not valid."""
-    credential = _find(session, Kind.TOKEN, token)
-    return credential is not None and credentials.revoke(session, credential.id, now())
+def revoke_all(session: Session, user: str, course: str | None = None) -> int:
+    """Ends every bearer token, browser session and sign-in code of a user; how many there were."""
+    return credentials.revoke_all(session, user, course or DEFAULT_COURSE, now())
 
 
 def authenticate(database: Database, authorization: str | None, cookies: Mapping[str, str]) -> Identity:

@@ -82,6 +82,10 @@ class Pipeline:
             }
         )
 
+    def fault(self, quiz_id: str, question_id: str) -> Verdict:
+        """The verdict where we failed: it costs the learner nothing. Raises NotFound."""
+        return ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
+
     def _grade_script(self, question: CodeQuestion, answer: Any, seed: int) -> Verdict:
         try:
             source = read_source(answer)

@@ -11,6 +11,7 @@ import structlog
 
 from grader.api.content import Content
 from grader.domain.verdict import Status, Verdict
+from grader.errors import NotFound
 from grader.pipeline import OUR_FAULT
 from grader.queue import jobs
 from grader.queue.jobs import Claim
@@ -29,17 +30,21 @@ RETRY_S = 2.0
 GRACE_S = 5.0
 """How long a stopping worker waits for what it is grading [s]."""
 
-Grade = Callable[[Submission], Verdict]
+Judge = Callable[[Submission], Verdict]
 
 log = structlog.get_logger()
 
 
 @dataclass
 class Worker:
-    """`threads` jobs at a time. A job whose worker died is taken again `lease_s` later, `tries` times in all."""
+    """`threads` jobs at a time. A job whose worker died is taken again `lease_s` later, `tries` times in all.
+
+    `fault` is the verdict where we failed; it may not fail itself.
+    """
 
     database: Database
-    grade: Grade
+    grade: Judge
+    fault: Judge
     threads: int
     lease_s: float
     tries: int
@@ -87,12 +92,12 @@ class Worker:
     def _verdict(self, claimed: Claim, submission: Submission) -> Verdict:
         if claimed.tries > self.tries:
             log.error("a job killed its worker every time", submission=submission.id)
-            return our_fault(submission)
+            return self.fault(submission)
         try:
             return self.grade(submission)
         except Exception:
             log.exception("grading failed", submission=submission.id)
-            return our_fault(submission)
+            return self.fault(submission)
 
     def _settle(self, claimed: Claim, verdict: Verdict) -> None:
         if verdict.status is Status.GRADER_FAULT and claimed.tries < self.tries:
@@ -132,7 +137,7 @@ class Worker:
                     log.exception("leases could not be renewed")
 
 
-def grade_with(content: Content) -> Grade:
+def grade_with(content: Content) -> Judge:
     """Grades a submission against the content as it stands then."""
 
     def grade(submission: Submission) -> Verdict:
@@ -142,20 +147,24 @@ def grade_with(content: Content) -> Grade:
     return grade
 
 
-def our_fault(submission: Submission) -> Verdict:
-    """The verdict where we failed: it costs the learner nothing."""
-    return Verdict(
-        status=Status.GRADER_FAULT,
-        points=0.0,
-        max_points=1.0,
-        diagnosis=OUR_FAULT,
-        content_digest=submission.content_digest,
-    )
+def fault_with(content: Content) -> Judge:
+    """What a submission gets that we failed to grade; of a question that is gone, nobody knows its points."""
+
+    def fault(submission: Submission) -> Verdict:
+        try:
+            verdict = content.pipeline.fault(submission.quiz, submission.question)
+        except NotFound:
+            verdict = Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=0.0, diagnosis=OUR_FAULT)
+        return verdict.model_copy(update={"content_digest": submission.content_digest})
+
+    return fault
 
 
 def worker_of(settings: Settings, database: Database, content: Content) -> Worker:
     """A worker as the settings want it."""
-    return Worker(database, grade_with(content), settings.workers, settings.lease_s, settings.tries)
+    return Worker(
+        database, grade_with(content), fault_with(content), settings.workers, settings.lease_s, settings.tries
+    )
 
 
 def run_worker(settings: Settings) -> None:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from grader import identity
 from grader.api.rate import RateLimit
-from grader.app import issue_token, sign_in_url
+from grader.app import issue_token, revoke_tokens, sign_in_url
 from grader.errors import TooManyRequests, Unprocessable
 from grader.settings import Settings
 from grader.store.database import Database
@@ -69,9 +69,10 @@ def test_a_token_is_good_only_as_a_whole_and_until_it_is_revoked(site: Any) -> N
     assert status(token[:-1]) == 401
     assert status(token[:-1] + ("0" if token[-1] != "0" else "1")) == 401
     assert status(token.replace("grt_", "grs_")) == 401
-    with site.app.state.context.database.write() as session:
-        assert identity.revoke_token(session, token)
-    assert status(token) == 401
+    elsewhere = issue_token(site.settings, "ann", "student", "another course")
+    assert revoke_tokens(site.settings, "ann", None) == 1
+    assert (status(token), status(elsewhere)) == (401, 200)
+    assert revoke_tokens(site.settings, "ann", None) == 0
 
 
 def test_an_expired_token_is_401(site: Any) -> None:

@@ -11,7 +11,8 @@ import pytest
 from grader.domain.verdict import Status, Verdict
 from grader.queue import jobs
 from grader.settings import Settings
-from grader.worker import Worker
+from grader.store.tables import Submission
+from grader.worker import Worker, fault_with
 from sites import ROOT, Site, open_site
 
 API = "/api/v1"
@@ -110,7 +111,7 @@ def test_events_come_while_the_work_goes_on(idle: Site) -> None:
 
     listener = threading.Thread(target=listen)
     listener.start()
-    Worker(idle.app.state.context.database, lambda _: GOOD, 1, 60.0, 3).do_one()
+    Worker(idle.app.state.context.database, lambda _: GOOD, lambda _: GOOD, 1, 60.0, 3).do_one()
     listener.join(20)
     assert heard == ["queued", "running", "graded"]
 
@@ -192,3 +193,14 @@ def test_logs_hold_neither_sources_nor_tokens(
 
 def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> None:
     assert (tmp_path / "data" / "grader.db").exists()
+
+
+def test_our_fault_is_worth_nothing_of_what_the_question_is_worth(idle: Site) -> None:
+    fault = fault_with(idle.app.state.context.content)
+    submission = Submission(quiz="1.3-exercises", question="rk4-free-joint", content_digest="d")
+    verdict = fault(submission)
+    assert (verdict.status, verdict.points, verdict.content_digest) == (Status.GRADER_FAULT, 0.0, "d")
+    content = idle.app.state.context.content.library
+    assert verdict.max_points == content.question("1.3-exercises", "rk4-free-joint").points > 0
+    submission.question = "gone"
+    assert fault(submission).max_points == 0

@@ -53,7 +53,7 @@ def cost_ms(exercise: CodeQuestion, source: str, jail: Jail, seed: int) -> float
 
 
 @pytest.mark.parametrize(("id_", "program", "budget_ms"), CASES)
-def test_judging_stays_within_its_budget(id_: str, program: str, budget_ms: float, jail: Jail) -> None:
+def test_judging_stays_within_its_budget(id_: str, program: str, budget_ms: int, jail: Jail) -> None:
     """The best ratio of five draws, each beside its own yardstick: the machine's mood cancels.
 
     No two programs share a draw: what was simulated for one would cost the next nothing.

@@ -16,7 +16,7 @@ from grader.queue import jobs
 from grader.store import submissions
 from grader.store.database import Database
 from grader.store.tables import Submission, new_id
-from grader.worker import Grade, Worker
+from grader.worker import Judge, Worker
 
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
 OUR_FAULT = Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=1.0)
@@ -52,8 +52,8 @@ def state(database: Database, submission_id: str) -> tuple[str, list[str]]:
         return session.get_one(Submission, submission_id).status, [event.name for event in events]
 
 
-def a_worker(database: Database, grade: Grade, lease_s: float = 60.0, tries: int = 3) -> Worker:
-    return Worker(database, grade, threads=2, lease_s=lease_s, tries=tries, retry_s=0.0)
+def a_worker(database: Database, grade: Judge, lease_s: float = 60.0, tries: int = 3) -> Worker:
+    return Worker(database, grade, lambda _: OUR_FAULT, threads=2, lease_s=lease_s, tries=tries, retry_s=0.0)
 
 
 def test_jobs_are_done_in_order_and_once(database: Database) -> None:
@@ -183,7 +183,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: st
         "import os, sys\n"
         "from grader.store.database import Database\n"
         "from grader.worker import Worker\n"
-        "Worker(Database(sys.argv[1]), lambda _: os.kill(os.getpid(), 9), 1, 0.3, 3).do_one()\n"
+        "Worker(Database(sys.argv[1]), lambda _: os.kill(os.getpid(), 9), None, 1, 0.3, 3).do_one()\n"
     )
     done = subprocess.run([sys.executable, "-c", program, url], env={**os.environ}, check=False)
     assert done.returncode == -9

@@ -164,12 +164,9 @@ class Scene:
     def qpos_of(self, joint: int | str) -> slice:
         """Where the joint's coordinates stand in qpos."""
         index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
-        return _run_of(self.model.jnt_qposadr, index, int(self.model.nq))
-
-    def qvel_of(self, joint: int | str) -> slice:
-        """Where the joint's velocities stand in qvel."""
-        index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
-        return _run_of(self.model.jnt_dofadr, index, int(self.model.nv))
+        addresses = self.model.jnt_qposadr
+        stop = addresses[index + 1] if index + 1 < len(addresses) else self.model.nq
+        return slice(int(addresses[index]), int(stop))
 
 
 def checked_options(model: mujoco.MjModel, timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
@@ -222,8 +219,3 @@ def _write(target: Vector, values: Values, name: str) -> None:
     if array.shape != target.shape:
         raise ValueError(f"{name} has {target.size} entries in this model, not {array.size}")
     target[:] = array
-
-
-def _run_of(addresses: NDArray[np.int32], index: int, size: int) -> slice:
-    stop = addresses[index + 1] if index + 1 < len(addresses) else size
-    return slice(int(addresses[index]), int(stop))

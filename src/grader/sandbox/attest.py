@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import JailFault
+from grader.errors import JailFault
 
 NAMESPACES = ("user", "pid", "mnt", "net", "ipc", "uts")
 CAPABILITIES = ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb")

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import JailRefused
-from .policy import ENVIRONMENT, MODELS, SCRATCH
+from grader.errors import JailRefused
+from grader.sandbox.policy import ENVIRONMENT, MODELS, SCRATCH
 
 INSIDE = Path(__file__).parent / "inside"
 OURS = Path(__file__).parents[1]

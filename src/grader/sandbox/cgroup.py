@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from .policy import CGROUP_MEMORY_EXTRA, THREADS_MAX
+from grader.sandbox.policy import CGROUP_MEMORY_EXTRA, THREADS_MAX
 
 ROOT = Path("/sys/fs/cgroup")
 CONTROLLERS = {"memory", "pids"}

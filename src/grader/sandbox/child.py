@@ -9,9 +9,9 @@ import socket
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..errors import JailFault
-from . import policy
-from .cgroup import Group
+from grader.errors import JailFault
+from grader.sandbox import policy
+from grader.sandbox.cgroup import Group
 
 PACKET_BYTES_MAX = 1 << 16
 

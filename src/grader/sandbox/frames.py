@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..domain.run import RunStatus
-from .policy import NAME_CHARS_MAX, NDIM_MAX, RESULT_ARRAYS_MAX
+from grader.domain.run import RunStatus
+from grader.sandbox.policy import NAME_CHARS_MAX, NDIM_MAX, RESULT_ARRAYS_MAX
 
 DTYPES: Final = {b"d": "<f8", b"f": "<f4", b"q": "<i8", b"i": "<i4", b"B": "|u1", b"?": "|b1"}
 KINDS: Final = (RunStatus.RETURNED, RunStatus.CRASHED, RunStatus.FORBIDDEN, RunStatus.OUT_OF_MEMORY)

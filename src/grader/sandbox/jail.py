@@ -10,16 +10,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ..domain.run import SOURCE_BYTES_MAX, Job, Limits, RunReport, RunStatus
-from ..errors import JailFault, JailRefused
-from . import cell, cgroup, selftest
-from .child import Child
-from .policy import MB
-from .pool import Pool
-from .report import report
-from .tier import Tier
-from .watch import Watch
-from .zygote import Zygote
+from grader.domain.run import SOURCE_BYTES_MAX, Job, Limits, RunReport, RunStatus
+from grader.errors import JailFault, JailRefused
+from grader.sandbox import cell, cgroup, selftest
+from grader.sandbox.child import Child
+from grader.sandbox.policy import MB
+from grader.sandbox.pool import Pool
+from grader.sandbox.report import report
+from grader.sandbox.tier import Tier
+from grader.sandbox.watch import Watch
+from grader.sandbox.zygote import Zygote
 
 QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0

@@ -5,9 +5,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from ..errors import JailFault
-from .child import Child
-from .zygote import Zygote
+from grader.errors import JailFault
+from grader.sandbox.child import Child
+from grader.sandbox.zygote import Zygote
 
 RETRY_S, RETRY_S_MAX = 0.2, 5.0
 RETRIES = 3

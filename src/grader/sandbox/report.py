@@ -3,11 +3,11 @@
 import os
 import signal
 
-from ..domain.run import Limits, RunReport, RunStatus
-from .cleaning import clean, one_line
-from .frames import Malformed, Message, parse
-from .policy import KB, MB, RESULT_BYTES_MAX
-from .watch import Cause, Ending
+from grader.domain.run import Limits, RunReport, RunStatus
+from grader.sandbox.cleaning import clean, one_line
+from grader.sandbox.frames import Malformed, Message, parse
+from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
+from grader.sandbox.watch import Cause, Ending
 
 # When the script's own process gives no reason.
 SILENT = {

@@ -4,8 +4,8 @@ import errno
 import os
 from functools import cache
 
-from ..errors import JailRefused
-from .policy import ALLOWED, FCNTL_COMMANDS, KILLED, PR_SET_NAME, REFUSED
+from grader.errors import JailRefused
+from grader.sandbox.policy import ALLOWED, FCNTL_COMMANDS, KILLED, PR_SET_NAME, REFUSED
 
 CLONE_VM, CLONE_SIGHAND, CLONE_THREAD = 0x100, 0x800, 0x10000
 A_THREAD = CLONE_VM | CLONE_SIGHAND | CLONE_THREAD

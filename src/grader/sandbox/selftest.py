@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..domain.run import Job, Limits, RunReport, RunStatus
-from ..errors import JailRefused
+from grader.domain.run import Job, Limits, RunReport, RunStatus
+from grader.errors import JailRefused
 
 # Each snippet must end in the refusal that is named; `held` is printed only by the right one.
 ATTACKS = {

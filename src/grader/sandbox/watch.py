@@ -8,11 +8,11 @@ import time
 from dataclasses import dataclass
 from enum import StrEnum
 
-from ..domain.run import Limits
-from ..errors import JailFault
-from .attest import proc
-from .child import Child
-from .policy import KB, RESULT_BYTES_MAX
+from grader.domain.run import Limits
+from grader.errors import JailFault
+from grader.sandbox.attest import proc
+from grader.sandbox.child import Child
+from grader.sandbox.policy import KB, RESULT_BYTES_MAX
 
 READ_BYTES = 1 << 16
 POLL_S_MIN = 0.005

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import JailFault
-from . import attest, cell, policy, seccomp
-from .cgroup import Group
-from .child import PACKET_BYTES_MAX, Child
+from grader.errors import JailFault
+from grader.sandbox import attest, cell, policy, seccomp
+from grader.sandbox.cgroup import Group
+from grader.sandbox.child import PACKET_BYTES_MAX, Child
 
 START_S_MAX = 60.0
 CHILD_S_MAX = 20.0

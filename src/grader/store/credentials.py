@@ -34,3 +34,10 @@ def revoke(session: Session, credential_id: str, clock: datetime) -> bool:
     alive = Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock)
     ended = update(Credential).where(Credential.id == credential_id, alive).values(revoked_at=clock)
     return cast(CursorResult[Any], session.execute(ended)).rowcount == 1
+
+
+def revoke_all(session: Session, user: str, course: str, clock: datetime) -> int:
+    """Every credential of a user in a course ends now; how many had not ended before."""
+    theirs = (Credential.user == user, Credential.course == course, Credential.revoked_at.is_(None))
+    ended = update(Credential).where(*theirs).values(revoked_at=clock)
+    return cast(CursorResult[Any], session.execute(ended)).rowcount
