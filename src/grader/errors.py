@@ -8,8 +8,10 @@ GraderError
 │   ├── Forbidden        403
 │   ├── NotFound         404
 │   ├── Conflict         409
+│   ├── Outdated         412
 │   ├── TooLarge         413
 │   ├── Unprocessable    422
+│   ├── Unconditional    428
 │   └── TooManyRequests  429
 ├── LabError          a lab's expression went wrong while it ran: question, control, line and column
 └── JailFault         ours: the jail broke; retried, then `grader_fault`, and no attempt is used
@@ -82,6 +84,12 @@ class Conflict(CallerError):
     status = 409
 
 
+class Outdated(CallerError):
+    """The resource has changed since the caller last saw it."""
+
+    status = 412
+
+
 class TooLarge(CallerError):
     """More bytes than the limit."""
 
@@ -92,6 +100,12 @@ class Unprocessable(CallerError):
     """Well-formed, but not meaningful."""
 
     status = 422
+
+
+class Unconditional(CallerError):
+    """A change that must say which state of the resource it was made for."""
+
+    status = 428
 
 
 class TooManyRequests(CallerError):

@@ -219,3 +219,40 @@ def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
     row.get_by_role("button").click()
     expect(page.locator("[data-one] pre").first).to_have_text("7 ms")
     context.close()
+
+
+def test_an_instructor_reviews_an_open_answer_and_its_learner_sees_it(site: Site) -> None:
+    learner, teacher = (site.browser.new_context(base_url=site.origin) for _ in range(2))
+    page = learner.new_page()
+    page.goto("/")
+    card = page.locator('[id="1.3-check--q4"]')
+    card.get_by_role("textbox").fill("I would halve the step until the answer stays.")
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator("[data-status]")).to_contain_text("instructor")
+
+    desk = teacher.new_page()
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "reader", Role.INSTRUCTOR))
+    desk.goto(f"/signin?code={code}")
+    desk.get_by_role("button", name="Sign in").click()
+
+    desk.get_by_label("Which").select_option("waiting for a review")
+    desk.get_by_role("button", name="Show").click()
+    expect(desk.locator("[data-submissions] tr").filter(has_text="incorrect")).to_have_count(0)
+    rows = desk.locator("[data-submissions] tr").filter(has_text="1.3-check q4")
+    expect(rows.first).to_be_visible()
+    waiting = rows.count()
+    rows.last.get_by_role("button").click()
+    expect(desk.locator("[data-one] pre").first).to_have_text("I would halve the step until the answer stays.")
+    form = desk.get_by_role("form", name="Review")
+    expect(form).to_contain_text("Yours until")
+    form.get_by_label("Points").fill("0.5")
+    form.get_by_label("Comment").fill("And what about stability?")
+    form.get_by_role("button", name="Decide").click()
+    expect(form).to_contain_text("Decided")
+    expect(rows).to_have_count(waiting - 1)
+
+    page.reload()
+    expect(card.locator("[data-status]")).to_have_text("Partly correct")
+    expect(card).to_contain_text("And what about stability?")
+    for context in (learner, teacher):
+        context.close()

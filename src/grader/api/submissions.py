@@ -1,32 +1,26 @@
 """`/submissions` and `/answers:validate`."""
 
-import base64
-import binascii
 import json
 from datetime import datetime
 from typing import Annotated, Any, Literal
-from urllib.parse import urlencode
 
-from fastapi import APIRouter, Header, Query, Request, Response
-from pydantic import BaseModel, Field
+from fastapi import APIRouter, Header, Request, Response
+from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from grader.api.context import AppContext, Learner
 from grader.api.gate import PREFIX
 from grader.api.intake import AnswerBody, canonical, take_in
+from grader.api.paging import Asked, Page, page_of
 from grader.api.problems import documented
 from grader.domain.verdict import Verdict
-from grader.errors import InvalidAnswer, NotFound, Unprocessable
+from grader.errors import InvalidAnswer, NotFound
 from grader.identity import Identity
 from grader.store import submissions
 from grader.store.submissions import Chosen
 from grader.store.tables import Submission
 
 router = APIRouter()
-
-LIMIT, LIMIT_MAX = 50, 100
-NO_NUL = r"^[^\x00]*$"
-"""PostgreSQL keeps no NUL in text, so nothing with one can be there."""
 
 
 class SubmissionView(BaseModel):
@@ -42,23 +36,6 @@ class SubmissionView(BaseModel):
     revision: int
     verdict: Verdict | None
     answer: Any = None
-
-
-class ListQuery(BaseModel):
-    """Which submissions, and which page of them."""
-
-    quiz: str | None = Field(default=None, pattern=NO_NUL)
-    question: str | None = Field(default=None, pattern=NO_NUL)
-    user: str | None = Field(default=None, pattern=NO_NUL)
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
-
-
-class Page(BaseModel):
-    """One page of a list; `next_cursor` is None on the last."""
-
-    items: list[dict[str, Any]]
-    next_cursor: str | None
 
 
 class Reading(BaseModel):
@@ -91,23 +68,17 @@ def hand_in(
 
 
 @router.get("/submissions", response_model=Page, responses=documented(401, 403, 422, 429))
-def list_submissions(
-    asked: Annotated[ListQuery, Query()], who: Learner, context: AppContext, response: Response
-) -> dict[str, Any]:
+def list_submissions(asked: Asked, who: Learner, context: AppContext, response: Response) -> dict[str, Any]:
     """The newest first: one's own, or for an instructor everybody's in the course."""
-    before = None if asked.cursor is None else read_cursor(asked.cursor)
+    before = asked.start
     if not who.is_instructor and asked.user not in (None, who.user):
         return {"items": [], "next_cursor": None}
     chosen = Chosen(who.course, asked.user if who.is_instructor else who.user, asked.quiz, asked.question)
     with context.database.read() as session:
         rows = submissions.page(session, chosen, before, asked.limit + 1)
-        verdicts = submissions.verdicts(session, rows[: asked.limit])
-    items = [view(row, verdicts.get(row.id), with_answer=False) for row in rows[: asked.limit]]
-    if len(rows) <= asked.limit:
-        return {"items": items, "next_cursor": None}
-    onward = asked.model_copy(update={"cursor": write_cursor(items[-1]["id"])})
-    response.headers["Link"] = f'<{PREFIX}/submissions?{urlencode(onward.model_dump(exclude_none=True))}>; rel="next"'
-    return {"items": items, "next_cursor": onward.cursor}
+        verdicts = submissions.verdicts(session, rows)
+    items = [view(row, verdicts.get(row.id), with_answer=False) for row in rows]
+    return page_of(items, asked, "/submissions", response)
 
 
 @router.get(
@@ -167,19 +138,3 @@ def view(submission: Submission, verdict: Any | None, with_answer: bool = True) 
 def etag_of(submission: Submission) -> str:
     """Changes whenever the submission does."""
     return f'"{submission.id[-8:]}-{submission.version}"'
-
-
-def write_cursor(submission_id: str) -> str:
-    """Opaque: what stands in it may change."""
-    return base64.urlsafe_b64encode(f"before:{submission_id}".encode()).decode().rstrip("=")
-
-
-def read_cursor(cursor: str) -> str:
-    """The submission before which the page begins. Raises Unprocessable."""
-    try:
-        decoded = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode("ascii")
-    except (ValueError, binascii.Error) as error:
-        raise Unprocessable("The cursor is not one of ours.") from error
-    if not decoded.startswith("before:") or not decoded.removeprefix("before:").isalnum():
-        raise Unprocessable("The cursor is not one of ours.")
-    return decoded.removeprefix("before:")

@@ -74,6 +74,26 @@ def status_of(points: float, max_points: float) -> Status:
     return Status.PARTIAL if points > 0 else Status.INCORRECT
 
 
+def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
+    """The verdict after a person's decision over it: their points count; what was measured stays, what was left open is decided.
+
+    Raises ValueError for points that are not between 0 and those of the question.
+    """
+    if not 0 <= points <= verdict.max_points:
+        raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
+    status = status_of(points, verdict.max_points)
+    review = Finding(
+        id="review",
+        title="review",
+        passed={Status.CORRECT: True, Status.INCORRECT: False}.get(status),
+        points=points,
+        max_points=verdict.max_points,
+        message=comment or "An instructor has decided.",
+    )
+    measured = tuple(f for f in verdict.findings if f.id != review.id and not (f.passed is None and f.max_points))
+    return verdict.model_copy(update={"status": status, "points": points, "findings": (review, *measured)})
+
+
 def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:
     """The verdict that a set of findings adds up to; `rest` are further fields of Verdict."""
     max_points = round(math.fsum(f.max_points for f in findings), POINT_DIGITS)

@@ -44,10 +44,14 @@ def add(session: Session, submission: Submission, verdict: Verdict | None) -> No
     insert_row(session, Event(submission_id=submission.id, number=1, name=submission.status))
 
 
-def append_verdict(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
+def append_verdict(
+    session: Session, submission: Submission, verdict: Verdict, cause: str, reviewer: str | None = None
+) -> None:
     """Adds a verdict as the submission's newest revision; earlier ones stay as they are."""
     _settle(submission, verdict)
-    session.add(_verdict_row(submission, verdict, cause))
+    row = _verdict_row(submission, verdict, cause)
+    row.reviewer = reviewer
+    session.add(row)
     _note(session, submission)
 
 

@@ -2,6 +2,7 @@
 
 submissions ──< verdicts   every grading, regrade and review is one more revision
             ──< events     what happened to a submission, for listeners
+            ──< review_claims  who is reviewing it, and until when: one at most
 credentials                bearer tokens, browser sessions and one-time sign-in codes
 idempotency_keys           which submission a repeated request already made
 """
@@ -69,6 +70,7 @@ class Submission(Base):
     __table_args__ = (
         Index("ix_submissions_learner", "course", "user", "quiz", "question"),
         Index("ix_submissions_course", "course", "id"),
+        Index("ix_submissions_status", "course", "status", "id"),
     )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
@@ -115,6 +117,8 @@ class VerdictRow(Base):
     content_digest: Mapped[str] = mapped_column(String(80))
     body: Mapped[str] = mapped_column(Text)
     """The whole verdict as JSON text."""
+    reviewer: Mapped[str | None] = mapped_column(String(NAME))
+    """Who decided; None where no person did."""
     created_at: Mapped[datetime] = mapped_column(default=now)
 
 
@@ -127,6 +131,16 @@ class Event(Base):
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     name: Mapped[str] = mapped_column(String(20))
     created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+class ReviewClaim(Base):
+    """An instructor is reviewing a submission; nobody else may until it expires."""
+
+    __tablename__ = "review_claims"
+
+    submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"), primary_key=True)
+    reviewer: Mapped[str] = mapped_column(String(NAME))
+    expires_at: Mapped[datetime]
 
 
 class Credential(Base):

@@ -11,7 +11,12 @@ export class Problem extends Error {
   }
 }
 
-export async function request(method, path, body, headers = {}) {
+export async function request(method, path, body, headers) {
+  return (await tagged(method, path, body, headers)).body;
+}
+
+// The body of the answer, and the ETag of what it tells of.
+export async function tagged(method, path, body, headers = {}) {
   let response;
   try {
     response = await fetch(ROOT + path, {
@@ -24,7 +29,7 @@ export async function request(method, path, body, headers = {}) {
     throw new Problem("The server cannot be reached. Check the connection and try again.", 0);
   }
   if (!response.ok) throw await problemOf(response);
-  return response.status === 204 ? null : response.json();
+  return { body: response.status === 204 ? null : await response.json(), etag: response.headers.get("ETag") };
 }
 
 async function problemOf(response) {

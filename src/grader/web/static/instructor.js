@@ -1,7 +1,8 @@
-// The instructor page: what was handed in, newest first; a row opens the submission under the table.
+// The instructor page: what was handed in; a row opens the submission under the table, with the form of its review.
 
 import { get } from "./api.js";
 import { el, number } from "./dom.js";
+import { closeReview, openReview } from "./review.js";
 import { showVerdict, toneOf } from "./verdict.js";
 
 const find = (name) => document.querySelector(`[data-${name}]`);
@@ -11,7 +12,7 @@ let cursor = null;
 filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
 more.addEventListener("click", () => load(false));
 find("certify").addEventListener("click", certify);
-find("certify").disabled = false; // until now a click would have done nothing
+find("certify").disabled = find("show").disabled = false; // until now a click would have gone astray
 load(true);
 
 async function certify() {
@@ -31,10 +32,11 @@ async function certify() {
 
 async function load(afresh) {
   const query = new URLSearchParams({ limit: 50 });
-  for (const [name, value] of new FormData(filters)) if (value.trim()) query.set(name, value.trim());
+  const { which, ...wanted } = Object.fromEntries(new FormData(filters));
+  for (const [name, value] of Object.entries(wanted)) if (value.trim()) query.set(name, value.trim());
   if (!afresh && cursor) query.set("cursor", cursor);
   try {
-    const page = await get(`/submissions?${query}`);
+    const page = await get(`/${which}?${query}`);
     if (afresh) rows.replaceChildren();
     rows.append(...page.items.map(row));
     cursor = page.next_cursor;
@@ -60,14 +62,20 @@ function row(submission) {
 async function show(id) {
   try {
     const submission = await get(`/submissions/${encodeURIComponent(id)}`);
+    closeReview();
     if (!submission.verdict) return;
-    showVerdict(one, submission);
-    one.prepend(el("h3", {}, `${submission.user}: ${submission.quiz} ${submission.question}`), answer(submission.answer));
+    draw(submission);
     one.focus({ preventScroll: true });
     one.scrollIntoView({ block: "start" });
+    await openReview(submission, (decided) => { draw(decided); load(true); });
   } catch (error) {
     status.textContent = error.message;
   }
+}
+
+function draw(submission) {
+  showVerdict(one, submission);
+  one.prepend(el("h3", {}, `${submission.user}: ${submission.quiz} ${submission.question}`), answer(submission.answer));
 }
 
 function answer(given) {

@@ -59,10 +59,11 @@ function findingsTable(findings, typed) {
 }
 
 const COLUMNS = [["measured", "Measured"], ["expected", "Expected"]];
+const PARTLY = ["partly", "wait"];
 const MARKS = { true: ["passed", "good"], false: ["failed", "bad"], null: ["open", "wait"] };
 
 function row(finding, shown) {
-  const [mark, tone] = MARKS[String(finding.passed)];
+  const [mark, tone] = finding.passed === null && finding.points > 0 ? PARTLY : MARKS[String(finding.passed)];
   const empty = !shown.some(([key]) => hasValue(finding[key]));
   return el("tr", {},
     el("td", {}, el("span", { class: `mark ${tone}` }, mark)),

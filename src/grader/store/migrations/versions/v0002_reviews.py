@@ -1,0 +1,19 @@
+"""Reviews: who decided, and who is deciding."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+
+
+def upgrade() -> None:
+    """Claims, the reviewer of a verdict, and an index for what waits."""
+    op.add_column("verdicts", sa.Column("reviewer", sa.String(200)))
+    op.create_table(
+        "review_claims",
+        sa.Column("submission_id", sa.String(32), sa.ForeignKey("submissions.id"), primary_key=True),
+        sa.Column("reviewer", sa.String(200), nullable=False),
+        sa.Column("expires_at", sa.DateTime(timezone=True), nullable=False),
+    )
+    op.create_index("ix_submissions_status", "submissions", ["course", "status", "id"])
