@@ -44,6 +44,32 @@ def test_arrays_come_back_as_they_were(jail: Jail) -> None:
     assert value(report) == [[0, 1, 2], [3, 4, 5]]
 
 
+@pytest.mark.parametrize("name", ["linalg", "optimize", "integrate", "spatial.transform"])
+def test_scipy_can_be_imported(jail: Jail, name: str) -> None:
+    report = run(jail, f"import scipy.{name}\ndef main():\n    return 1")
+    assert (report.status, report.reason) == (RunStatus.RETURNED, "")
+
+
+def test_mujocos_own_warnings_are_no_output(jail: Jail) -> None:
+    source = """
+import mujoco
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><option timestep='0.05'/><worldbody><body><joint axis='0 1 0' stiffness='1e5'/><geom size='.1'/></body>"
+    "</worldbody></mujoco>"
+)
+
+def main():
+    data = mujoco.MjData(model)
+    data.qpos[0] = 1
+    for _ in range(50_000):
+        mujoco.mj_step(model, data)
+    return data.time < 2000
+"""
+    report = run(jail, source)
+    assert (report.status, report.stderr) == (RunStatus.RETURNED, "")
+    assert value(report)  # it was reset again and again
+
+
 def test_the_lessons_own_example_runs(jail: Jail) -> None:
     source = """
 import mujoco

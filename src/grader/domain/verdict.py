@@ -75,8 +75,9 @@ def status_of(points: float, max_points: float) -> Status:
 
 
 def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
-    """The verdict after a person's decision over it: their points count; what was measured stays, what was left open is decided.
+    """The verdict after a person's decision over it: their points count.
 
+    What was measured stays beside them; what was left open is decided.
     Raises ValueError for points that are not between 0 and those of the question.
     """
     if not 0 <= points <= verdict.max_points:

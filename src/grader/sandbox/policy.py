@@ -113,6 +113,6 @@ io_uring_setup io_uring_enter io_uring_register userfaultfd perf_event_open add_
 finit_module delete_module create_module kexec_load kexec_file_load mount umount2 pivot_root chroot unshare setns fsopen
 fsconfig fsmount fspick move_mount open_tree mount_setattr open_by_handle_at name_to_handle_at iopl ioperm modify_ldt
 reboot swapon swapoff acct quotactl quotactl_fd settimeofday clock_settime adjtimex clock_adjtime sethostname
-setdomainname syslog vhangup lookup_dcookie migrate_pages move_pages mbind set_mempolicy uselib ustat sysfs _sysctl
+setdomainname syslog vhangup lookup_dcookie migrate_pages move_pages uselib ustat sysfs _sysctl
 nfsservctl seccomp memfd_secret landlock_create_ruleset landlock_add_rule landlock_restrict_self
 """)

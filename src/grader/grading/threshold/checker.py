@@ -16,6 +16,11 @@ from grader.grading.threshold.evidence import evidence_of, expected_of
 from grader.grading.threshold.parameters import Problem, ThresholdParameters, pose_problem
 from grader.grading.threshold.truth import Judged, judge_claim
 
+CERTIFIED = {
+    Bracket: "Certified by simulating at both ends.",
+    NoLimit: "Certified by simulating at the longest timestep, which is stable.",
+}
+
 SAME_EVERYWHERE = (
     "The function gave the same answer for every model, although their limits differ: an instructor will look at it. "
     "Measure the model you were given."
@@ -74,7 +79,7 @@ def finding_of(problem: Problem, judged: Judged, points: float) -> Finding:
         passed=judged.right,
         points=points if judged.right else 0.0,
         max_points=points,
-        message=f"{judged.why}." if judged.why else "Certified by simulating at both ends.",
+        message=f"{judged.why}." if judged.why else CERTIFIED[type(judged.claim)],
         measured=None if cell.hidden else shown(judged.claim),
         expected=None if cell.hidden else expected_of(problem, cell),
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from grader.grading.threshold.claims import Bracket
 from grader.grading.threshold.methods import servo_of
 from grader.grading.threshold.mistakes import METHODS
 from grader.grading.threshold.parameters import Problem
@@ -13,6 +14,8 @@ def name_the_mistake(problem: Problem, judged: Sequence[Judged]) -> str | None:
     wrong = [one for one in judged if not one.right]
     for method in METHODS:
         claims = judged if method.all_claims else wrong
+        if method.of_numbers and not any(isinstance(one.claim, Bracket) for one in wrong):
+            continue
         if wrong and all(method.gives(problem, one.cell, one.claim) for one in claims):
             return method.sentence.format(**particulars(problem))
     return None

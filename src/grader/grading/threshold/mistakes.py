@@ -33,9 +33,12 @@ METHODS: tuple[WrongMethod, ...] = (
     ),
     WrongMethod(
         "nothing unstable",
-        "You found nothing unstable where there is a limit: start the run at 1 rad, and look at data.warning (or at "
-        "data.time running backwards), because after a warning MuJoCo has reset the state to a calm one.",
+        "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
+        "start at 1 rad, and look at data.warning (or at data.time running backwards), because after a warning MuJoCo "
+        "has reset the state to a calm one.",
         nothing_unstable,
+        all_claims=True,
+        of_numbers=False,
     ),
     WrongMethod(
         "bound",
@@ -94,7 +97,7 @@ METHODS: tuple[WrongMethod, ...] = (
     WrongMethod(
         "PGS",
         "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit.",
-        simulated(pgs),
+        pgs,
     ),
     WrongMethod(
         "kv forgotten",

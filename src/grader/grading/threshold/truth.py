@@ -77,7 +77,7 @@ def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
     if claim.width < 0:
         return "The ends of the bracket are in the wrong order: it is (h_stable, h_unstable)"
     if claim.number is None and claim.width > allowed * (1 + WIDTH_ROUNDING):
-        return f"The bracket is {1000 * claim.width:.3g} ms wide; at most {1000 * allowed:g} ms are allowed"
+        return f"The bracket is {1000 * claim.width:.6g} ms wide; at most {1000 * allowed:g} ms are allowed"
     if claim.low > longest:
         return f"The bracket lies beyond {1000 * longest:g} ms, where the search ends"
     if claim.high <= 0:
@@ -88,9 +88,14 @@ def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
 def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
     """Whether the bracket meets the span of right readings: one run and one linearisation at most at each end."""
     scene, code, seconds = cell.scene, cell.code, parameters.horizon_s
-    if warns(scene, code, max(claim.low * (1 - SLACK), parameters.search_s[0]), seconds):
-        return "Too high: the run is already unstable at the lower end of the bracket"
-    high = max(claim.high * (1 + SLACK), parameters.search_s[0])
-    if not grows(scene, code, high) and not warns(scene, code, high, seconds):
-        return "Too low: the run is still stable at the upper end of the bracket"
-    return ""
+    shortest, longest = parameters.search_s
+    below, above = ("at the lower end", "at the upper end") if claim.number is None else ("just below", "just above")
+    what = "of the bracket" if claim.number is None else "your number"
+    if warns(scene, code, max(claim.low * (1 - SLACK), shortest), seconds):
+        return f"Too high: the run is already unstable {below} {what}"
+    high = max(claim.high * (1 + SLACK), shortest)
+    if grows(scene, code, high) or warns(scene, code, high, seconds):
+        return ""
+    if not warns(scene, code, longest, seconds):
+        return f"Nothing up to {1000 * longest:g} ms is unstable here: return None"
+    return f"Too low: the run is still stable {above} {what}"

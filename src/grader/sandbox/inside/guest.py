@@ -32,6 +32,7 @@ KINDS = {"returned": 0, "crashed": 1, "forbidden": 2, "out_of_memory": 3}
 REFUSALS = {errno.EPERM, errno.EACCES, errno.ENOSYS, errno.EROFS}
 REASON_BYTES_MAX = 2000
 COURSE = "mjcourse"
+FORBIDDEN = "scripts may not start processes, use the network, or reach for files that are not theirs"
 OWN_FOLDERS: list[str] = []  # set by prepare(): where a missing file is simply missing
 
 
@@ -151,13 +152,13 @@ def _explain(error: BaseException, filename: str) -> tuple[str, str]:
         reason = last[-1].strip() if last else type(error).__name__
     except BaseException:
         reason = type(error).__name__
-    return kind, _said(error, reason)
+    return kind, _said(error, kind, reason)
 
 
-def _said(error: BaseException, reason: str) -> str:
+def _said(error: BaseException, kind: str, reason: str) -> str:
     if isinstance(error, SystemExit):
         return "The script called exit() before it was graded."
-    return reason
+    return f"{reason} ({FORBIDDEN})" if kind == "forbidden" else reason
 
 
 def _kind(error: BaseException) -> str:
@@ -174,7 +175,9 @@ def _is_refusal(error: BaseException) -> bool:
     """Did the jail say no? Also by hiding: a file outside what a script may read is simply not there."""
     if not isinstance(error, OSError):
         return False
-    if error.errno == errno.ENOENT and isinstance(error.filename, str):
+    if error.errno == errno.ENOENT:
+        if not isinstance(error.filename, str):
+            return True  # no file was asked for: it is semaphores or shared memory that are not there
         path = os.path.abspath(error.filename)  # noqa: PTH100 - resolve() would ask the disk
         return not path.startswith(tuple(OWN_FOLDERS))
     return error.errno in REFUSALS or type(error).__name__ == "gaierror"
