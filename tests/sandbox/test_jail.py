@@ -54,20 +54,19 @@ def test_mujocos_own_warnings_are_no_output(jail: Jail) -> None:
     source = """
 import mujoco
 model = mujoco.MjModel.from_xml_string(
-    "<mujoco><option timestep='0.05'/><worldbody><body><joint axis='0 1 0' stiffness='1e5'/><geom size='.1'/></body>"
-    "</worldbody></mujoco>"
+    "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1'/></body></worldbody></mujoco>"
 )
 
 def main():
     data = mujoco.MjData(model)
-    data.qpos[0] = 1
-    for _ in range(50_000):
+    for _ in range(5000):
+        data.qpos[0] = 1e11  # beyond what MuJoCo takes for a number: it warns, and resets the state
         mujoco.mj_step(model, data)
-    return data.time < 2000
+    return data.time < 1
 """
     report = run(jail, source)
     assert (report.status, report.stderr) == (RunStatus.RETURNED, "")
-    assert value(report)  # it was reset again and again
+    assert value(report)
 
 
 def test_the_lessons_own_example_runs(jail: Jail) -> None:
