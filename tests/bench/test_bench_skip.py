@@ -24,7 +24,7 @@ def test_all_proven_flags_together_change_no_bit(name: str) -> None:
     assert set(largest_difference(scene, bits).values()) == {0.0}
 
 
-def test_islands_of_two_trees_are_kept_for_a_reason() -> None:
+def test_islands_are_kept_for_a_reason() -> None:
     scene = load_scene("two_bodies")
     islands = next(need for need in scene.needs if need.part == "islands")
     assert not is_proven(islands)

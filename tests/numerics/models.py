@@ -42,6 +42,13 @@ TWO_FREE_BODIES = f"""
   <body pos="0.12 0.05 0.8"><freejoint/><geom type="box" size="0.2 0.1 0.1" mass="2"/></body>
 </worldbody></mujoco>"""
 
+LINK = '<geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1" contype="0" conaffinity="0"/>'
+STIFF_CHAIN = f"""
+<mujoco><option solver="CG"/><default><joint limited="true" range="-5 5" frictionloss="0.002"/></default><worldbody>
+  <body pos="0 0 -0.1"><joint axis="0 1 0"/>{LINK}<body pos="0 0 -0.1"><joint axis="1 0 0"/>{LINK}
+  <body pos="0 0 -0.1"><joint axis="0 1 0"/>{LINK}<body pos="0 0 -0.1"><joint axis="1 0 0"/>{LINK}
+</body></body></body></body></worldbody></mujoco>"""
+
 CUBE = f"""
 <mujoco><worldbody>{FLOOR}
   <body pos="0 0 0.3" euler="20 30 0"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
@@ -118,6 +125,7 @@ OWN = {
     "ball": BALL,
     "two_free_bodies": TWO_FREE_BODIES,
     "cube": CUBE,
+    "stiff_chain": STIFF_CHAIN,
     "excluded_pair": EXCLUDED_PAIR,
     "explicit_pair": EXPLICIT_PAIR,
     "parent_and_child": PARENT_AND_CHILD,

@@ -72,6 +72,7 @@ def test_the_lessons_models_need_no_constraints(name: str) -> None:
         (ALL["activations"], "actuation"),
         (ALL["flex"], "contacts"),
         (ALL["two_free_bodies"], "islands"),
+        (ALL["stiff_chain"], "islands"),
         (SENSORS, "sensors"),
     ],
 )
@@ -85,7 +86,7 @@ def test_what_is_needed_is_said_to_be(xml: str, part: str) -> None:
         (ALL["excluded_pair"], "contacts"),
         (ALL["parent_and_child"], "contacts"),
         (ALL["gravity_off"], "gravity"),
-        (ALL["cube"], "islands"),
+        (hinge(), "islands"),
         (hinge(), "actuation"),
         (hinge(), "sensors"),
         (hinge(), "springs"),

@@ -34,7 +34,7 @@ def prove(model: mujoco.MjModel) -> tuple[Need, ...]:
         return (Need("everything", True, "sleep, forward-inverse comparison or IPC is enabled"),)
     parts = [_equality(model), _friction_loss(model), _limits(model), _contacts(model)]
     parts.append(_constraints(parts))
-    parts.append(_islands(model, parts[-1]))
+    parts.append(_islands(parts[-1]))
     passive = [_springs(model), _dampers(model), _gravity_compensation(model), _fluid(model)]
     parts += [*passive, _passive_forces(passive)]
     parts += [_gravity(model), _actuation(model), _sensors(model), _visuals(model)]
@@ -121,11 +121,10 @@ def _constraints(parts: list[Need]) -> Need:
     return _any_of("constraints", parts, mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
-def _islands(model: mujoco.MjModel, constraints: Need) -> Need:
-    if not constraints.needed:
-        return Need("islands", False, "there are no constraints to split", int(mjtDisableBit.mjDSBL_ISLAND))
-    needed = model.ntree > 1 or model.nflex > 0
-    reason = "constraints among several kinematic trees" if needed else "one kinematic tree is one island"
+def _islands(constraints: Need) -> Need:
+    """Even where all is one island: its own solver may stop after another number of iterations."""
+    needed = constraints.needed
+    reason = "there are constraints, which are solved by island" if needed else "there are no constraints to split"
     return Need("islands", needed, reason, int(mjtDisableBit.mjDSBL_ISLAND))
 
 

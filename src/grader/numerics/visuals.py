@@ -46,14 +46,13 @@ def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def _stripped(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
-    """Without them; None where something that stays refers to one."""
-    spec = mujoco.MjSpec.from_string(xml)
-    for geom in spec.geoms:
-        geom.contype = geom.conaffinity = 0
-    spec.compiler.discardvisual = True
-    parts = [*spec.sensors, *spec.lights, *spec.cameras, *(spec.sites if sites_too else ())]
+    """Without them; None where something that stays refers to one, or a file that the text includes is gone."""
     try:
-        for part in parts:
+        spec = mujoco.MjSpec.from_string(xml)
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 0
+        spec.compiler.discardvisual = True
+        for part in [*spec.sensors, *spec.lights, *spec.cameras, *(spec.sites if sites_too else ())]:
             spec.delete(part)
         return spec.compile()
     except (ValueError, mujoco.FatalError):
