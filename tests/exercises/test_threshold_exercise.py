@@ -248,3 +248,10 @@ def test_returning_anything_else_says_what_to_return(grade: Grade) -> None:
         )
         assert verdict.status is Status.INCORRECT
         assert "must return (h_stable, h_unstable)" in (verdict.diagnosis or "")
+
+
+def test_a_crash_says_in_which_call(grade: Grade) -> None:
+    source = "def largest_stable_timestep(model, integrator):\n    return (1 / (integrator - 3), 1)\n"
+    verdict = grade(question("servo-threshold"), source)
+    assert verdict.status is Status.CRASHED
+    assert verdict.diagnosis == "ZeroDivisionError: division by zero (model 1 of 4, integrator 3)"

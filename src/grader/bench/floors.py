@@ -59,7 +59,7 @@ FLOORS = (
     Floor("steps in C, servo", 1.1, lambda: bare("servo", 1), lambda: bare("servo", 50)),
     Floor("proven flags, servo", 1.12, lambda: bare("servo", 50), lambda: skipping(load_scene("servo"))),
     Floor("proven flags, sensed arm", 1.2, lambda: bare("sensed_arm", 50), lambda: skipping(load_scene("sensed_arm"))),
-    Floor("proven flags, cube", 1.0, lambda: bare("cube", 50), lambda: skipping(load_scene("cube"))),
+    Floor("proven flags, cube", 0.93, lambda: bare("cube", 50), lambda: skipping(load_scene("cube"))),
     Floor(
         "everything, double pendulum",
         1.8,

@@ -17,7 +17,11 @@ def run(student: object, inputs: Mapping[str, Any], submit: Callable[[str, Any],
         raise TypeError(f"the script defines no function {inputs['entry']}")
     for index, call in enumerate(inputs["calls"]):
         model = mujoco.MjModel.from_xml_string(inputs["models"][call["model"]])
-        claim = entry(model, call["integrator"])
+        try:
+            claim = entry(model, call["integrator"])
+        except Exception as error:
+            error.add_note(f"(model {call['model'] + 1} of {len(inputs['models'])}, integrator {call['integrator']})")
+            raise
         numbers = read_numbers(claim)
         if numbers is None:
             submit(f"other{index}", np.frombuffer(repr(claim)[:200].encode(errors="replace"), dtype=np.uint8))

@@ -148,8 +148,9 @@ def _explain(error: BaseException, filename: str) -> tuple[str, str]:
         _only_own_lines(shown, filename, set())
         text = "".join(shown.format())
         _write(STDERR, text.encode("utf-8", "backslashreplace"))
+        notes, shown.__notes__ = shown.__notes__ or (), None
         last = [line for line in shown.format_exception_only() if line.strip()]
-        reason = last[-1].strip() if last else type(error).__name__
+        reason = " ".join([last[-1].strip() if last else type(error).__name__, *map(str, notes)])
     except BaseException:
         reason = type(error).__name__
     return kind, _said(error, kind, reason)
