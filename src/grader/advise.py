@@ -11,16 +11,18 @@ from math import inf, isfinite, nan
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from grader.errors import LabError, Unprocessable
 from grader.labs.expressions import compile_expression
 from grader.labs.machine import Machine
 from grader.numerics.linear import equilibrium
+from grader.numerics.measures import measure
 from grader.numerics.process import prepare
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 from grader.numerics.search import spectral_limit
-from grader.numerics.selection import TIMESTEPS_S, Candidate, Quantity, Selection, named, select
+from grader.numerics.selection import TIMESTEPS_S, Candidate, Quantity, Selection, check_question, named, select
 
 IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -83,6 +85,8 @@ def advise(
         return Request(scene, measured, tolerance, SECONDS if seconds is None else seconds).advise()
     except (ValueError, RuntimeError, LabError) as error:
         raise Unprocessable(str(error)) from error
+    except mujoco.FatalError as error:
+        raise Unprocessable(f"MuJoCo gave up on this model: {error}") from error
 
 
 def scene_of(model: str | Path) -> Scene:
@@ -111,6 +115,7 @@ def quantity_of(expression: str, scene: Scene) -> Quantity:
         return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else nan
 
     with scene.borrow(keep=False) as workspace:
+        workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         mujoco.mj_forward(workspace.model, workspace.data)
         at_start = value(workspace.model, workspace.data)
     if not isfinite(at_start):
@@ -138,7 +143,8 @@ class Request:
         )
 
     def advise(self) -> Advice:
-        """Walk the procedure."""
+        """Walk the procedure. Raises ValueError for a tolerance or length that means nothing."""
+        check_question(self.tolerance, self.seconds)
         integrators, steps = [IMPLICITFAST], [f"1. start: {START_WORDS}"]
         why_not = loses_energy(self.scene)
         if why_not is None:
@@ -148,14 +154,14 @@ class Request:
             steps.append(f"2. RK4 is not tried, energy need not be conserved: {why_not}")
         stiff = binding_stiffness(self.scene, self.seconds)
         if stiff is None:
-            steps.append("3. discrete is not tried: implicitfast is stable at every timestep up to 20 ms")
+            steps.append("3. discrete is not tried: nothing shows that 20 ms are too long for implicitfast")
         else:
             integrators.append(DISCRETE)
             steps.append(f"3. discrete is tried: {stiff}")
         steps.append(f"4. the timestep is raised until the error passes {self.tolerance:g} within {self.seconds:g} s")
         found = self.select(integrators)
         rows = tuple(self.row(candidate, found) for candidate in found.candidates)
-        remarks = (found.reason, quarter_cost(rows), beyond(self, found, integrators))
+        remarks = (found.reason, unmoved(self), quarter_cost(rows), beyond(self, found, integrators))
         return Advice(rows, found.best, "\n".join(filter(None, remarks)), tuple(steps), skips_of(self.scene))
 
     def row(self, candidate: Candidate, found: Selection) -> Row:
@@ -188,15 +194,20 @@ def loses_energy(scene: Scene) -> str | None:
 
 
 def binding_stiffness(scene: Scene, seconds: float) -> str | None:
-    """What shows that a step within the range is too long for implicitfast: the limit for ever, or a warning."""
-    if equilibrium(scene) is not None:
+    """What shows that a step within the range is too long for implicitfast: the limit for ever, or a warning.
+
+    What happens already at the shortest step is no fault of the step: the equilibrium or the motion is like that.
+    """
+    if not scene.model.nhistory and equilibrium(scene) is not None:  # MuJoCo cannot linearise delays
         low_s, high_s = LIMIT_SPAN_S
         limit_s = spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=IMPLICITFAST)
-        if limit_s is not None and limit_s <= max(TIMESTEPS_S):
+        if limit_s is not None and low_s < limit_s <= max(TIMESTEPS_S):
             return f"implicitfast is unstable for ever above {1e3 * limit_s:.3g} ms at the equilibrium"
     for timestep_s in TIMESTEPS_S:
         run = simulate(scene, seconds=seconds, timestep_s=timestep_s, integrator=IMPLICITFAST, every=100_000)
         if run.warning is not None:
+            if timestep_s == min(TIMESTEPS_S):
+                return None
             return f"implicitfast at {1e3 * timestep_s:g} ms warned with {run.warning.name}"
     return None
 
@@ -213,6 +224,18 @@ def cpu_ratio(scene: Scene, setting: tuple[int, float], seconds: float, rounds: 
     return times[setting] / times[START]
 
 
+def unmoved(request: Request) -> str | None:
+    """That the quantity is the same number all along, so that no error of it says anything."""
+    integrator, timestep_s = START
+    run = simulate(request.scene, seconds=request.seconds, timestep_s=timestep_s, integrator=integrator, every=10)
+    values = run.qpos if request.quantity is None else measure(request.scene, run, request.quantity)
+    if np.any(values != values[0]):
+        return None
+    return (
+        f"{'nothing moves' if request.quantity is None else 'the quantity never changes'}: an error of 0 says nothing"
+    )
+
+
 def quarter_cost(rows: tuple[Row, ...]) -> str | None:
     """What RK4 at a quarter of the step really cost: four evaluations, four times as often."""
     quarter = next((r for r in rows if (r.candidate.integrator, r.candidate.timestep_s) == QUARTER), None)
@@ -223,6 +246,8 @@ def quarter_cost(rows: tuple[Row, ...]) -> str | None:
 
 def beyond(request: "Request", found: Selection, tried: list[int]) -> str | None:
     """What the procedure did not try and would have been cheaper."""
+    if not found.candidates:
+        return None
     others = [int(kind) for kind in mujoco.mjtIntegrator.__members__.values() if int(kind) not in tried]
     best = request.select(others).best
     if best is None or (found.best is not None and best.cost >= found.best.cost):

@@ -101,7 +101,7 @@ def run_integrators(
         index = scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
         scene = scene.at(key=index)
     steps = round(seconds / timestep)
-    with scene.borrow() as workspace:
+    with scene.borrow(keep=False) as workspace:
         energy = _energy_at_start(workspace)
     runs = tuple(_run_one(scene, name, timestep, steps, energy) for name in INTEGRATORS)
     return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, energy, runs)

@@ -1,6 +1,7 @@
 """The one-step map linearised at an equilibrium, and its spectral radius: stability for ever, at small amplitude."""
 
 from functools import lru_cache
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -29,6 +30,19 @@ def equilibrium(scene: Scene) -> Scene | None:
 
     Sought once per scene.
     """
+    # What counts is the residual that is left: the solver calls a root at rounding level "no progress".
+    found, residual = _resting(scene, "hybr")
+    return found if residual <= REST else None
+
+
+@lru_cache(maxsize=128)
+def calmest(scene: Scene) -> Scene:
+    """The equilibrium, or where there is none, as in free fall, the scene at rest where it accelerates least."""
+    return equilibrium(scene) or _resting(scene, "lm")[0]
+
+
+def _resting(scene: Scene, method: Literal["hybr", "lm"]) -> tuple[Scene, float]:
+    """The scene at the rest that SciPy's `root` finds, and the acceleration left there, relative as REST is."""
     with scene.borrow() as workspace:
         model, data = workspace.model, workspace.data
         origin, nv = np.array(model.qpos0), int(model.nv)
@@ -42,14 +56,12 @@ def equilibrium(scene: Scene) -> Scene | None:
             return np.concatenate([data.qacc, data.act_dot])
 
         unknowns = np.concatenate([np.zeros(nv), data.act])
-        first = np.abs(rest(unknowns)).max(initial=0.0)
+        first = residual = float(np.abs(rest(unknowns)).max(initial=0.0))
         if first != 0:
-            # What counts is the residual that is left: the solver calls a root at rounding level "no progress".
-            unknowns = optimize.root(rest, unknowns, method="hybr", tol=1e-12).x
-            if not np.abs(rest(unknowns)).max() <= REST * max(1.0, first):
-                return None
+            unknowns = optimize.root(rest, unknowns, method=method, tol=1e-12).x
+            residual = float(np.abs(rest(unknowns)).max())
         qpos, act = data.qpos.copy(), data.act.copy()
-    return scene.at(qpos=qpos, qvel=np.zeros(nv), act=act)
+    return scene.at(qpos=qpos, qvel=np.zeros(nv), act=act), residual / max(1.0, first)
 
 
 def one_step_map(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> Matrix:
@@ -91,9 +103,14 @@ def differenced_map(workspace: Workspace) -> Matrix:
     return jacobian
 
 
-def spectral_radius(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> float:
-    """The largest |eigenvalue| of the one-step map at the scene's start; inf where the map is not finite."""
+def spectrum(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> Vector:
+    """|eigenvalues| of the one-step map at the scene's start, largest first; all inf where the map is not finite."""
     jacobian = one_step_map(scene, timestep_s=timestep_s, integrator=integrator)
     if not np.all(np.isfinite(jacobian)):
-        return float("inf")
-    return float(np.max(np.abs(np.linalg.eigvals(jacobian)), initial=0.0))
+        return np.full(len(jacobian), np.inf)
+    return np.sort(np.abs(np.linalg.eigvals(jacobian)))[::-1]
+
+
+def spectral_radius(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> float:
+    """The largest |eigenvalue| of the one-step map at the scene's start; inf where the map is not finite."""
+    return float(np.max(spectrum(scene, timestep_s=timestep_s, integrator=integrator), initial=0.0))

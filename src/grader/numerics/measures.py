@@ -27,9 +27,13 @@ def energy(scene: Scene, rollout: Rollout | Reference) -> Vector:
 def measure(
     scene: Scene, rollout: Rollout | Reference, quantity: Callable[[mujoco.MjModel, mujoco.MjData], float]
 ) -> Vector:
-    """`quantity(model, data)` at every kept state, after mj_forward, (n,)."""
+    """`quantity(model, data)` at every kept state, after mj_forward with its energies, (n,).
+
+    It has a model and a data of its own, which it may write.
+    """
     options = (rollout.timestep_s, rollout.integrator) if isinstance(rollout, Rollout) else (None, EULER)
-    with scene.borrow(timestep_s=options[0], integrator=options[1]) as workspace:
+    with scene.borrow(timestep_s=options[0], integrator=options[1], keep=False) as workspace:
+        workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         return frozen(np.array([_at(workspace, rollout, index, quantity) for index in range(len(rollout.time))]))
 
 

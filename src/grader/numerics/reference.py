@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log2
+from math import isfinite, log2
 
 import mujoco
 import numpy as np
@@ -10,7 +10,7 @@ from mujoco import mjtIntegrator, mjtJoint
 from numpy.typing import NDArray
 from scipy import integrate
 
-from grader.numerics.rk4 import Forward
+from grader.numerics.rk4 import PLAIN_DYNAMICS, Forward
 from grader.numerics.scene import Scene, Values, Vector, frozen
 from grader.numerics.workspace import Workspace
 
@@ -18,6 +18,15 @@ RTOL = 3e-14
 """Source: measured on the double pendulum; reaches 9e-15 over 1 s. SciPy refuses less than 100 rounding units."""
 
 ATOL = 1e-15
+
+TIMESTEP_S = 1e-15
+"""What the model takes for its own timestep: an actuator with `actearly` acts on the activation one step ahead."""
+
+EVALUATIONS_MAX = 500_000
+"""About 4 s. Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000."""
+
+GLANCE = 16
+"""The count and the rates are looked at this often: at every evaluation that would cost 5 %."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +49,15 @@ def dop853(
 ) -> Reference:
     """The scene's motion at `times_s` (ascending, from the scene's start on) by SciPy's DOP853 over `forward`.
 
-    Raises ValueError where the scene has constraints, whose forces are not smooth, and RuntimeError where the
-    solver gives up.
+    Raises ValueError for times that are not ascending, and where the scene has what `unreferenced` names;
+    RuntimeError where the solver gives up.
     """
-    if any(need.part in ("constraints", "everything") and need.needed for need in scene.needs):
-        raise ValueError("a reference solution needs a scene without contacts, limits, friction loss and equalities")
+    obstacle = unreferenced(scene)
+    if obstacle is not None:
+        raise ValueError(f"a reference solution needs a scene without {obstacle}")
     # Under `discrete`, qacc would hold a difference quotient over one step: accelerations are read under Euler.
     with scene.borrow(integrator=int(mjtIntegrator.mjINT_EULER), skip=True) as workspace:
+        workspace.option.timestep = TIMESTEP_S
         data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
         start = np.concatenate([data.qpos, data.qvel, data.act])
         values = solve(
@@ -59,6 +70,22 @@ def dop853(
     return Reference(*(frozen(part) for part in parts))
 
 
+def unreferenced(scene: Scene) -> str | None:
+    """What keeps the scene's equations from being smooth ones of its state alone; None where nothing does."""
+    model, needed = scene.model, {need.part for need in scene.needs if need.needed}
+    if "everything" in needed:
+        return "plug-ins and sleeping bodies"
+    if "constraints" in needed:
+        return "contacts, limits, friction loss and equalities"
+    if model.nhistory:
+        return "delays, which act on a history that is no part of the equations"
+    if np.any(model.actuator_actlimited):
+        return "limited activations, which MuJoCo clamps after every step"
+    if any(int(kind) not in PLAIN_DYNAMICS for kind in model.actuator_dyntype):
+        return "dcmotor, PID and user dynamics, whose limits act step by step"
+    return None
+
+
 def solve(
     rate: Callable[[float, Vector], Values],
     start: Vector,
@@ -68,13 +95,38 @@ def solve(
     rtol: float = RTOL,
     atol: float = ATOL,
 ) -> NDArray[np.float64]:
-    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start; RuntimeError on failure."""
+    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start.
+
+    Raises ValueError for times that do not go on from `start_s`, RuntimeError where a rate is beyond mjMAXVAL or no
+    number, or DOP853 gets nowhere.
+    """
     times = np.asarray(times_s, dtype=np.float64)
-    span = (start_s, max(float(times[-1]), start_s))
-    solution = integrate.solve_ivp(rate, span, start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
+    span = (start_s, float(times.max(initial=start_s)))
+    if not (isfinite(span[1]) and span[0] < span[1] and times[0] >= start_s and np.all(np.diff(times) > 0)):
+        raise ValueError(f"times must be finite and ascend from the start at {start_s:g} s")
+    solution = integrate.solve_ivp(_watched(rate), span, start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
     if not solution.success:
         raise RuntimeError(f"DOP853 gave up: {solution.message}")
     return np.asarray(solution.y.T)
+
+
+def _watched(rate: Callable[[float, Vector], Values]) -> Callable[[float, Vector], Values]:
+    """The same, until it has been asked too often or the motion is lost; then RuntimeError."""
+    evaluations = 0
+
+    def watched(time: float, state: Vector) -> Values:
+        nonlocal evaluations
+        values = rate(time, state)
+        if evaluations % GLANCE == 0:
+            if evaluations >= EVALUATIONS_MAX:
+                raise RuntimeError(f"DOP853 gave up after {evaluations} evaluations, at {time:.3g} s")
+            largest = float(np.abs(values).max(initial=0.0))
+            if not largest <= mujoco.mjMAXVAL:
+                raise RuntimeError(f"the motion grows without bound: a rate of {largest:.2g} at {time:.3g} s")
+        evaluations += 1
+        return values
+
+    return watched
 
 
 def _rate(workspace: Workspace, forward: Forward) -> Callable[[float, Vector], Vector]:

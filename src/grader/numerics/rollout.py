@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
+import mujoco
 import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import NDArray
 
-from grader.numerics.needs import assert_proved
+from grader.numerics.needs import assert_proved, skippable
 from grader.numerics.scene import Scene, Vector, frozen
 from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_by, advance_exactly, first_warning
 from grader.numerics.workspace import Workspace
@@ -56,20 +57,33 @@ def simulate(
 
     States are kept every `every` steps and at the end, or at the steps nearest to the times `at_s` [s after the
     start]. A `controller(model, data)` is called before every step and may read and write anything; nothing is
-    then skipped. A `stepper(model, data)` takes each step in place of mj_step.
+    then skipped. A `stepper(model, data)` takes each step in place of mj_step; it may read anything, and write `data`.
 
-    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX, mujoco.FatalError
-    where the model's memory is too small.
+    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX, or a stepper that
+    wrote its model; mujoco.FatalError where the model's memory is too small.
     """
     keep = controller is None
-    with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=skip and keep, keep=keep) as workspace:
+    bare = skip and keep and stepper is None
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=bare, keep=keep) as workspace:
+        if skip and keep and stepper is not None:
+            workspace.option.disableflags |= skippable(scene.needs, sensors_read=True)
         count = _steps(workspace, seconds, steps)
         wanted = _wanted(count, every, at_s, float(workspace.option.timestep))
         advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
+        written = _bytes_of(workspace.model) if stepper is not None and keep else b""
         rollout = _record(workspace, wanted, advance)
+        if written and _bytes_of(workspace.model) != written:  # thrown away with the exception
+            raise ValueError("a stepper may not write its model, which later runs use too")
         if keep and not skip and rollout.diverged_at_step is None:
             assert_proved(scene.needs, workspace.data)
         return rollout
+
+
+def _bytes_of(model: mujoco.MjModel) -> bytes:
+    """All that a model holds; 4 us for the lesson's."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
 
 
 Advance = Callable[[Workspace, int], int]

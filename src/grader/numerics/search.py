@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 from scipy import optimize
 
+from grader.numerics.growth import BAD_VALUE
 from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
 from grader.numerics.scene import Scene, checked_options
-from grader.numerics.threshold import BAD_VALUE, Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
+from grader.numerics.threshold import Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
 
 SCAN_POINTS = 24
 """Grid points of a search that names no scan step: windows narrower than a 24th of the range may be missed."""
@@ -74,10 +75,12 @@ def find_threshold(
     """The lowest timestep between `low_s` and `high_s` at which stability ends, to `width_s`.
 
     The range is scanned every `scan_step_s` (default: in SCAN_POINTS steps), so that stable windows above the limit
-    are seen. Raises ValueError where the range is empty, not finite or not positive.
+    are seen. Raises ValueError where the range is empty, or a length is not finite or not positive.
     """
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
+    if scan_step_s is not None and not scan_step_s > 0:
+        raise ValueError(f"cannot scan in steps of {scan_step_s} s")
     integrator = checked_options(scene.model, low_s, integrator)[1]
     search = _Search(scene, horizon_s, integrator, criterion)
     points = SCAN_POINTS if scan_step_s is None else max(1, ceil((high_s - low_s) / scan_step_s))

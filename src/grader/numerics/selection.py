@@ -7,7 +7,7 @@ per simulated second, so that the choice does not depend on the load of the mach
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isclose, isfinite
 
 import mujoco
 import numpy as np
@@ -15,9 +15,10 @@ from mujoco import mjtIntegrator
 
 from grader.numerics.convergence import distance
 from grader.numerics.measures import measure
-from grader.numerics.reference import Reference, dop853, sample_times
+from grader.numerics.reference import Reference, dop853, sample_times, unreferenced
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import Scene, Vector
+from grader.numerics.stepping import STEPS_MAX
 
 SAMPLE_S = 0.02
 """Errors are taken at multiples of this; every timestep below divides it."""
@@ -34,6 +35,9 @@ EVALUATIONS = {int(mjtIntegrator.mjINT_RK4): 4}
 
 REFERENCE_SHARE = 0.1
 """The reference must be this much better than the tolerance, else nothing can be told."""
+
+FINEST = 4
+"""Where DOP853 cannot be used, the reference takes steps that are so many times shorter than the finest candidate."""
 
 Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
 
@@ -71,25 +75,42 @@ def select(
     """Measure every candidate over `seconds` and choose; errors are sup norms of `quantity`, by default of qpos.
 
     A timestep counts only where all smaller ones tried also meet the tolerance: one that passes by accident does
-    not. Raises ValueError for a tolerance or length that is not positive and finite, or timesteps that do not
-    divide SAMPLE_S.
+    not. Raises ValueError for what `check_question` refuses, or timesteps that do not divide SAMPLE_S.
     """
-    if not (0 < tolerance < inf and SAMPLE_S <= seconds < inf):
-        raise ValueError(f"tolerance must be positive and the run {SAMPLE_S} s or longer")
+    check_question(tolerance, seconds, timesteps_s)
+    if any(not isclose(SAMPLE_S / h, round(SAMPLE_S / h)) for h in timesteps_s):
+        raise ValueError(f"every timestep must divide {SAMPLE_S} s, at whose multiples errors are taken")
     times = sample_times(seconds, SAMPLE_S)
     meter = _Meter(scene, np.asarray(times), quantity)
-    reference, doubt = _reference(meter, min(timesteps_s))
+    if scene.model.nhistory:
+        return _cannot_tell("a delay is kept as a number of samples, so that no timestep is a measure of another")
+    try:
+        reference, doubt = _reference(meter, min(timesteps_s))
+    except RuntimeError as error:
+        return _cannot_tell(str(error))
     if not doubt <= REFERENCE_SHARE * tolerance:
-        reason = (
-            f"cannot tell: the reference itself is uncertain by {doubt:.2g}, too much for a tolerance of {tolerance:g}"
+        return _cannot_tell(
+            f"the reference itself is uncertain by {doubt:.2g}, too much for a tolerance of {tolerance:g}", doubt
         )
-        return Selection(None, 0.0, reason, doubt, ())
     candidates = tuple(
         Candidate(int(i), h, meter.error(meter.run(int(i), h), reference), EVALUATIONS.get(int(i), 1) / h)
         for i in integrators
         for h in sorted(timesteps_s)
     )
     return _choose(candidates, tolerance, doubt)
+
+
+def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float] = TIMESTEPS_S) -> None:
+    """ValueError for a tolerance or a length [s] that is not positive and finite, or a length of too many steps."""
+    if not (0 < tolerance < inf and SAMPLE_S <= seconds < inf):
+        raise ValueError(f"tolerance must be positive and the run {SAMPLE_S} s or longer")
+    longest = STEPS_MAX * min(timesteps_s) / FINEST
+    if not seconds <= longest:
+        raise ValueError(f"the run may last {longest:g} s at most, not {seconds:g} s")
+
+
+def _cannot_tell(why: str, doubt: float = inf) -> Selection:
+    return Selection(None, 0.0, f"cannot tell: {why}", doubt, ())
 
 
 class _Meter:
@@ -123,8 +144,8 @@ def _reference(meter: _Meter, finest_s: float) -> tuple[Rollout | Reference, flo
     Smooth scenes: DOP853 at two tolerances. Others: the recommended integrator at a quarter and half of the finest
     timestep; what a method of first order changes there is about the error that is left.
     """
-    if any(need.part in ("constraints", "everything") and need.needed for need in meter.scene.needs):
-        half, quarter = (meter.run(PREFERENCE[0], finest_s / k) for k in (2, 4))
+    if unreferenced(meter.scene) is not None:
+        half, quarter = (meter.run(PREFERENCE[0], finest_s / k) for k in (FINEST / 2, FINEST))
         return quarter, meter.error(half, quarter)
     best, second = (dop853(meter.scene, meter.times_s, rtol=rtol) for rtol in (1e-13, 1e-11))
     return best, meter.error(second, best)

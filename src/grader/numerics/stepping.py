@@ -30,30 +30,39 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 def advance_coarsely(workspace: Workspace, steps: int) -> int:
     """Step until `steps` are done, or a chunk warned; the steps before that chunk. The state is then not real."""
-    model, data, counts = workspace.model, workspace.data, workspace.counts
     done, chunk = 0, CHUNK // 2
     while done < steps:
         chunk = min(2 * chunk, CHUNK_MAX, steps - done)
-        before = data.time
-        mujoco.mj_step(model, data, nstep=chunk)
-        if counts.tobytes() != CLEAN or not data.time > before:
+        if _warned(workspace, chunk):
             return done
         done += chunk
     return done
 
 
+def _warned(workspace: Workspace, chunk: int) -> bool:
+    """Take a chunk of steps: did MuJoCo warn, or did time not go on?
+
+    After a full buffer it warns and goes on, and may run out of memory within the same chunk: the warning was first.
+    """
+    data, before = workspace.data, workspace.data.time
+    try:
+        mujoco.mj_step(workspace.model, data, nstep=chunk)
+    except mujoco.FatalError:
+        if workspace.counts.tobytes() == CLEAN:
+            raise
+    return workspace.counts.tobytes() != CLEAN or not data.time > before
+
+
 def advance_exactly(workspace: Workspace, steps: int) -> int:
     """Step until `steps` are done or one warns, or time does not go on; the number of whole steps before it."""
-    model, data, counts = workspace.model, workspace.data, workspace.counts
+    model, data = workspace.model, workspace.data
     saved = np.empty(mujoco.mj_stateSize(model, FULL_STATE)) if steps > 1 else None
     done, chunk = 0, CHUNK // 2
     while done < steps:
         chunk = min(2 * chunk, CHUNK_MAX, steps - done)
         if saved is not None and chunk > 1:
             mujoco.mj_getState(model, data, saved, FULL_STATE)
-        before = data.time
-        mujoco.mj_step(model, data, nstep=chunk)
-        if counts.tobytes() != CLEAN or not data.time > before:
+        if _warned(workspace, chunk):
             if saved is None or chunk == 1:
                 return done
             mujoco.mj_resetData(model, data)
