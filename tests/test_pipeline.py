@@ -55,6 +55,17 @@ def test_a_crash_of_our_own_code_is_a_grader_fault(library: Library) -> None:
     assert Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT).status is Status.GRADER_FAULT
 
 
+def test_a_byte_order_mark_is_no_mistake_of_the_students(library: Library) -> None:
+    sources: list[str] = []
+
+    def run(job: Job) -> RunReport:
+        sources.append(job.source)
+        return RunReport(RunStatus.CRASHED, "")
+
+    Pipeline(library, run).grade("1.3-exercises", "servo-threshold", {"source": "\ufeffx = 1\n"})
+    assert sources == ["x = 1\n"]
+
+
 def test_every_verdict_says_what_it_was_judged_by(library: Library) -> None:
     verdict = Pipeline(library).grade("1.3-check", "q2", "5 ms")
     assert verdict.content_digest == library.digest("1.3-check")

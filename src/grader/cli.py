@@ -1,6 +1,7 @@
 """The command line: `grader serve | worker | grade | check | import | token | advise | bench`."""
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,13 +13,14 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from grader.domain.verdict import Status, Verdict
-from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault
+from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, Unprocessable
 from grader.library import Library, load
 from grader.pipeline import Pipeline
 from grader.settings import Settings, log_to_stderr
 
 CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
 INTERRUPTED = 130
+STDERR = 2
 
 cli = typer.Typer(
     help="Auto-grading of a MuJoCo course.", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -33,6 +35,7 @@ Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
 
 def main() -> None:
     """Run a command; every error becomes a line on stderr and the contract's exit code."""
+    hold_standard_streams()
     log_to_stderr()
     try:
         cli()
@@ -51,6 +54,13 @@ def main() -> None:
     except JailFault as error:
         err.print(str(error), style="red", markup=False, soft_wrap=True)
         sys.exit(FAULT)
+
+
+def hold_standard_streams() -> None:
+    """Where a caller closed one, the next file or socket would get its number, and be written to as if it were it."""
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= STDERR:
+        pass
+    os.close(descriptor)
 
 
 def settings_with(**overrides: Any) -> Settings:
@@ -101,18 +111,26 @@ def grade(
     question: str,
     answer: Annotated[str, typer.Argument(help="A file for an exercise, else the answer itself.")],
     as_json: Json = False,
-    seed: Annotated[int | None, typer.Option(help="Draws the hidden cases of an exercise.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Draws the hidden cases of an exercise.")] = None,
 ) -> None:
     """Grade one answer with no server and no database. Exits 0 where it is correct, else 1."""
     library = load(Settings().content)
     instant = Pipeline(library).is_instant(library.question(quiz, question))
-    given: Any = answer if instant else {"source": Path(answer).read_text(encoding="utf-8")}
+    given: Any = answer if instant else {"source": read_script(Path(answer))}
     with pipeline_for(library, jailed=not instant) as pipeline:
         verdict = pipeline.grade(quiz, question, given, seed)
     print(verdict.model_dump_json(indent=2)) if as_json else show(verdict)
     if verdict.status is Status.GRADER_FAULT:
         sys.exit(FAULT)
     sys.exit(CORRECT if verdict.status is Status.CORRECT else OTHER_VERDICT)
+
+
+def read_script(path: Path) -> str:
+    """The text of a script. Raises OSError, Unprocessable."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise Unprocessable(f"{path} is not UTF-8 text: {error}") from error
 
 
 def show(verdict: Verdict) -> None:

@@ -73,18 +73,18 @@ class Pipeline:
         else:
             verdict = grade_answer(question, answer)
         total_ms = 1000 * (time.perf_counter() - started)
-        return verdict.model_copy(
-            update={
-                "timing_ms": {**verdict.timing_ms, "total": round(total_ms, 3)},
-                "environment": ENVIRONMENT,
-                "content_digest": self.library.digest(quiz_id),
-                "submission_digest": digest,
-            }
-        )
+        timing = {"timing_ms": {**verdict.timing_ms, "total": round(total_ms, 3)}}
+        return verdict.model_copy(update=timing | self._origin(quiz_id, digest))
 
-    def fault(self, quiz_id: str, question_id: str) -> Verdict:
+    def fault(self, quiz_id: str, question_id: str, answer: Any) -> Verdict:
         """The verdict where we failed: it costs the learner nothing. Raises NotFound."""
-        return ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
+        verdict = ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
+        return verdict.model_copy(update=self._origin(quiz_id, submission_digest(quiz_id, question_id, answer)))
+
+    def _origin(self, quiz_id: str, digest: str) -> dict[str, Any]:
+        """What a verdict was made with, and of what."""
+        content = self.library.digest(quiz_id)
+        return {"environment": ENVIRONMENT, "content_digest": content, "submission_digest": digest}
 
     def _grade_script(self, question: CodeQuestion, answer: Any, seed: int) -> Verdict:
         try:
@@ -126,7 +126,7 @@ def read_source(answer: Any) -> str:
     """The script of a `{"source": ...}` answer. Raises InvalidAnswer, TooLarge, Unprocessable."""
     if not isinstance(answer, dict) or not isinstance(answer.get("source"), str) or set(answer) - {"source"}:
         raise Unprocessable('The answer to an exercise is {"source": "the text of your script"}.')
-    source: str = answer["source"]
+    source: str = answer["source"].removeprefix("\ufeff")  # editors put it there, and Python skips it in a file
     try:
         size = len(source.encode())
     except UnicodeEncodeError as error:

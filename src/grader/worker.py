@@ -73,7 +73,7 @@ class Worker:
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
         for claimed in list(self._held.values()):
-            self._put_back(claimed, 0.0)
+            self._put_back(claimed, 0.0, tried=False)
 
     def do_one(self) -> bool:
         """Grades the oldest job; False where there is none."""
@@ -101,7 +101,7 @@ class Worker:
 
     def _settle(self, claimed: Claim, verdict: Verdict) -> None:
         if verdict.status is Status.GRADER_FAULT and claimed.tries < self.tries:
-            self._put_back(claimed, self.retry_s * 2 ** (claimed.tries - 1))
+            self._put_back(claimed, self.retry_s * 2 ** (claimed.tries - 1), tried=True)
             return
         with self.database.write() as session:
             if not jobs.finish(session, claimed):
@@ -110,9 +110,9 @@ class Worker:
             submissions.append_verdict(session, submission, verdict, "grading")
         log.info("graded", submission=claimed.subject, status=verdict.status.value, tries=claimed.tries)
 
-    def _put_back(self, claimed: Claim, delay_s: float) -> None:
+    def _put_back(self, claimed: Claim, delay_s: float, *, tried: bool) -> None:
         with self.database.write() as session:
-            if jobs.put_back(session, claimed, delay_s):
+            if jobs.put_back(session, claimed, delay_s, tried=tried):
                 submissions.put_back(session, claimed.subject)
 
     def _work(self) -> None:
@@ -152,10 +152,9 @@ def fault_with(content: Content) -> Judge:
 
     def fault(submission: Submission) -> Verdict:
         try:
-            verdict = content.pipeline.fault(submission.quiz, submission.question)
+            return content.pipeline.fault(submission.quiz, submission.question, json.loads(submission.answer))
         except NotFound:
-            verdict = Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=0.0, diagnosis=OUR_FAULT)
-        return verdict.model_copy(update={"content_digest": submission.content_digest})
+            return Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=0.0, diagnosis=OUR_FAULT)
 
     return fault
 

@@ -221,6 +221,10 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"cases": [{"id": "a", "set": {"kpp": 1}}]}, "check.cases.0"),
         ({"cases": [{"id": "a"}, {"id": "a"}]}, "check.cases.1.id"),
         ({"numbers": {"kp": {"element": "motor[@name='servo']", "attribute": "kp"}}}, "check.cases.0"),
+        ({"numbers": {"kp": {"element": "position[@@", "attribute": "kp"}}}, "check.cases.0"),
+        ({"numbers": {"kp": {"element": "./actuator/position", "attribute": "kp"}}}, "check.cases.0"),
+        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [-1, 1]}}]}, "check.cases.0"),
+        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [1, -1]}}]}, "check.cases.0"),
     ],
 )
 def test_an_authors_mistake_is_a_fault_with_its_key(changes: dict[str, Any], key: str) -> None:

@@ -103,8 +103,18 @@ def test_a_lease_that_ran_out_is_taken_again_and_the_late_worker_keeps_nothing(d
     assert worker.do_one()
     with database.write() as session:
         assert not jobs.finish(session, dead)
-        assert not jobs.put_back(session, dead, 0.0)
+        assert not jobs.put_back(session, dead, 0.0, tried=True)
     assert state(database, submission_id)[0] == "graded"
+
+
+def test_a_job_that_its_worker_gave_back_in_good_order_has_all_its_tries(database: Database) -> None:
+    hand_in(database)
+    for tried, tries in ((False, 1), (False, 1), (True, 1), (True, 2)):
+        with database.write() as session:
+            held = jobs.claim(session, 60.0)
+            assert held is not None
+            assert held.tries == tries
+            assert jobs.put_back(session, held, 0.0, tried=tried)
 
 
 def test_a_renewed_lease_is_not_taken(database: Database) -> None:

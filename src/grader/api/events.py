@@ -39,6 +39,7 @@ def listen(
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
         over = submission.status in submissions.AT_REST
+        heard = min(heard, submissions.last_event(session, submission_id))
         if over and not submissions.events_after(session, submission_id, heard):
             raise HTTPException(204)
     return Listener(context, submission_id, heard)

@@ -94,7 +94,8 @@ def show_submission(
         submission = visible(session, submission_id, who)
         verdict = submissions.verdicts(session, [submission]).get(submission.id)
     etag = etag_of(submission)
-    if etag in request.headers.get("if-none-match", ""):
+    known = request.headers.get("if-none-match", "")
+    if etag in known or known.strip() == "*":
         return Response(status_code=304, headers={"ETag": etag})
     response.headers["ETag"] = etag
     return view(submission, verdict)

@@ -33,6 +33,9 @@ class Case(Strict):
     set: dict[str, Value] = Field(default_factory=dict)
 
 
+AnyCase = TypeVar("AnyCase", bound=Case)
+
+
 def without_remarks(value: Any) -> Any:
     """A JSON value without its `x-` keys, at any depth."""
     if isinstance(value, Mapping):
@@ -75,6 +78,14 @@ def duplicate_faults(cases: tuple[Case, ...], question: CodeQuestion, where: str
         for index, id_ in enumerate(ids)
         if id_ in ids[:index]
     ]
+
+
+def extremes(case: AnyCase) -> tuple[AnyCase, ...]:
+    """The case with every range at its lower end, and at its upper one: what a draw may be, at the least."""
+    ends = (
+        {name: value[end] if isinstance(value, tuple) else value for name, value in case.set.items()} for end in (0, 1)
+    )
+    return tuple(case.model_copy(update={"set": values}) for values in ends)
 
 
 def drawn(value: Value, rng: np.random.Generator) -> float:

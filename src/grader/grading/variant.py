@@ -30,9 +30,18 @@ def with_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, f
         if name not in numbers:
             raise ValueError(f"no number is called {name!r}; `numbers` has {', '.join(numbers) or 'none'}")
         place = numbers[name]
-        found = root.findall(f".//{place.element}")
+        found = places_of(root, name, place)
         if not found:
             raise ValueError(f"the model has no element {place.element} for the number {name!r}")
         for element in found:
             element.set(place.attribute, place.text.format(repr(float(value))))
     return ET.tostring(root, encoding="unicode")
+
+
+def places_of(root: ET.Element, name: str, place: Number) -> list[ET.Element]:
+    """The elements that hold a number. Raises ValueError where `element` is no path."""
+    try:
+        return root.findall(f".//{place.element}")
+    except (SyntaxError, KeyError, TypeError, ValueError) as error:
+        cure = "write it like body[@name='arm']/inertial"
+        raise ValueError(f"numbers.{name}.element: {place.element!r} is no path; {cure}") from error

@@ -70,11 +70,12 @@ def finish(session: Session, claimed: Claim) -> bool:
     return session.execute(done).first() is not None
 
 
-def put_back(session: Session, claimed: Claim, delay_s: float) -> bool:
-    """The job is to be tried again after `delay_s` seconds. False as in `finish`."""
+def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> bool:
+    """The job is to be done after `delay_s` seconds; whether this was a try that failed. False as in `finish`."""
     due = _clock() + timedelta(seconds=delay_s)
     again = update(JobRow).where(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease)
-    again_set = again.values(lease=None, leased_until=None, due_at=due).returning(JobRow.id)
+    tries = claimed.tries if tried else claimed.tries - 1
+    again_set = again.values(lease=None, leased_until=None, due_at=due, tries=tries).returning(JobRow.id)
     return session.execute(again_set).first() is not None
 
 

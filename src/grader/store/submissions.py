@@ -118,6 +118,11 @@ def events_after(session: Session, submission_id: str, number: int) -> Sequence[
     return session.scalars(later.order_by(Event.number)).all()
 
 
+def last_event(session: Session, submission_id: str) -> int:
+    """The number of the submission's newest event; 0 where there is none."""
+    return session.scalar(select(func.max(Event.number)).where(Event.submission_id == submission_id)) or 0
+
+
 def find_key(session: Session, course: str, user: str, key: str) -> IdempotencyKey | None:
     """What a learner's earlier request with this key made, if there was one."""
     return session.get(IdempotencyKey, (course, user, key))
@@ -153,6 +158,5 @@ def _verdict_row(submission: Submission, verdict: Verdict, cause: str) -> Verdic
 
 def _note(session: Session, submission: Submission) -> None:
     """Adds the submission's new status as an event."""
-    last = select(func.max(Event.number)).where(Event.submission_id == submission.id)
-    number = 1 + (session.scalar(last) or 0)
+    number = 1 + last_event(session, submission.id)
     session.add(Event(submission_id=submission.id, number=number, name=submission.status))

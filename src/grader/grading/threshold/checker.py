@@ -8,7 +8,7 @@ from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError
-from grader.grading.parameters import duplicate_faults, parameter_faults, read_parameters
+from grader.grading.parameters import duplicate_faults, extremes, parameter_faults, read_parameters
 from grader.grading.plan import ModelXml, Plan, driver_text
 from grader.grading.threshold.claims import Bracket, NoLimit, read_claim, shown
 from grader.grading.threshold.diagnosis import name_the_mistake
@@ -39,7 +39,7 @@ class ThresholdChecker:
         faults = duplicate_faults(parameters.cases, question, where)
         for index, case in enumerate(parameters.cases):
             try:
-                pose_problem(parameters.model_copy(update={"cases": (case,)}), model_xml, 0)
+                pose_problem(parameters.model_copy(update={"cases": extremes(case)}), model_xml, 0)
             except (ValueError, KeyError, GraderError) as error:
                 faults.append(Fault(where, f"{question.id}.check.cases.{index}", str(error.args[0])))
         return faults

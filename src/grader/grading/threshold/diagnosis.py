@@ -30,4 +30,10 @@ def particulars(problem: Problem) -> dict[str, str]:
         if visible
         else ""
     )
-    return {"shift": shift, "width": f"{1000 * parameters.width_s:g}", "horizon": f"{parameters.horizon_s:g}"}
+    start = ", ".join(f"{joint} = {value:g}" for joint, value in parameters.start.items())
+    return {
+        "shift": shift,
+        "start": start,
+        "width": f"{1000 * parameters.width_s:g}",
+        "horizon": f"{parameters.horizon_s:g}",
+    }

@@ -34,8 +34,8 @@ METHODS: tuple[WrongMethod, ...] = (
     WrongMethod(
         "nothing unstable",
         "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
-        "start at 1 rad, and look at data.warning (or at data.time running backwards), because after a warning MuJoCo "
-        "has reset the state to a calm one.",
+        "start with {start}, and look at data.warning (or at data.time running backwards), because after a warning "
+        "MuJoCo has reset the state to a calm one.",
         nothing_unstable,
         all_claims=True,
         of_numbers=False,
