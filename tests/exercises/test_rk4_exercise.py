@@ -1,6 +1,7 @@
 """Runge-Kutta steps: the force that honest code does not notice, what counts, and what an author may write."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -14,6 +15,7 @@ from grader.domain.verdict import Status
 from grader.grading.drivers.hidden_force import with_force
 from grader.grading.exercise import check_exercise, judge_exercise, plan_exercise
 from grader.grading.rk4.mistakes import METHODS
+from grader.grading.rk4.outcomes import OrderOutcome
 from grader.grading.rk4.parameters import Problem
 from grader.grading.rk4.trajectories import difference, fourth_order, mujocos, unforced
 from grader.grading.rk4.truth import truth_of
@@ -94,6 +96,33 @@ def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: 
         errors = [truth_of(problem, 0).error(problem.runs[i], trajectory(problem.runs[i])) for i in problem.order_runs]
         slopes = -np.diff(np.log2(errors))
         assert np.all(np.abs(slopes - order) < 0.1)
+
+
+@pytest.mark.parametrize(
+    ("errors", "fourth"),
+    [
+        ((1e-5, 6e-7, 4e-8, 2.5e-9), True),
+        ((3e-6, 1e-7, 5e-9, 2e-10), True),  # steeper, and small
+        ((7e-8, 2e-9, 6e-11, 2e-12), True),  # fifth order, at round-off in the end
+        ((3e-11, 2e-11, 2e-11, 2e-12), True),  # round-off throughout
+        ((20.0, 6e-2, 3e-4, 2e-6), False),  # steep, because wild at the largest timesteps
+        ((1.0, 1e-12, 1e-12, 1e-12), False),
+        ((1e-3, 2.5e-4, 6e-5, 1.6e-5), False),
+        ((np.inf, 6e-7, 4e-8, 2.5e-9), False),
+    ],
+)
+def test_fourth_order_is_a_slope_of_four_or_errors_as_small(errors: tuple[float, ...], fourth: bool) -> None:
+    problem = problem_of(FREE)
+    assert problem.parameters.order
+    coarsest = problem.runs[problem.order_runs[0]]
+    assert OrderOutcome(problem.parameters.order, errors, False, coarsest, truth_of(problem, 0)).is_fourth is fourth
+
+
+def test_the_length_of_a_quaternion_does_not_count() -> None:
+    run = problem_of(FREE).runs[0]
+    ours = mujocos(run)
+    longer = replace(ours, qpos=ours.qpos * [1, 1, 1, 9, 9, 9, 9])
+    assert difference(run, longer, ours).worst < 1e-13
 
 
 def test_the_force_of_each_seed_is_another_so_a_replay_is_worthless() -> None:

@@ -13,22 +13,22 @@ def rotations(model):
 
 
 def rk4_step(model, data):
-    h, t, q, v = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy()
+    h, t, q, v, act = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
 
-    def f(u, velocity, time):
-        data.qpos[:], data.qvel[:], data.time = q, velocity, time
+    def f(u, velocity, activation, time):
+        data.qpos[:], data.qvel[:], data.act[:], data.time = q, velocity, activation, time
         mujoco.mj_integratePos(model, data.qpos, u, 1.0)
         mujoco.mj_forward(model, data)
         rate = velocity.copy()
         for r in rotations(model):
             cross = np.cross(u[r], velocity[r])
             rate[r] += cross / 2 + np.cross(u[r], cross) / 12
-        return rate, data.qacc.copy()
+        return rate, data.qacc.copy(), data.act_dot.copy()
 
-    k1 = f(np.zeros(model.nv), v, t)
-    k2 = f(h / 2 * k1[0], v + h / 2 * k1[1], t + h / 2)
-    k3 = f(h / 2 * k2[0], v + h / 2 * k2[1], t + h / 2)
-    k4 = f(h * k3[0], v + h * k3[1], t + h)
-    u, dv = (h * (a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4))
-    data.qpos[:], data.qvel[:], data.time = q, v + dv, t + h
+    k1 = f(np.zeros(model.nv), v, act, t)
+    k2 = f(h / 2 * k1[0], v + h / 2 * k1[1], act + h / 2 * k1[2], t + h / 2)
+    k3 = f(h / 2 * k2[0], v + h / 2 * k2[1], act + h / 2 * k2[2], t + h / 2)
+    k4 = f(h * k3[0], v + h * k3[1], act + h * k3[2], t + h)
+    u, dv, dact = (h * (a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4))
+    data.qpos[:], data.qvel[:], data.act[:], data.time = q, v + dv, act + dact, t + h
     mujoco.mj_integratePos(model, data.qpos, u, 1.0)

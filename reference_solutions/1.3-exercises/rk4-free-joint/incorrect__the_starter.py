@@ -3,7 +3,8 @@
 
 A free joint has 7 positions (3 for the place, 4 for a unit quaternion) but 6 velocities, a ball joint 4 and 3; so
 qpos + h * qvel does not even have a length. mujoco.mj_integratePos(model, qpos, velocity, h) moves qpos, IN PLACE, for
-a time h at a constant velocity, and knows about quaternions. What is here runs, but is only semi-implicit Euler.
+a time h at a constant velocity, and knows about quaternions. Where an actuator has one, data.act is a state too (its
+slope is data.act_dot), and time runs along. What is here runs, but is only semi-implicit Euler.
 """
 
 import mujoco

@@ -9,6 +9,7 @@ import errno
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
@@ -24,6 +25,9 @@ NEVER = {"gc.get_objects", "gc.get_referrers", "gc.get_referents", "sys._current
     "sys.setprofile",
     "sys.monitoring.register_callback",
 }
+FRAMES = {"tb_frame", "gi_frame", "cr_frame", "ag_frame"}
+"""Attributes through which a frame is found without asking sys for it."""
+
 CALLBACKS = ["passive", "control", "contactfilter", "sensor", "time", "act_dyn", "act_gain", "act_bias"]
 
 Ask = Callable[[tuple[str, Any]], Any]
@@ -32,7 +36,8 @@ Keeper = Generator[Any, tuple[str, Any], None]
 
 def prepare(inputs: dict[str, Any]) -> None:
     """Put the force into mj_forward, and shut the ways to dig for it."""
-    keeper = keep(inputs.pop("forces"))
+    refused: list[str] = []
+    keeper = keep(inputs.pop("forces"), refused)
     next(keeper)
     globals()["ask"] = keeper.send
     mujoco.mj_forward = forward_through(keeper.send)
@@ -42,14 +47,14 @@ def prepare(inputs: dict[str, Any]) -> None:
                 setattr(module, f"set_mjcb_{name}", refusing(keeper.send, f"a MuJoCo callback (mjcb_{name})"))
     for module in (signal, sys.modules["_signal"]):  # a handler would be given the keeper's frame
         module.__dict__["signal"] = refusing(keeper.send, "a signal handler")
-    sys.addaudithook(guard(keeper, trusted_places()))
+    sys.addaudithook(guard(keeper, refused, trusted_places()))
 
 
-def keep(forces: list[Any]) -> Keeper:
+def keep(forces: list[Any], refused: list[str]) -> Keeper:
     """Holds the force and the list of refusals in a frame of its own; what it is asked to do is the only way in."""
     raw = mujoco.mj_forward
     choices = [with_force(raw, spec) for spec in forces]  # type: ignore[name-defined]  # noqa: F821 - text before this
-    forward, refused = raw, []
+    forward = raw
     reply: Any = None
     while True:
         what, about = yield reply
@@ -68,11 +73,16 @@ def keep(forces: list[Any]) -> Keeper:
 
 
 def forward_through(ask: Ask) -> Callable[..., None]:
-    """What the student sees as mujoco.mj_forward."""
-    raw = mujoco.mj_forward
+    """What the student sees as mujoco.mj_forward.
+
+    One thread at a time: the keeper cannot be asked while it is answering. The lock is re-entrant, so that whoever asks
+    from within an answer gets the keeper's ValueError and does not wait for himself for ever.
+    """
+    raw, lock = mujoco.mj_forward, threading.RLock()
 
     def mj_forward(m: mujoco.MjModel, d: mujoco.MjData) -> None:
-        error = ask(("forward", (m, d)))
+        with lock:
+            error = ask(("forward", (m, d)))
         if error is not None:
             raise error
 
@@ -109,25 +119,41 @@ def frames(frame: FrameType | None) -> Iterator[FrameType]:
         frame = frame.f_back
 
 
-def guard(keeper: Keeper, trusted: tuple[str, ...]) -> Callable[[str, tuple[Any, ...]], None]:
-    """An audit hook: no walk over the heap, no tracing, no ctypes from the student's code, no look into the keeper."""
-    busy, ask, frame_of = False, keeper.send, sys._getframe
+def guard(keeper: Keeper, refused: list[str], trusted: tuple[str, ...]) -> Callable[[str, tuple[Any, ...]], None]:
+    """An audit hook: no walk over the heap, no tracing, no ctypes from the student's code, no look into the keeper.
+
+    What it uses it holds itself: the names of this module can be changed by whoever calls sys._getframe. It remembers
+    by itself as well, since the keeper may be the one that is running. Each thread is watched, also while another is.
+    """
+    busy: set[int] = set()
+    never, kept, walk, frame_of, thread = frozenset(NEVER), keep.__code__, frames, sys._getframe, threading.get_ident
+    found = frozenset(FRAMES)
+
+    def keeps(frame: FrameType | None) -> bool:
+        return any(outer.f_code is kept for outer in walk(frame))
 
     def hook(event: str, about: tuple[Any, ...]) -> None:
-        nonlocal busy
-        if busy:
+        me = thread()
+        if me in busy:
             return
-        busy = True
+        busy.add(me)
         try:
             looks_in = event == "object.__getattr__" and about[0] is keeper
+            if event == "sys._getframe":
+                looks_in = keeps(about[0])
+            elif event == "object.__getattr__" and about[1] in found:
+                looks_in = looks_in or keeps(getattr(about[0], about[1]))
+            rewrites = event == "object.__setattr__" and about[0] is walk
             imports = event == "import" and str(about[0]).startswith("mujoco._")
             natively = event.startswith("ctypes.") and not all(
-                frame.f_code.co_filename.startswith(trusted) for frame in frames(frame_of(1))
+                frame.f_code.co_filename.startswith(trusted) for frame in walk(frame_of(1))
             )
-            if event in NEVER or looks_in or imports or natively:
-                refuse(ask, "ctypes" if natively else event)
+            if event in never or looks_in or rewrites or imports or natively:
+                what = "ctypes" if natively else event
+                refused.append(what)
+                raise PermissionError(errno.EPERM, f"this exercise does not allow {what}")
         finally:
-            busy = False
+            busy.discard(me)
 
     return hook
 

@@ -1,9 +1,9 @@
 """The `rk4` kind of exercise: its faults, its plan, its verdict."""
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from grader.domain.quiz import CodeQuestion
@@ -14,12 +14,11 @@ from grader.grading.parameters import duplicate_faults, parameter_faults, read_p
 from grader.grading.plan import ModelXml, Plan, driver_text
 from grader.grading.rk4.diagnosis import name_the_mistake
 from grader.grading.rk4.evidence import evidence_of
-from grader.grading.rk4.outcomes import MUJOCO_ORDER, OrderOutcome, Outcome, judge_cases, judge_order
+from grader.grading.rk4.findings import case_finding, case_message, order_finding, refused_finding
+from grader.grading.rk4.outcomes import Outcome, judge_cases, judge_order
 from grader.grading.rk4.parameters import Problem, Rk4Parameters, pose_problem, pose_run
 from grader.grading.rk4.trajectories import mujocos
 from grader.grading.rk4.truth import CASE_RTOL, solved
-
-ORDER = 4.0
 
 
 class Rk4Checker:
@@ -69,7 +68,7 @@ class Rk4Checker:
         scale = question.points / (sum(o.case.points for o in outcomes) + (order.check.points if order else 0))
         findings = [case_finding(outcome, outcome.case.points * scale) for outcome in outcomes]
         if order:
-            findings.append(order_finding(order, outcomes, order.check.points * scale))
+            findings.append(order_finding(order, outcomes[0], order.check.points * scale))
         refused = (
             bytes(report.results["refused"].tobytes()).decode(errors="replace") if "refused" in report.results else ""
         )
@@ -77,7 +76,7 @@ class Rk4Checker:
             findings.append(refused_finding(refused))
         verdict = verdict_of(
             tuple(findings),
-            diagnosis=diagnosis_of(problem, outcomes, order),
+            diagnosis=diagnosis_of(problem, outcomes, findings),
             evidence=evidence_of(outcomes, order),
         )
         if not refused or verdict.status is Status.INCORRECT:
@@ -85,96 +84,18 @@ class Rk4Checker:
         return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": findings[-1].message})
 
 
-def case_finding(outcome: Outcome, points: float) -> Finding:
-    """One case's outcome, without the numbers of the case."""
-    return Finding(
-        id=outcome.case.id,
-        title=outcome.title,
-        passed=outcome.right,
-        points=points if outcome.right else 0.0,
-        max_points=points,
-        message=case_message(outcome),
-        measured={name: shown(value) for name, value in outcome.difference.largest.items()},
-        expected=f"at most {outcome.case.tolerance:g} from MuJoCo's RK4"
-        + (", or as near to the truth as a fourth-order method" if outcome.may_converge else ""),
-    )
-
-
-def case_message(outcome: Outcome) -> str:
-    """One sentence."""
-    if not len(outcome.student):
-        return "The first step left the state not finite."
-    if not outcome.keeps_time:
-        return "data.time is not where it should be: advance it by model.opt.timestep in every step."
-    if outcome.agrees:
-        return f"Agrees with MuJoCo's RK4 to {outcome.difference.worst:.1e}{to_truth(outcome)}."
-    if outcome.is_near_truth:
-        return (
-            f"Not MuJoCo's method (differs by {outcome.difference.worst:.1e}) but nearer to the truth: its error is "
-            f"{outcome.error:.1e}, that of a fourth-order method."
-        )
-    if not outcome.difference.complete:
-        return f"After step {len(outcome.student)} the state is no longer finite."
-    return f"Departs from MuJoCo's RK4 at step {outcome.first_departure}, and by {outcome.difference.worst:.1e} in all."
-
-
-def to_truth(outcome: Outcome) -> str:
-    """The error against the truth of a visible case where both count."""
-    if not outcome.may_converge or outcome.case.hidden:
-        return ""
-    return f"; both are {outcome.error:.1e} from the truth"
-
-
-def order_finding(order: OrderOutcome, outcomes: Sequence[Outcome], points: float) -> Finding:
-    """Fourth order, or the order of MuJoCo's own method where the student's agrees with it everywhere."""
-    fourth = order.is_about(ORDER)
-    as_mujoco = all(o.agrees for o in outcomes) and outcomes[0].may_converge and order.is_about(MUJOCO_ORDER)
-    if order.slope is None:
-        message = "The error against the exact motion shows no order: some run did not stay finite."
-    elif fourth:
-        message = f"The error shrinks with order {order.slope:.2f}: fourth order."
-    elif as_mujoco:
-        message = (
-            f"The error shrinks with order {order.slope:.2f}, as that of MuJoCo 3.14.0's own RK4 does on rotations; "
-            "a method of fourth order there is right too."
-        )
-    else:
-        message = f"The error shrinks with order {order.slope:.2f}; a fourth-order method has 4."
-    return Finding(
-        id="order",
-        title="observed order",
-        passed=fourth or as_mujoco,
-        points=points if fourth or as_mujoco else 0.0,
-        max_points=points,
-        message=message,
-        measured=None if order.slope is None else round(order.slope, 3),
-        expected=f"4 within {order.check.tolerance:g}",
-    )
-
-
-def refused_finding(refused: str) -> Finding:
-    """What the guard refused, for an instructor to look at."""
-    return Finding(
-        id="guard",
-        title="ways round",
-        passed=None,
-        points=0.0,
-        max_points=0.0,
-        message=f"The script tried what this exercise does not allow ({refused}): an instructor will look at it.",
-    )
-
-
-def diagnosis_of(problem: Problem, outcomes: Sequence[Outcome], order: OrderOutcome | None) -> str | None:
-    """The mistake by name; else the hint of the first case that failed; else where the motion departs."""
+def diagnosis_of(problem: Problem, outcomes: Sequence[Outcome], findings: Sequence[Finding]) -> str | None:
+    """The mistake by name; else the hint of the first case that failed; else where the motion departs, or the order."""
+    order = next((finding for finding in findings if finding.id == "order"), None)
     wrong = next((outcome for outcome in outcomes if not outcome.right), None)
     if wrong is None:
-        return None
+        return order.message if order and not order.passed else None
     if wrong is not outcomes[0]:
         return state_diagnosis(wrong) or wrong.case.hint or f"{wrong.title}: {case_message(wrong)}"
     named = name_the_mistake(problem, wrong.student)
     if named:
         return f"{named} It differs by {wrong.difference.worst:.1e}." if "Fourth order" in named else named
-    slope = "" if order is None or order.slope is None else f" The observed order is {order.slope:.2f}."
+    slope = "" if order is None or order.measured is None else f" The observed order is {order.measured:.2f}."
     return case_message(wrong) + slope
 
 
@@ -187,9 +108,6 @@ def state_diagnosis(outcome: Outcome) -> str | None:
         return "data.time stands still: set it at every stage, and advance it by model.opt.timestep in every step."
     if ours.act.size and (student.act == student.act[0]).all():
         return "data.act stands still: advance it with data.act_dot, as you advance qvel with qacc."
+    if len(student) > 1 and np.any(np.all(student.qvel == student.qvel[0], axis=0)):
+        return "Some velocities stand still: a model may have more joints than you move, so advance all of data.qvel."
     return None
-
-
-def shown(value: float) -> float | None:
-    """A difference to three figures; None where the run ended early (JSON has no infinity)."""
-    return float(f"{value:.3g}") if isfinite(value) else None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import mujoco
 import numpy as np
 
 from grader.grading.rk4.methods import CLASSICAL_STAGES, CLASSICAL_WEIGHTS, stepper, tableau
@@ -18,6 +19,9 @@ from grader.grading.rk4.trajectories import (
 
 PREFIX = 40
 """Steps on which methods are told apart: enough for a fourth-order tableau to differ by more than round-off."""
+
+STAGES = 4
+"""Of MuJoCo's RK4."""
 
 GLANCE = 3
 """Steps after which most methods are ruled out already, so that they need not take the others."""
@@ -69,6 +73,17 @@ def another_forward(run: Run, student: Trajectory, departure: float) -> str | No
                 f"The trajectory is that of MuJoCo's own stepping ({name}): the accelerations did not come from "
                 "mujoco.mj_forward."
             )
+    forward = forward_of(run)
+
+    def first_stage_only(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        forward(model, data)
+        mujoco.mj_RungeKutta(model, data, STAGES)
+
+    if matches(run, student, stepped(run, first_stage_only, PREFIX), departure):
+        return (
+            "Only the first slope came from mujoco.mj_forward, the others from MuJoCo's own stepping (mj_RungeKutta), "
+            "which goes round it: write the stages yourself."
+        )
     return None
 
 
@@ -106,5 +121,5 @@ def another_step(run: Run, student: Trajectory, departure: float) -> str | None:
     for wrong in METHODS:
         step = stepper(wrong.method, forward)
         if all(matches(run, student, stepped(run, step, steps), departure) for steps in (GLANCE, PREFIX)):
-            return wrong.sentence
+            return wrong.on_rotations if wrong.on_rotations and len(run.qpos) > len(run.qvel) else wrong.sentence
     return None

@@ -55,8 +55,11 @@ def weighed(weights: Row, parts: Sequence[Vector]) -> Vector:
     return np.array(np.add.reduce([w * part for w, part in zip(weights, parts, strict=False)]))
 
 
-def tableau(stages: Sequence[Row], weights: Row) -> Method:
-    """The explicit Runge-Kutta method of a Butcher tableau: row i of `stages` weighs the slopes before stage i + 1."""
+def tableau(stages: Sequence[Row], weights: Row, acceleration_weights: Row | None = None) -> Method:
+    """The explicit Runge-Kutta method of a Butcher tableau: row i of `stages` weighs the slopes before stage i + 1.
+
+    `acceleration_weights` are those of a step that weighs accelerations otherwise than velocities.
+    """
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         velocities, slopes = [v], [motion.accelerate(q, v, time)]
@@ -65,7 +68,8 @@ def tableau(stages: Sequence[Row], weights: Row) -> Method:
             velocity = v + h * weighed(row, slopes)
             velocities.append(velocity)
             slopes.append(motion.accelerate(position, velocity, time + sum(row) * h))
-        return motion.move(q, weighed(weights, velocities), h), v + h * weighed(weights, slopes)
+        change = weighed(acceleration_weights or weights, slopes)
+        return motion.move(q, weighed(weights, velocities), h), v + h * change
 
     return step
 
@@ -110,36 +114,6 @@ def four_moves(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> S
     return q, v + h * weighed(CLASSICAL_WEIGHTS, slopes)
 
 
-class WorldMotion(Motion):
-    """Takes the angular velocity of a free or ball joint as if it were given in the world's axes."""
-
-    def move(self, q: Vector, velocity: Vector, h: float) -> Vector:
-        """Positions after `h` [s], quaternions turned from the wrong side."""
-        moved = super().move(q, velocity, h)
-        for kind, at, dof in zip(self.model.jnt_type, self.model.jnt_qposadr, self.model.jnt_dofadr, strict=True):
-            if int(kind) in QUATERNION:
-                quat, spin = at + QUATERNION[int(kind)], dof + QUATERNION[int(kind)]
-                rate = velocity[spin : spin + 3]
-                angle = float(np.linalg.norm(rate))
-                turn = np.zeros(4)
-                mujoco.mju_axisAngle2Quat(turn, rate / angle if angle else np.array([1.0, 0.0, 0.0]), h * angle)
-                mujoco.mju_mulQuat(moved[quat : quat + 4], turn, q[quat : quat + 4])
-        return moved
-
-
-QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
-"""Where quaternion and angular velocity begin in a joint's coordinates."""
-
-
-def in_the_world(method: Method) -> Method:
-    """A method with angular velocities taken in the world's axes."""
-
-    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-        return method(WorldMotion(motion.model, motion.data, motion.forward), q, v, time, h)
-
-    return step
-
-
 def staged(
     stage: Callable[[Motion, State, State, tuple[Vector, Vector], float], State], fractions: Row = (0.5, 0.5, 1.0)
 ) -> Method:
@@ -180,14 +154,20 @@ def chained_positions(motion: Motion, start: State, here: State, slope: tuple[Ve
     return motion.move(here[0], slope[0], part), start[1] + part * slope[1]
 
 
-def chained_to_the_end(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-    """Stages and the final update all go on from where the last one stood: the state is never put back."""
-    position, velocity = q, v
-    velocities, slopes = [v], [motion.accelerate(q, v, time)]
-    for fraction in (0.5, 0.5, 1.0):
-        position = motion.move(position, velocities[-1], fraction * h)
-        velocity = velocity + fraction * h * slopes[-1]
-        velocities.append(velocity)
-        slopes.append(motion.accelerate(position, velocity, time + fraction * h))
-    weights = CLASSICAL_WEIGHTS
-    return motion.move(position, weighed(weights, velocities), h), velocity + h * weighed(weights, slopes)
+def chained_to_the_end(positions: bool = True, velocities: bool = True) -> Method:
+    """Stages and the final update go on from where the last one stood: positions, velocities or both are never put
+    back."""
+
+    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
+        speeds, slopes = [v], [motion.accelerate(q, v, time)]
+        position, velocity = q, v
+        for fraction in (0.5, 0.5, 1.0):
+            position = motion.move(position if positions else q, speeds[-1], fraction * h)
+            velocity = (velocity if velocities else v) + fraction * h * slopes[-1]
+            speeds.append(velocity)
+            slopes.append(motion.accelerate(position, velocity, time + fraction * h))
+        last, speed = position if positions else q, velocity if velocities else v
+        weights = CLASSICAL_WEIGHTS
+        return motion.move(last, weighed(weights, speeds), h), speed + h * weighed(weights, slopes)
+
+    return step

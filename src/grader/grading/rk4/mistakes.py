@@ -11,7 +11,6 @@ from grader.grading.rk4.methods import (
     chained_to_the_end,
     first_velocity,
     four_moves,
-    in_the_world,
     own_new_velocity,
     position_by_new_velocity,
     position_by_old_velocity,
@@ -19,14 +18,24 @@ from grader.grading.rk4.methods import (
     staged,
     tableau,
 )
+from grader.grading.rk4.rotations import (
+    in_the_world,
+    quaternion_derivative,
+    rate_in_the_world,
+    rate_without_the_half,
+)
 
 
 @dataclass(frozen=True)
 class WrongMethod:
-    """A mistake: the sentence for the student, and the method that makes it."""
+    """A mistake: the sentence for the student, and the method that makes it.
+
+    `on_rotations` is the sentence for models with quaternions, where it is another.
+    """
 
     sentence: str
     method: Method
+    on_rotations: str | None = None
 
 
 THIRDS: tuple[tuple[float, ...], ...] = ((1 / 3,), (-1 / 3, 1), (1, -1, 1))
@@ -54,15 +63,26 @@ GILL_WEIGHTS = (1 / 6, (2 - GILL) / 6, (2 + GILL) / 6, 1 / 6)
 
 OTHER_TABLEAU = "Fourth order, but not MuJoCo's tableau: this is {name}. MuJoCo uses the classical weights 1, 2, 2, 1."
 
+OTHER_TABLEAU_MOVED_ONCE = (
+    "This is {name} with one mj_integratePos for all slopes, which is of second order on rotations only. MuJoCo does "
+    "that with the classical weights 1, 2, 2, 1; another method counts where it is of fourth order on rotations too."
+)
+
+
+def other_tableau(name: str, method: Method) -> WrongMethod:
+    """A method of fourth order, but for rotations."""
+    return WrongMethod(OTHER_TABLEAU.format(name=name), method, OTHER_TABLEAU_MOVED_ONCE.format(name=name))
+
+
 METHODS: tuple[WrongMethod, ...] = (
     WrongMethod("This is explicit Euler: one slope a step, taken at its start.", tableau((), (1,))),
     WrongMethod("This is semi-implicit Euler: one acceleration a step, not four.", semi_implicit),
     WrongMethod("This is the midpoint method: second order, two slopes a step.", tableau(((1 / 2,),), (0, 1))),
     WrongMethod("This is Heun's method: second order, two slopes a step.", tableau(((1,),), (1 / 2, 1 / 2))),
     WrongMethod("This is Kutta's third-order method.", tableau(((1 / 2,), (-1, 2)), (1 / 6, 2 / 3, 1 / 6))),
-    WrongMethod(OTHER_TABLEAU.format(name="Kutta's 3/8 rule"), tableau(THIRDS, (1 / 8, 3 / 8, 3 / 8, 1 / 8))),
-    WrongMethod(OTHER_TABLEAU.format(name="Ralston's method"), tableau(RALSTON_STAGES, RALSTON_WEIGHTS)),
-    WrongMethod(OTHER_TABLEAU.format(name="Gill's method"), tableau(GILL_STAGES, GILL_WEIGHTS)),
+    other_tableau("Kutta's 3/8 rule", tableau(THIRDS, (1 / 8, 3 / 8, 3 / 8, 1 / 8))),
+    other_tableau("Ralston's method", tableau(RALSTON_STAGES, RALSTON_WEIGHTS)),
+    other_tableau("Gill's method", tableau(GILL_STAGES, GILL_WEIGHTS)),
     WrongMethod(
         "All four slopes have the same weight; the classical weights are 1, 2, 2, 1 over 6.",
         tableau(CLASSICAL_STAGES, (1 / 4,) * 4),
@@ -93,12 +113,24 @@ METHODS: tuple[WrongMethod, ...] = (
         tableau(CLASSICAL_STAGES, (0, 0, 0, 1)),
     ),
     WrongMethod(
+        "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it.",
+        tableau(CLASSICAL_STAGES, CLASSICAL_WEIGHTS, (0, 0, 0, 1)),
+    ),
+    WrongMethod(
+        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it.",
+        tableau(CLASSICAL_STAGES, (0, 0, 0, 1), CLASSICAL_WEIGHTS),
+    ),
+    WrongMethod(
         "Your last stage stands at half the step; it belongs at its end.",
         tableau(((1 / 2,), (0, 1 / 2), (0, 0, 1 / 2)), CLASSICAL_WEIGHTS),
     ),
     WrongMethod(
         "Your stages 2 and 3 stand at the end of the step; they belong at its middle.",
         tableau(((1,), (0, 1), (0, 0, 1)), CLASSICAL_WEIGHTS),
+    ),
+    WrongMethod(
+        "Your stage 3 stands at the end of the step; it belongs at its middle, like stage 2.",
+        tableau(((1 / 2,), (0, 1), (0, 0, 1)), CLASSICAL_WEIGHTS),
     ),
     WrongMethod(
         "Your stage 3 starts from the first slope again; it needs stage 2's velocity and acceleration.",
@@ -134,7 +166,16 @@ METHODS: tuple[WrongMethod, ...] = (
     ),
     WrongMethod(
         "The state is not put back between the stages: q and v alias data.qpos and data.qvel, so copy them.",
-        chained_to_the_end,
+        chained_to_the_end(),
+    ),
+    WrongMethod(
+        "The velocity is not put back between the stages: v aliases data.qvel, so copy it.",
+        chained_to_the_end(positions=False),
+    ),
+    WrongMethod(
+        "The positions are moved in place by every stage and at the end: put qpos back to the start of the step before "
+        "every mj_integratePos.",
+        chained_to_the_end(velocities=False),
     ),
     WrongMethod(
         "The position is advanced with the new velocity alone; it needs the weighted mean of the four stage "
@@ -155,5 +196,14 @@ METHODS: tuple[WrongMethod, ...] = (
         "The angular velocity of a free or ball joint is given in the body's axes, not the world's: turn the "
         "quaternion from the other side.",
         in_the_world(tableau(CLASSICAL_STAGES, CLASSICAL_WEIGHTS)),
+    ),
+    WrongMethod(
+        "The quaternion's derivative takes the angular velocity in the world's axes, as mju_derivQuat does; here it is "
+        "given in the body's, so it is quat * (0, omega) / 2.",
+        quaternion_derivative(rate_in_the_world),
+    ),
+    WrongMethod(
+        "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2.",
+        quaternion_derivative(rate_without_the_half),
     ),
 )

@@ -1,6 +1,6 @@
 """What became of each run: how far the student is from MuJoCo's method and from the truth, and what that counts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
@@ -31,7 +31,15 @@ Source: error constants of the classical fourth-order tableaus lie within a fact
 """
 
 TRUTH_FLOOR = 1e-10
-"""Below this, an error is round-off, not order."""
+"""Below this, an error is round-off, not order: left out of the fit of an order.
+
+Source: the truth of a case is exact to 1e-11; methods that choose their own substeps stop at about 3e-11.
+"""
+
+FEWEST = 3
+"""Points through which a slope is laid."""
+
+ORDER = 4.0
 
 MUJOCO_ORDER = 2.0
 """On rotations. Source: slope 2.00 measured with MuJoCo 3.14.0's RK4."""
@@ -98,21 +106,55 @@ class Outcome:
 
 @dataclass(frozen=True)
 class OrderOutcome:
-    """The observed order on the first case; None where the errors show none."""
+    """The errors on the first case at every timestep, and the order that they show.
+
+    `ignores_timestep`: the states after each step were the same at every timestep.
+    """
 
     check: OrderCheck
     errors: tuple[float, ...]
+    ignores_timestep: bool
+    coarsest: Run
+    truth: Truth
+
+    @cached_property
+    def finite(self) -> bool:
+        """Whether every run reached its end."""
+        return all(isfinite(error) for error in self.errors)
 
     @cached_property
     def slope(self) -> float | None:
-        """Of log error over log timestep."""
-        if not all(isfinite(error) and error > 0 for error in self.errors):
+        """Of log error over log timestep, without the errors that are round-off; None where too few are left."""
+        points = [
+            (h, error) for h, error in zip(self.check.timesteps_s, self.errors, strict=True) if error > TRUTH_FLOOR
+        ]
+        if not self.finite or len(points) < FEWEST:
             return None
-        return observed_order(self.check.timesteps_s, self.errors).order
+        return observed_order(*zip(*points, strict=True)).order
 
     def is_about(self, order: float) -> bool:
         """Whether the slope is this order."""
         return self.slope is not None and abs(self.slope - order) <= self.check.tolerance
+
+    @cached_property
+    def is_fourth(self) -> bool:
+        """Fourth order or more, or errors as small as those of a fourth-order method.
+
+        The latter decides alone where the slope is steeper, which may come of a run that went wild at the largest
+        timestep, and where too few errors are left for a slope.
+        """
+        if not self.finite or self.ignores_timestep:
+            return False
+        if self.slope is not None and self.slope < ORDER + self.check.tolerance:
+            return self.is_about(ORDER)
+        return self.is_accurate
+
+    @cached_property
+    def is_accurate(self) -> bool:
+        """Whether no error is larger than that of a fourth-order method may be at its timestep."""
+        ours = self.truth.error(self.coarsest, fourth_order(self.coarsest))
+        allowed = (NEARNESS * ours * (h / self.coarsest.timestep_s) ** ORDER for h in self.check.timesteps_s)
+        return all(error <= most + TRUTH_FLOOR for error, most in zip(self.errors, allowed, strict=True))
 
 
 def judge_cases(problem: Problem, results: Mapping[str, NDArray[np.generic]]) -> list[Outcome]:
@@ -130,6 +172,15 @@ def judge_order(problem: Problem, results: Mapping[str, NDArray[np.generic]]) ->
     if check is None:
         return None
     truth = truth_of(problem, 0)
-    runs = [(problem.runs[index], index) for index in problem.order_runs]
-    errors = tuple(truth.error(run, read_trajectory(results, index, run)) for run, index in runs)
-    return OrderOutcome(check, errors)
+    runs = [problem.runs[index] for index in problem.order_runs]
+    students = [read_trajectory(results, index, run) for index, run in zip(problem.order_runs, runs, strict=True)]
+    errors = tuple(truth.error(run, student) for run, student in zip(runs, students, strict=True))
+    coarsest = max(runs, key=lambda run: run.timestep_s)
+    return OrderOutcome(check, errors, all_alike(students), coarsest, truth)
+
+
+def all_alike(students: Sequence[Trajectory]) -> bool:
+    """Whether the states after each step are the same in all runs, and do move."""
+    rows = min(map(len, students))
+    one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
+    return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)

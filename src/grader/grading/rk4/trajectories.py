@@ -95,7 +95,10 @@ def sup(values: Rows) -> Rows:
 
 
 def turned(run: Run, one: Rows, other: Rows) -> Rows:
-    """From positions `one` to `other` as tangent vectors (n, nv)."""
+    """From positions `one` to `other` as tangent vectors (n, nv).
+
+    The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
+    """
     if len(run.qpos) == len(run.qvel):
         return other - one
     model = run.scene().model
