@@ -91,6 +91,31 @@ def test_a_right_script_exits_0_and_a_wrong_one_1() -> None:
         assert done.returncode == code
 
 
+def test_reference_programs_that_cannot_be_read_are_faults_with_their_names(tmp_path: Path) -> None:
+    folder = tmp_path / "reference_solutions/one/q1"
+    for made in ("models", "quizzes", "reference_solutions/one/q1/correct__folder.py"):
+        (tmp_path / made).mkdir(parents=True)
+    (tmp_path / "quizzes/one.json").write_text(
+        '{"id": "one", "title": "One", "questions": [{"kind": "numeric", "q": "?", "answer": 1}]}'
+    )
+    (folder / "correct__latin.py").write_bytes(b"# \xe9\n")
+    (folder / "correct__long.py").write_bytes(b"#" * 300_000)
+    (folder / "correct__link.py").symlink_to("nowhere.py")
+    (folder / "._correct__link.py").write_bytes(b"\0\5")
+    (folder / "correct__number.py").write_text("1")
+    done = grader("check", "--json", content=tmp_path)
+    assert done.returncode == 2
+    told = {Path(fault["file"]).stem: fault["why"] for fault in json.loads(done.stdout)["faults"]}
+    assert {name: why.split(":")[0] for name, why in told.items() if name != "correct__number"} == {
+        "correct__folder": "is no file of the content folder",
+        "correct__latin": "is not UTF-8",
+        "correct__link": "is no file of the content folder",
+        "correct__long": "is larger than 256 KB",
+    }
+    assert "correct__number" in told
+    assert grader("check", content=tmp_path).stdout.count("reference_solutions/one/q1/") == 5
+
+
 @pytest.fixture
 def broken_content(tmp_path: Path) -> Path:
     """A copy of the content with five faults planted."""

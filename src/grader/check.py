@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from grader.certify import certify_question
+from grader.domain.run import SOURCE_BYTES_MAX
 from grader.domain.verdict import Status
-from grader.errors import ContentError, Fault, NotFound
+from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFound
 from grader.library import Library, load
+from grader.library.files import list_files, read_text
 from grader.pipeline import Pipeline
 
 Say = Callable[[str], None]
@@ -57,7 +59,9 @@ def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextM
         return report
     report.warnings.extend(library.warnings)
     certify_library(library, path.resolve(), report, say)
-    references = [reference for reference in find_references(library.root) if within(reference.path, path.resolve())]
+    found = [item for item in find_references(library.root) if within(library.root / item.file, path.resolve())]
+    report.faults.extend(item for item in found if isinstance(item, Fault))
+    references = [item for item in found if isinstance(item, Reference)]
     if references:
         with pipeline_for(library) as pipeline:
             grade_references(pipeline, references, report, say)
@@ -88,42 +92,44 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
 
 @dataclass(frozen=True)
 class Reference:
-    """A program of reference_solutions/<quiz>/<question>/<status>__<why>.py."""
+    """A program of reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root."""
 
-    path: Path
+    file: str
+    source: str
     quiz: str
     question: str
     status: str
     diagnosis: str | None
 
 
-def find_references(root: Path) -> Iterator[Reference]:
-    """Every reference program; its first line may demand a diagnosis: `# diagnosis: part of the sentence`."""
-    for path in sorted((root / "reference_solutions").glob("*/*/*.py")):
-        first = path.read_text(encoding="utf-8").partition("\n")[0]
+def find_references(root: Path) -> Iterator[Reference | Fault]:
+    """Every reference program, or why it cannot be read; its first line may demand a diagnosis: `# diagnosis: ...`."""
+    for file in list_files(root, "reference_solutions", "*/*/*.py"):
+        source = read_text(root, file, SOURCE_BYTES_MAX)
+        if isinstance(source, Fault):
+            yield source
+            continue
+        first = source.partition("\n")[0]
         diagnosis = first.removeprefix("# diagnosis:").strip() if first.startswith("# diagnosis:") else None
-        quiz, question = path.parts[-3:-1]
-        yield Reference(path, quiz, question, path.stem.partition("__")[0], diagnosis)
+        _, quiz, question, name = Path(file).parts
+        yield Reference(file, source, quiz, question, Path(name).stem.partition("__")[0], diagnosis)
 
 
 def grade_references(pipeline: Pipeline, references: list[Reference], report: Report, say: Say) -> None:
     """Every reference program must get the status in its name and the diagnosis in its first line."""
-    root = pipeline.library.root
     with ThreadPoolExecutor(max_workers=2) as pool:
         for reference, outcome in zip(references, pool.map(lambda r: grade_one(pipeline, r), references), strict=True):
-            name = reference.path.relative_to(root).as_posix()
-            say(f"{name}: {outcome['got']}")
-            report.references.append({"file": name, "expected": reference.status, **outcome})
-            report.faults.extend(Fault(name, reference.status, why) for why in complaints(reference, outcome))
+            say(f"{reference.file}: {outcome['got']}")
+            report.references.append({"file": reference.file, "expected": reference.status, **outcome})
+            report.faults.extend(Fault(reference.file, reference.status, why) for why in complaints(reference, outcome))
 
 
 def grade_one(pipeline: Pipeline, reference: Reference) -> dict[str, Any]:
     """What a reference program got."""
     try:
-        source = reference.path.read_text(encoding="utf-8")
-        verdict = pipeline.grade(reference.quiz, reference.question, {"source": source})
-    except NotFound as error:
-        return {"got": "not found", "diagnosis": str(error)}
+        verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.source})
+    except (CallerError, InvalidAnswer) as error:
+        return {"got": "not found" if isinstance(error, NotFound) else "no verdict", "diagnosis": str(error)}
     return {"got": verdict.status.value, "diagnosis": verdict.diagnosis}
 
 

@@ -160,6 +160,30 @@ def test_a_threshold_of_a_model_in_the_folder() -> None:
     assert "derived 20.1" in refused.why
 
 
+@pytest.mark.parametrize("start", [{"qpos": [1.0]}, {"key": 0}, {"qvel": [1.0]}, {"qpos": [0.5], "qvel": [-1.0]}])
+@pytest.mark.parametrize(("integrator", "limit_ms"), [("Euler", 20.004), ("implicitfast", 25.004), ("RK4", 33.05)])
+def test_a_threshold_for_ever_from_any_start(start: dict[str, Any], integrator: str, limit_ms: float) -> None:
+    fields = {"model.actuator_gainprm[0]": 2000, "model.actuator_biasprm[1]": -2000, "model.actuator_biasprm[2]": -5}
+    weightless = {**fields, "model.opt.gravity[2]": 0}
+    verify = {"by": "threshold", "model": "pendulum_servo", "set": weightless, "integrator": integrator, **start}
+    # Source: closed forms with K = kp, I = 0.2501 kg m2: h = (sqrt(c^2 + 4 I K) -+ c) / K.
+    assert certify(numeric(limit_ms, 0.1, "ms", **verify)).ok
+
+
+@pytest.mark.parametrize(
+    ("answer", "tol", "more", "why"),
+    [
+        (5.0, 0.0, {}, "the tolerance is 0"),
+        (5.0, 0.0, {"criterion": "no_warning"}, "the tolerance is 0"),
+        (5.0, 0.1, {"qvel": [0.0]}, "nothing moves from this start"),
+        (50.0, 400.0, {}, "derived 4.99"),
+    ],
+)
+def test_why_a_threshold_cannot_be_certified(answer: float, tol: float, more: dict[str, Any], why: str) -> None:
+    verify = {"by": "threshold", "servo": {"inertia": 0.05, "kv": 20}, **more}
+    assert why in certify(numeric(answer, tol, "ms", **verify)).why
+
+
 def test_a_measurement_must_be_known_to_a_fifth_of_the_tolerance() -> None:
     period = {
         "by": "measurement",

@@ -205,6 +205,14 @@ def test_a_quiz_outside_the_folder_is_not_followed(root: Path) -> None:
     assert "out of the content folder" in told(root)["path"]
 
 
+def test_what_editors_and_macos_leave_behind_is_no_content(root: Path) -> None:
+    (root / "quizzes/.#quiz.json").symlink_to("someone@somewhere.1234")
+    (root / "quizzes/._quiz.json").write_bytes(b"\0\5\x16\7")
+    (root / "models/._ball.xml").write_bytes(b"\0\5\x16\7")
+    library = load(root)
+    assert (set(library.quizzes), set(library.models)) == ({"quiz"}, {"ball"})
+
+
 def test_a_folder_without_quizzes(tmp_path: Path) -> None:
     assert [(fault.file, fault.key) for fault in faults(tmp_path)] == [("quizzes", "*.json")]
 

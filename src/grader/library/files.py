@@ -8,9 +8,13 @@ QUIZ_BYTES_MAX = 1 << 20
 MODEL_BYTES_MAX = 4 << 20
 
 
-def list_files(root: Path, folder: str, suffix: str) -> list[str]:
-    """The files of one folder, by path relative to the root, in order of name."""
-    return sorted(path.relative_to(root).as_posix() for path in (root / folder).glob(f"*{suffix}"))
+def list_files(root: Path, folder: str, pattern: str) -> list[str]:
+    """The files of one folder that fit a glob pattern, by path relative to the root, in order of name.
+
+    Names that begin with a dot are left out: editors and macOS put such files beside an author's own.
+    """
+    found = (path.relative_to(root) for path in (root / folder).glob(pattern))
+    return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
 
 
 def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:

@@ -44,7 +44,7 @@ def load(root: Path) -> Library:
     """
     now = _Loading(root)
     _load_models(now)
-    names = list_files(root, "quizzes", ".json")
+    names = list_files(root, "quizzes", "*.json")
     if not names:
         now.faults.append(Fault("quizzes", "*.json", f"no quiz in {root.name or root}: is this a content folder?"))
     for name in names:
@@ -63,7 +63,7 @@ def load(root: Path) -> Library:
 
 
 def _load_models(now: _Loading) -> None:
-    for file in list_files(now.root, "models", ".xml"):
+    for file in list_files(now.root, "models", "*.xml"):
         xml = read_text(now.root, file, MODEL_BYTES_MAX)
         if isinstance(xml, Fault):
             now.faults.append(xml)
