@@ -4,9 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from grader import advise as procedure
 from grader.advise import DISCRETE, IMPLICITFAST, RK4, advise, loses_energy, scene_of
 from grader.bench.scenes import scene_path, scene_text
 from grader.errors import ContentError, Unprocessable
+from numerics.models import DELAY, RUNAWAY, TWO_FREE_BODIES, hinge
 
 
 def test_energy_is_conserved_so_rk4_is_tried_and_wins() -> None:
@@ -63,6 +65,9 @@ def test_the_table_shows_what_was_measured() -> None:
         (scene_text("servo"), "data.qpos[9]", None, None, Unprocessable),
         (scene_text("servo"), None, -1.0, None, Unprocessable),
         (scene_text("servo"), None, None, 0.0, Unprocessable),
+        (scene_text("servo"), None, None, 2e7, Unprocessable),
+        (scene_text("servo"), None, None, float("inf"), Unprocessable),
+        (TWO_FREE_BODIES.replace("<mujoco>", '<mujoco><size memory="20K"/>'), None, None, 3.0, Unprocessable),
     ],
 )
 def test_what_means_nothing_is_refused(
@@ -85,3 +90,30 @@ def test_what_can_lose_energy_is_told(change: tuple[str, str], why: str) -> None
     reason = loses_energy(scene_of(scene_text("double_pendulum").replace(*change)))
     assert reason is not None
     assert why in reason
+
+
+def test_energy_is_a_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(procedure, "cpu_ratio", lambda *_: 1.0)
+    advice = advise(scene_path("double_pendulum"), "lib.energy().total", tol=1e-3, seconds=0.2)
+    assert min(row.candidate.error for row in advice.rows if row.candidate.integrator == IMPLICITFAST) > 1e-5
+    assert "never changes" not in advice.reason
+
+
+@pytest.mark.parametrize(("quantity", "said"), [("model.body_mass[1]", "never changes"), (None, "nothing moves")])
+def test_an_error_of_what_never_changes_says_nothing(quantity: str | None, said: str) -> None:
+    assert said in advise(hinge(), quantity, seconds=0.02).reason
+
+
+@pytest.mark.parametrize(("model", "said"), [(RUNAWAY, "without bound"), (DELAY, "delay")])
+def test_what_cannot_be_told_is_said(model: str, said: str) -> None:
+    advice = advise(model, seconds=1.0)
+    assert (advice.choice, advice.rows) == (None, ())
+    assert f"cannot tell: {'the motion' if model is RUNAWAY else 'a delay'}" in advice.reason
+    assert said in advice.reason
+
+
+@pytest.mark.parametrize("damping", ["0", "0.1"])
+def test_what_is_unstable_in_truth_is_no_fault_of_the_step(damping: str) -> None:
+    upright = hinge(f"damping='{damping}'").replace("0 0 -0.5", "0 0 0.5")
+    assert procedure.binding_stiffness(scene_of(upright).at(qpos=[0.1]), 0.2) is None
+    assert procedure.binding_stiffness(scene_of(RUNAWAY), 1.0) is None

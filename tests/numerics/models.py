@@ -146,4 +146,10 @@ OWN = {
     "flex": FLEX,
 }
 
+DELAY = hinge("damping='0.5'", rest="<actuator><position joint='hinge' kp='20' delay='0.01' nsample='20'/></actuator>")
+RUNAWAY = hinge(
+    rest="""<actuator><general joint="hinge" biastype="affine" biasprm="0 0 60" gainprm="1"/></actuator>
+    <keyframe><key qpos="0.1"/></keyframe>"""
+)
+
 ALL = LESSON | OWN

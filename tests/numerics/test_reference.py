@@ -1,18 +1,19 @@
 """References against second sources, and Richardson's estimate against the true error."""
 
 from collections.abc import Callable
-from math import cos, pi
+from math import cos, inf, nan, pi, sin
 
 import numpy as np
 import pytest
 from scipy import special
 
+from grader.numerics import reference as references
 from grader.numerics.convergence import distance
 from grader.numerics.equations import DoublePendulum, Pendulum
 from grader.numerics.reference import dop853, richardson, sample_times, solve
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene, Vector
-from numerics.models import ALL, CUBE, LESSON
+from numerics.models import ALL, CUBE, DELAY, LESSON, RUNAWAY, hinge
 
 TIMES = sample_times(1.0, 0.02)
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
@@ -72,6 +73,64 @@ def test_torque_free_spin_about_a_principal_axis() -> None:
 def test_contacts_have_no_smooth_reference() -> None:
     with pytest.raises(ValueError, match="contacts"):
         dop853(Scene.from_xml(CUBE), TIMES)
+
+
+@pytest.mark.parametrize(
+    ("scene", "why"),
+    [
+        (DELAY, "delays"),
+        (ALL["activations"], "limited activations"),
+        (
+            hinge(rest="<actuator><dcmotor joint='hinge' motorconst='1' resistance='1' inductance='1'/></actuator>"),
+            "dcmotor",
+        ),
+        (hinge(rest="<option><flag sleep='enable'/></option>"), "sleeping"),
+    ],
+)
+def test_what_acts_step_by_step_has_no_reference(scene: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        dop853(Scene.from_xml(scene), TIMES)
+
+
+def test_an_early_activation_acts_at_once_in_the_limit() -> None:
+    """The model's own timestep, 2 ms, moves the motion by 7e-4 rad."""
+    filtered = "<general joint='hinge' dyntype='filterexact' dynprm='0.1' gainprm='2' actearly='true'/>"
+    scene = Scene.from_xml(hinge("damping='0.5'", rest=f"<actuator>{filtered}</actuator>")).at(ctrl=[1.0])
+
+    def by_hand(_time: float, y: Vector) -> list[float]:
+        q, v, act = y.tolist()
+        return [v, (2 * act - 0.5 * v - 9.81 * 0.5 * sin(q)) / 0.251, (1 - act) / 0.1]
+
+    states = solve(by_hand, np.zeros(3), TIMES)
+    assert np.abs(dop853(scene, TIMES).qpos - states[:, :1]).max() < 1e-12
+
+
+@pytest.mark.parametrize("times", [[], [0.0], [-1.0, 1.0], [1.0, 0.5], [0.1, 0.1], [nan], [0.1, nan, 0.3], [inf]])
+def test_times_that_do_not_go_on_are_refused(times: list[float]) -> None:
+    with pytest.raises(ValueError, match="ascend"):
+        dop853(PENDULUM, times)
+
+
+def test_times_beyond_the_clock_are_refused() -> None:
+    with pytest.raises(ValueError, match="ascend"):
+        dop853(PENDULUM.at(time_s=1e17), [0.1])
+
+
+@pytest.mark.parametrize("rate", [inf, nan])
+def test_rates_that_are_no_numbers_end_it_at_once(rate: float) -> None:
+    with pytest.raises(RuntimeError, match="without bound"):
+        solve(lambda _time, _state: [rate], np.ones(1), [1.0])
+
+
+def test_a_motion_that_grows_without_bound_ends() -> None:
+    with pytest.raises(RuntimeError, match="without bound"):
+        dop853(Scene.from_xml(RUNAWAY, key=0), [2.0], rtol=1e-6)
+
+
+def test_it_gives_up_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(references, "EVALUATIONS_MAX", 1000)
+    with pytest.raises(RuntimeError, match="gave up after 1008 evaluations"):
+        dop853(DOUBLE, [20.0])
 
 
 def test_a_quaternion_and_its_negative_are_the_same_rotation() -> None:

@@ -4,11 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
+from grader.domain.lab import IntegratorsLab
+from grader.labs.integrators import run_integrators
 from grader.numerics.measures import energy, measure
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import CHUNK, STEPS_MAX
-from numerics.models import ALL, LESSON
+from grader.numerics.workspace import BARE_AFTER
+from numerics.models import ALL, LESSON, SENSORS
 
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
 SERVO = Scene.from_xml(LESSON["pendulum_servo"].replace('kp="100"', 'kp="2000"')).at(qpos=[1.0])
@@ -159,3 +162,66 @@ def test_energy_is_the_engines() -> None:
 
     by_engine = measure(DOUBLE.changed(enabled), run, lambda _model, data: float(data.energy.sum()))
     assert energy(DOUBLE, run).tolist() == by_engine.tolist()
+
+
+def test_energy_is_computed_for_a_quantity() -> None:
+    run = simulate(DOUBLE, seconds=1, every=50)
+    assert measure(DOUBLE, run, lambda _model, data: float(data.energy.sum())) == pytest.approx(energy(DOUBLE, run))
+
+
+def test_what_a_quantity_writes_is_its_own() -> None:
+    run = simulate(DOUBLE, steps=100)
+
+    def spoil(model: mujoco.MjModel, _data: mujoco.MjData) -> float:
+        model.body_mass[1] = 50
+        return 0.0
+
+    measure(DOUBLE, run, spoil)
+    for skip in (True, False):
+        assert simulate(DOUBLE, steps=100, skip=skip).qpos.tobytes() == run.qpos.tobytes()
+
+
+def test_energies_of_a_lab_of_integrators_are_its_own() -> None:
+    lab = IntegratorsLab(id="x", kind="integrators", model="pendulum")
+    run_integrators(lab, LESSON["pendulum"], seconds=0.01)
+    with Scene.from_xml(LESSON["pendulum"]).borrow() as workspace:
+        assert workspace.option.enableflags == 0
+
+
+def test_a_stepper_may_read_anything() -> None:
+    scene, seen = Scene.from_xml(SENSORS).at(qpos=[1.0]), []
+
+    def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        mujoco.mj_step(model, data)
+        seen.append((data.sensordata.tobytes(), data.site("tip").xpos.tobytes()))
+
+    simulate(scene, steps=BARE_AFTER, every=STEPS_MAX)
+    for skip in (True, False):
+        simulate(scene, steps=20, stepper=step, skip=skip)
+    assert seen[:20] == seen[20:]
+
+
+def test_a_stepper_that_writes_its_model_is_refused() -> None:
+    before = simulate(DOUBLE, steps=100).qpos.tobytes()
+
+    def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        model.opt.gravity[2] = -1.0
+        mujoco.mj_step(model, data)
+
+    with pytest.raises(ValueError, match="may not write its model"):
+        simulate(DOUBLE, steps=3, stepper=step)
+    for skip in (True, False):
+        assert simulate(DOUBLE, steps=100, skip=skip).qpos.tobytes() == before
+
+
+@pytest.mark.parametrize("every", [1, 13, STEPS_MAX])
+def test_a_buffer_that_fills_up_ends_the_run_however_it_is_kept(every: int) -> None:
+    """MuJoCo warns, and a few steps later it runs out of memory altogether."""
+    boxes = "".join(
+        f"<body pos='{0.05 * i} {0.05 * i} {0.1 + 0.25 * i}'><freejoint/><geom type='box' size='.1 .1 .1'/></body>"
+        for i in range(2)
+    )
+    pile = f"""<mujoco><size memory="25K"/><option solver="PGS" jacobian="sparse"/>
+    <worldbody><geom type="plane" size="5 5 0.1"/>{boxes}</worldbody></mujoco>"""
+    run = simulate(Scene.from_xml(pile), steps=300, every=every)
+    assert (run.diverged_at_step, run.warning) == (51, WARNING.mjWARN_CNSTRFULL)

@@ -4,8 +4,8 @@ import mujoco
 import pytest
 
 from grader.numerics.scene import Scene
-from grader.numerics.selection import TIMESTEPS_S, named, select
-from numerics.models import ALL, LESSON
+from grader.numerics.selection import TIMESTEPS_S, Quantity, named, select
+from numerics.models import ALL, DELAY, LESSON, RUNAWAY, hinge
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
@@ -85,3 +85,31 @@ def test_names_are_spelt_as_in_the_lesson() -> None:
     chosen = select(DOUBLE, tolerance=1e-4, seconds=0.1)
     spoken = {named(c).split(" at ")[0] for c in chosen.candidates}
     assert spoken == {"Euler", "RK4", "implicit", "implicitfast", "discrete"}
+
+
+@pytest.mark.parametrize("quantity", [None, lambda _model, data: float(data.qpos[0])])
+def test_timesteps_must_divide_the_samples(quantity: Quantity | None) -> None:
+    with pytest.raises(ValueError, match="divide"):
+        select(DOUBLE, tolerance=1e-2, seconds=0.2, quantity=quantity, timesteps_s=(0.003,))
+
+
+def test_a_run_of_too_many_steps_is_refused_at_once() -> None:
+    with pytest.raises(ValueError, match="may last 500 s"):
+        select(DOUBLE, tolerance=1e-2, seconds=1e9)
+
+
+@pytest.mark.parametrize(("scene", "why"), [(RUNAWAY, "without bound"), (DELAY, "delay")])
+def test_what_has_no_reference_cannot_be_told(scene: str, why: str) -> None:
+    moving = Scene.from_xml(scene).at(qpos=[0.1], qvel=[1e8 if scene is RUNAWAY else 0])
+    chosen = select(moving, tolerance=1e-2, seconds=0.2)
+    assert (chosen.best, chosen.candidates) == (None, ())
+    assert chosen.reason.startswith("cannot tell")
+    assert why in chosen.reason
+
+
+def test_limited_activations_are_held_against_fine_steps() -> None:
+    """DOP853 would go on beyond the limit, which the activation reaches after 0.1 s."""
+    integrator = "<intvelocity joint='hinge' kp='3' actrange='-.1 .1'/>"
+    limited = Scene.from_xml(hinge("damping='.5'", rest=f"<actuator>{integrator}</actuator>")).at(ctrl=[1])
+    chosen = select(limited, tolerance=1e-2, seconds=0.5, timesteps_s=(0.001, 0.002))
+    assert chosen.best is not None

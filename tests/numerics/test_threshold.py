@@ -8,8 +8,8 @@ from grader.numerics.linear import differenced_map, equilibrium, one_step_map
 from grader.numerics.scene import Scene
 from grader.numerics.search import find_threshold, spectral_limit
 from grader.numerics.servo import Servo
-from grader.numerics.threshold import Criterion, Found, Outcome, certify
-from numerics.models import ALL, LESSON
+from grader.numerics.threshold import Criterion, Found, Outcome, certify, try_timestep
+from numerics.models import ALL, DELAY, LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
 US = 1e-6
@@ -139,3 +139,76 @@ def test_an_equilibrium_is_where_nothing_accelerates() -> None:
 
 def falling(model: mujoco.MjModel) -> None:
     model.opt.gravity[2] = -9.81
+
+
+def pendulum(name: str, z: float = -0.5, joint: str = "") -> str:
+    return f"""<body><joint name="{name}" axis="0 1 0" {joint}/>
+    <inertial pos="0 0 {z}" mass="1" diaginertia="1e-4 1e-4 1e-4"/></body>"""
+
+
+def scene(bodies: str, actuators: str) -> Scene:
+    return Scene.from_xml(f"<mujoco><worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>")
+
+
+SOFT = "<position joint='a' kp='20' kv='0'/>"
+"""Its limit for ever is 0.2004 s; beyond, gravity bounds the motion, and MuJoCo never warns."""
+WHIRL = scene(pendulum("a"), SOFT)
+DAMPED = scene(pendulum("a") + pendulum("b", joint="damping='1e4'"), SOFT)
+FREE = "<body pos='5 0 1'><freejoint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></body>"
+FALLING = scene(pendulum("a") + FREE, SOFT)
+BRAKE = "<velocity joint='a' kv='60' forcerange='-20 20'/>"
+UPRIGHT = scene(pendulum("a", z=0.5), BRAKE)
+
+
+@pytest.mark.parametrize(
+    ("moving", "timestep_s"),
+    [
+        (WHIRL.at(qvel=[1]), 0.215),
+        (WHIRL.at(qvel=[1e-3]), 0.215),
+        (scene(pendulum("a"), SOFT.replace("kv='0'", "kv='0.01'")).at(qpos=[1e6]), 0.204),
+        (DAMPED.at(qpos=[1, 0], qvel=[0, 100]), 0.215),
+        (FALLING.at(qpos=[1, 5, 0, 1, 1, 0, 0, 0]), 0.215),
+        (UPRIGHT.at(qpos=[1]), 0.01),
+        (UPRIGHT.at(qpos=[1]), 2.2),
+    ],
+    ids=["pushed", "nudged", "far out", "beside a larger motion", "beside a fall", "upright", "far beyond the limit"],
+)
+def test_what_only_something_bounds_is_not_stable(moving: Scene, timestep_s: float) -> None:
+    trial = try_timestep(moving, timestep_s, max(30, 300 * timestep_s), integrator=EULER)
+    assert trial.outcome is Outcome.UNDECIDED
+    assert "large ones are bounded" in trial.reason
+
+
+@pytest.mark.parametrize(
+    ("moving", "timestep_s", "integrator"),
+    [
+        (WHIRL.at(qvel=[1]), 0.2, EULER),
+        (DAMPED.at(qpos=[1, 0], qvel=[0, 100]), 0.2, EULER),
+        (UPRIGHT.at(qpos=[1]), 0.002, EULER),
+        (scene(pendulum("a", z=0.5), "").at(qpos=[1]), 0.05, RK4),
+    ],
+    ids=["pushed", "beside a larger motion", "upright", "upright and long steps"],
+)
+def test_what_moves_on_as_it_does_in_truth_is_stable(moving: Scene, timestep_s: float, integrator: int) -> None:
+    assert try_timestep(moving, timestep_s, 30, integrator=integrator).outcome is Outcome.STABLE
+
+
+def test_what_mujoco_cannot_do_is_undecided() -> None:
+    delayed = try_timestep(Scene.from_xml(DELAY).at(qpos=[1]), 0.002, 3)
+    assert (delayed.outcome, "delays are not supported" in delayed.reason) == (Outcome.UNDECIDED, True)
+
+
+def test_a_bracket_that_goes_down_is_refused() -> None:
+    with pytest.raises(ValueError, match="goes up"):
+        certify(SERVO, 0.0204, 0.02)
+
+
+@pytest.mark.parametrize("scan_step_s", [0.0, -1.0, float("nan")])
+def test_a_scan_in_no_steps_is_refused(scan_step_s: float) -> None:
+    with pytest.raises(ValueError, match="cannot scan"):
+        find_threshold(SERVO, low_s=0.01, high_s=0.02, scan_step_s=scan_step_s)
+
+
+def test_the_closed_form_does_not_cancel() -> None:
+    """With kp << kv the damper alone counts: 2 I / kv."""
+    assert Servo(1.0, 1e-9, 1e3).euler_s == pytest.approx(2e-3, rel=1e-12)

@@ -21,10 +21,11 @@ STEPS_MIN = 16
 STEPS_EXTENDED = 64
 """Growth of 1.44 a step reaches MuJoCo's limit of 1e10 within this many steps."""
 
-DECAYED = 1e-6
+DECAYED = 1e-10
 """A run in which every joint's motion fell below this share of its first one needs no second look.
 
-Source: the lesson's damper leaves 1e-13 after 3 s; a motion that something bounds begins at most 1e5 times as large.
+Source: the lesson's damper leaves 1e-14 after 3 s; MuJoCo takes no start beyond 1e10, so that less than 1 rad/s2 or
+m/s2 is left in any case.
 """
 
 
