@@ -16,9 +16,15 @@ from grader.library import Library, load
 from grader.library.json_text import parse_json
 
 XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
+HINGE = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
 MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1}
 NUMERIC = {"kind": "numeric", "q": "How long?", "answer": 5, "tol": 0.05, "unit": "ms"}
 OPEN = {"kind": "open", "q": "Why?", "reference": "Because."}
+CODE = {"kind": "code", "q": "Do", "entry": "f"}
+RK4: dict[str, Any] = {
+    **CODE,
+    "check": {"kind": "rk4", "order": None, "cases": [{"id": "a", "xml": HINGE, "steps": 2}]},
+}
 SIM = {
     "model": "ball",
     "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0.001, "max": 0.01, "step": 0.001, "value": 0.002}],
@@ -122,6 +128,10 @@ def test_five_faults_in_five_places_are_named_at_once(root: Path) -> None:
         ({**NUMERIC, "verify": {"by": "thought"}}, "q1.verify.by", "there is no 'thought': one of 'options'"),
         ({**NUMERIC, "verify": {"bye": "stage"}}, "q1.verify.by", "is missing: rename 'bye' (options"),
         ({**NUMERIC, "verify": {"by": "expression", "expr": "5", "model": "bell"}}, "q1.verify.model", "there is no"),
+        ({**OPEN, "verify": {"by": "expression", "expr": "5"}}, "q1.verify", "open has no key"),
+        ({**RK4, "verify": {"by": "expression", "expr": "5"}}, "q1.verify", "code has no key"),
+        ({**RK4, "check": {**RK4["check"], "toll": 1}}, "q1.check.toll", "unknown key: remove it, or begin it with x-"),
+        ({**PREDICT, "sim": {"xml": "<mujoco>\n<bad/></mujoco>"}}, "q1.sim.xml", "does not compile: XML Error: Schema"),
         ({**PREDICT, "sim": {"model": "../x"}}, "q1.sim.model", "there is no models/../x.xml: take one of ball"),
     ],
 )
@@ -224,8 +234,46 @@ def test_a_model_that_does_not_compile_says_why(root: Path) -> None:
     assert "sizee" in fault.why and "line 2" in fault.why
 
 
+OTHER_FILES = {
+    "include": '<include file="part.xml"/>',
+    "mesh 't'": '<asset><mesh name="t" file="t.stl"/></asset>',
+    "texture": '<asset><texture type="cube" fileup="a.png"/></asset>',
+    "hfield": '<asset><hfield file="a.png" size="1 1 1 1"/></asset>',
+    "skin": '<deformable><skin file="a.skn"/></deformable>',
+    "model": '<asset><model file="part.xml"/></asset>',
+    "flexcomp 'f'": '<worldbody><flexcomp name="f" type="gmsh" file="a.msh"/></worldbody>',
+}
+
+
+@pytest.mark.parametrize("element", OTHER_FILES)
+def test_a_model_stands_on_its_own(root: Path, monkeypatch: pytest.MonkeyPatch, element: str) -> None:
+    monkeypatch.chdir(root / "models")
+    xml = f"<mujoco>{OTHER_FILES[element]}</mujoco>"
+    Path("part.xml").write_text(XML)
+    Path("whole.xml").write_text(xml)
+    (fault,) = faults(root)
+    assert (fault.file, fault.key) == ("models/whole.xml", "model")
+    assert f"<{element}> refers to" in fault.why
+    Path("whole.xml").unlink()
+    threshold = {"by": "threshold", "xml": xml}
+    exercise = {"kind": "rk4", "cases": [{"id": "a", "xml": [xml]}]}
+    labs = [{"id": "lab", "kind": "simlab", "xml": xml}]
+    questions = [{**NUMERIC, "verify": threshold}, {**PREDICT, "sim": {"xml": xml}}, {**CODE, "check": exercise}]
+    write(root, *questions, labs=labs)
+    assert {key: f"<{element}> refers to" in why for key, why in told(root).items()} == dict.fromkeys(
+        ("q1.verify.xml", "q2.sim.xml", "q3.check.cases.0.xml", "lab.xml"), True
+    )
+
+
+def test_an_empty_file_name_and_assets_written_out_are_no_other_file(root: Path) -> None:
+    texture = '<texture name="grey" type="2d" builtin="flat" file="" width="4" height="4"/>'
+    mesh = '<mesh name="t" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
+    (root / "models/own.xml").write_text(f"<mujoco><asset>{texture}{mesh}</asset></mujoco>")
+    assert "own" in load(root).models
+
+
 def test_models_named_in_checks_and_labs(root: Path) -> None:
-    code = {"kind": "code", "q": "Do", "entry": "f", "check": {"kind": "k", "cases": [{"model": "none"}], "x-model": 1}}
+    code = {**CODE, "check": {"kind": "k", "cases": [{"model": "none"}], "x-model": 1}}
     labs = [{"id": "lab", "kind": "integrators", "model": "ball", "models": ["ball", "bell"]}]
     write(root, code, labs=labs)
     assert {"q1.check.cases.0.model", "lab.models.1"} <= set(told(root))

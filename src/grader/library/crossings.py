@@ -1,4 +1,4 @@
-"""What a quiz needs from outside its own file: models that exist and compile, starters that can be run."""
+"""What a quiz needs from outside its own file: models that exist, starters that can be run."""
 
 import ast
 import re
@@ -7,30 +7,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import mujoco
-
 from grader.domain.quiz import NumericQuestion, Quiz
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault
 from grader.grading.units import known_unit
 from grader.library.files import read_text
 from grader.library.json_text import join
-from grader.numerics.process import prepare
 
 PROSE = ("q", "title", "options", "explain", "reference", "note")
 """Keys of texts that are shown with TeX between dollar signs."""
 
 DOLLAR = re.compile(r"(?<!\\)\$")
-
-
-def model_fault(file: str, xml: str) -> Fault | None:
-    """Why MuJoCo does not compile a model, in its own words."""
-    prepare()
-    try:
-        mujoco.MjModel.from_xml_string(xml)
-    except ValueError as error:
-        return Fault(file, "model", "does not compile: " + " ".join(str(error).split()))
-    return None
 
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:

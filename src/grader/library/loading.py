@@ -9,7 +9,6 @@ from typing import Any
 from grader.domain.quiz import Quiz
 from grader.errors import ContentError, Fault
 from grader.library.crossings import (
-    model_fault,
     number_warnings,
     prose_warnings,
     read_starter,
@@ -19,6 +18,7 @@ from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, re
 from grader.library.json_text import json_faults, parse_json
 from grader.library.library import Library, digest_of
 from grader.library.meaning import meaning_faults
+from grader.library.mjcf import inline_faults, model_faults
 from grader.library.schema import named_parts, read_quiz
 
 
@@ -70,9 +70,9 @@ def _load_models(now: _Loading) -> None:
             continue
         name = Path(file).stem
         now.models[name] = xml
-        if fault := model_fault(file, xml):
-            now.faults.append(fault)
-        else:
+        faults = model_faults(xml, file)
+        now.faults += faults
+        if not faults:
             now.compiled[name] = xml
 
 
@@ -86,7 +86,11 @@ def _load_quiz(now: _Loading, file: str) -> None:
         now.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
     reading = read_quiz(raw, file)
-    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *meaning_faults(reading, now.compiled, file)]
+    refused = [fault for key, part in named_parts(raw) for fault in inline_faults(part, file, key)]
+    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *refused]
+    keys = [fault.key for fault in refused]
+    tried = [p for p in (*reading.questions, *reading.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
+    now.faults += meaning_faults(tried, now.compiled, file)
     if reading.quiz is None:
         return
     quiz_id = reading.quiz.id
