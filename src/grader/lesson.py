@@ -24,6 +24,7 @@ QUIZ: TypeAdapter[Quiz] = TypeAdapter(Quiz)
 Part = TypeVar("Part")
 TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
 KINDS = ("simlab", "integrators")
+NEWLINE = re.compile(r"\r\n|\r|\n")
 UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
 SLUG = re.compile(r"[^a-z0-9]+")
 
@@ -44,6 +45,7 @@ def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, An
     Everything is checked but what needs the content folder: models, keyframes, runs; loading does that. Raises
     ContentError with every fault: the lesson's name, the line, and why.
     """
+    markdown = markdown.removeprefix("\ufeff")
     reading = _Reading(name)
     for block in blocks(markdown):
         if block.words[:1] == ("quiz",):
@@ -62,7 +64,7 @@ def blocks(markdown: str) -> Iterator[Block]:
     """Every fenced block, in order; quotes and other blocks are passed over. Source: CommonMark, fenced code blocks."""
     opened: tuple[str, str, str, int] | None = None
     inside: list[str] = []
-    for number, line in enumerate(markdown.splitlines(), 1):
+    for number, line in enumerate(NEWLINE.split(markdown), 1):
         fence = FENCE.match(line)
         if opened is None:
             if fence is not None:
@@ -80,7 +82,7 @@ def blocks(markdown: str) -> Iterator[Block]:
 
 def _title(markdown: str) -> str | None:
     """The lesson's first heading."""
-    return next((found[1] for line in markdown.splitlines() if (found := TITLE.match(line))), None)
+    return next((found[1] for line in NEWLINE.split(markdown) if (found := TITLE.match(line))), None)
 
 
 class _Reading:
@@ -91,6 +93,7 @@ class _Reading:
         self.base = UNFIT.sub("-", name).strip("-._")[:50] or "lesson"
         self.faults: list[Fault] = []
         self.quizzes: dict[str, dict[str, Any]] = {}
+        self.lines: dict[str, int] = {}
         self.labs: list[dict[str, Any]] = []
 
     def fault(self, line: int, why: str) -> None:
@@ -107,12 +110,13 @@ class _Reading:
             self.fault(block.line, "questions must be a list")
             return
         self._check_questions(quiz, block.line)
-        known = self.quizzes.setdefault(str(quiz["id"]), {**quiz, "questions": []})
+        quiz_id = str(quiz["id"])
+        self.lines.setdefault(quiz_id, block.line)
+        known = self.quizzes.setdefault(quiz_id, {**quiz, "questions": []})
         known["questions"] += quiz["questions"]
 
     def _check_questions(self, quiz: dict[str, Any], line: int) -> None:
-        questions = [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(quiz["questions"], 1)]
-        checked = self._validate(QUIZ, {**quiz, "questions": questions}, line)
+        checked = self._validate(QUIZ, {**quiz, "questions": _named(quiz["questions"])}, line)
         for question in checked.questions if checked is not None else ():
             if isinstance(question, PredictQuestion) and question.sim is not None:
                 self._check_programs(question.sim, f"{question.id}.sim", line)
@@ -126,9 +130,9 @@ class _Reading:
         raw = self._object(block)
         if raw is None:
             return
-        taken = {lab["id"] for lab in self.labs}
+        taken = {str(lab["id"]) for lab in self.labs}
         lab = {"id": _slug(str(raw.get("title") or kind), taken), "kind": kind, **raw}
-        if lab["id"] in taken:
+        if str(lab["id"]) in taken:
             self.fault(block.line, f"two labs are called {lab['id']!r}: give each its own id")
             return
         self.labs.append(lab)
@@ -137,9 +141,15 @@ class _Reading:
             self._check_programs(checked, str(lab["id"]), block.line)
 
     def finish(self, title: str) -> None:
-        """The labs become a quiz file of their own."""
-        if self.labs:
-            name = f"{self.base}-labs"
+        """Ids are compared over all blocks; the labs become a quiz file of their own."""
+        for quiz_id, quiz in self.quizzes.items():
+            ids = [str(q["id"]) for q in _named(quiz["questions"]) if isinstance(q, dict)]
+            for question_id in sorted({i for i in ids if ids.count(i) > 1}):
+                self.fault(self.lines[quiz_id], f"two questions of {quiz_id!r} are called {question_id!r}: rename one")
+        name = f"{self.base}-labs"
+        if self.labs and name in self.quizzes:
+            self.fault(self.lines[name], f"the labs of this lesson are called {name!r}: give this quiz another id")
+        elif self.labs:
             self.quizzes[name] = {"id": name, "title": f"Labs of {title}", "labs": self.labs}
 
     def _object(self, block: Block) -> dict[str, Any] | None:
@@ -147,21 +157,28 @@ class _Reading:
             self.fault(block.line, f"this {block.words[0]} block never ends: close it with the same fence")
             return None
         try:
-            raw = json.loads(block.text)
+            raw = json.loads(block.text, object_pairs_hook=_unique)
+            json.dumps(raw, ensure_ascii=False, allow_nan=False).encode()
         except json.JSONDecodeError as error:
             self.fault(block.line + error.lineno, f"column {error.colno}: {error.msg}")
-            return None
-        if not isinstance(raw, dict):
+        except _RepeatedKey as error:
+            self.fault(block.line, f"{error} stands more than once in one object: keep one")
+        except (RecursionError, ValueError):
+            self.fault(block.line, "nested too deeply, or a number or a character that JSON does not have")
+        else:
+            if isinstance(raw, dict):
+                return raw
             self.fault(block.line, "the block must be one JSON object")
-            return None
-        return raw
+        return None
 
     def _validate(self, adapter: TypeAdapter[Part], raw: dict[str, Any], line: int) -> Part | None:
         try:
             return adapter.validate_json(json.dumps(_without_remarks(raw)), strict=True)
         except ValidationError as error:
             for detail in error.errors(include_url=False):
-                self.fault(line, f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}")
+                unknown = detail["type"] == "extra_forbidden"
+                why = "unknown key: remove it, or begin it with x-" if unknown else detail["msg"]
+                self.fault(line, f"{'.'.join(map(str, detail['loc']))}: {why}")
             return None
 
     def _check_programs(self, config: LabConfig, where: str, line: int) -> None:
@@ -170,6 +187,24 @@ class _Reading:
         except ContentError as error:
             for fault in error.faults:
                 self.fault(line, f"{fault.key}: {fault.why}")
+
+
+class _RepeatedKey(ValueError):
+    """An object in which a key stands twice; the message is the key."""
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object. Raises _RepeatedKey."""
+    names = [name for name, _ in pairs]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise _RepeatedKey(repr(name))
+    return dict(pairs)
+
+
+def _named(questions: list[Any]) -> list[Any]:
+    """Questions with the ids that they have by position."""
+    return [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(questions, 1)]
 
 
 def _without_remarks(raw: Any) -> Any:

@@ -112,10 +112,33 @@ def test_every_fault_is_told_with_its_line() -> None:
         ("```quiz\n[1]\n```", "one JSON object"),
         ('```quiz\n{"id": "a b", "title": "t", "questions": []}\n```', "id"),
         ('```lab simlab\n{"id": "x", "model": "m"}\n```\n```lab simlab\n{"id": "x", "model": "m"}\n```', "two labs"),
+        ('```quiz\n{"kind": "open", "q": "a", "q": "b"}\n```', "'q' stands more than once"),
+        ('```quiz\n{"kind": "open", "q": "a", "qq": "b"}\n```', "unknown key"),
+        ("```quiz\n" + "[" * 100_000 + "]" * 100_000 + "\n```", "nested too deeply"),
+        ('```quiz\n{"kind": "numeric", "q": "a", "answer": ' + "9" * 5000 + "}\n```", "a number"),
+        ('```quiz\n{"kind": "open", "q": "a", "x-a": NaN}\n```', "a number"),
+        ('```quiz\n{"kind": "open", "q": "a", "x-a": "\\ud800"}\n```', "a character"),
+        ('```lab simlab\n{"id": [], "model": "m"}\n```', "id: Input should be a valid string"),
+        (
+            '```quiz\n{"id": "9.9-labs", "title": "t", "questions": []}\n```\n```lab integrators\n{"model": "m"}\n```',
+            "9.9: line 1: the labs of this lesson are called '9.9-labs'",
+        ),
+        (
+            '```quiz\n{"kind": "open", "q": "a"}\n```\n```quiz\n{"kind": "open", "q": "b", "id": "q1"}\n```',
+            "two questions of '9.9-check' are called 'q1'",
+        ),
     ],
 )
 def test_a_lesson_that_is_wrong_is_refused(lesson: str, why: str) -> None:
     assert why in "\n".join(faults_of(lesson))
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_a_byte_order_mark_and_the_line_ends_of_other_alphabets_do_no_harm(newline: str) -> None:
+    question = {"kind": "open", "q": "one\u2028two\x85three\x0b"}
+    text = json.dumps(question, ensure_ascii=False)
+    (quiz,) = import_lesson(newline.join(["\ufeff```quiz", text, "```", ""])).values()
+    assert quiz["questions"] == [question]
 
 
 def test_a_single_question_is_a_quiz_of_the_lesson() -> None:
