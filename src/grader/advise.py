@@ -229,11 +229,10 @@ def unmoved(request: Request) -> str | None:
     integrator, timestep_s = START
     run = simulate(request.scene, seconds=request.seconds, timestep_s=timestep_s, integrator=integrator, every=10)
     values = run.qpos if request.quantity is None else measure(request.scene, run, request.quantity)
-    if np.any(values != values[0]):
+    if run.diverged_at_step is not None or np.any(values != values[0]):
         return None
-    return (
-        f"{'nothing moves' if request.quantity is None else 'the quantity never changes'}: an error of 0 says nothing"
-    )
+    what = "nothing moves" if request.quantity is None else "the quantity never changes"
+    return f"{what}: an error of 0 says nothing"
 
 
 def quarter_cost(rows: tuple[Row, ...]) -> str | None:

@@ -104,6 +104,12 @@ def test_an_error_of_what_never_changes_says_nothing(quantity: str | None, said:
     assert said in advise(hinge(), quantity, seconds=0.02).reason
 
 
+def test_a_run_that_warns_at_once_is_not_called_still() -> None:
+    """Of a run that ends within ten steps only its start is kept."""
+    scene = scene_of(scene_text("stiff_servo").replace('kp="20000"', 'kp="2e8"')).at(qpos=[1.0])
+    assert procedure.unmoved(procedure.Request(scene, None, 1e-3, 1.0)) is None
+
+
 @pytest.mark.parametrize(("model", "said"), [(RUNAWAY, "without bound"), (DELAY, "delay")])
 def test_what_cannot_be_told_is_said(model: str, said: str) -> None:
     advice = advise(model, seconds=1.0)
