@@ -1,40 +1,58 @@
-"""docs/authoring.md names every way to verify and every parameter, and its example is certified."""
+"""docs/authoring.md names every key, and the content folder that it shows loads, its answer keys certified."""
 
-import json
 import re
 from pathlib import Path
 from typing import get_args
 
 import pytest
-from pydantic import BaseModel, TypeAdapter
+from pydantic import BaseModel
 
 from grader.certify import certify_question
-from grader.domain.quiz import Question
+from grader.domain import lab, quiz
+from grader.domain.run import Limits
 from grader.domain.verify import Servo, Verify
 from grader.grading.exercise import CHECKERS
 from grader.grading.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
 from grader.grading.threshold.parameters import ThresholdParameters
 from grader.grading.variant import Number
+from grader.labs import fields
+from grader.library import load
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/authoring.md").read_text(encoding="utf-8")
+FILES = re.findall(r"^`([\w./-]+)`:\n\n```\w+\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+NAMED = set(re.findall(r"`([A-Za-z_0-9]+)`", PAGE))
 WAYS = get_args(get_args(Verify)[0])
-PARTS = [*WAYS, Servo, ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number]
+QUESTIONS = get_args(get_args(quiz.Question)[0])
+LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.Select, lab.Button]
+CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number]
+PARTS: list[type[BaseModel]] = [*WAYS, Servo, *QUESTIONS, Limits, *LABS, lab.Readout, lab.Plot, lab.Trace, *CHECKS]
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_every_key_is_named(part: type[BaseModel]) -> None:
-    named = set(re.findall(r"`([a-z_0-9]+)`", PAGE))
-    assert set(part.model_fields) <= named
+    assert set(part.model_fields) - {"type"} <= NAMED
+
+
+def test_every_field_that_a_verify_may_fill_or_set_is_named() -> None:
+    allowed = fields.DATA_RESULTS | fields.DATA_STATE | fields.MODEL_PARAMETERS
+    assert allowed | set(fields.OPTION_SCALARS) | fields.OPTION_VECTORS <= NAMED
 
 
 def test_every_kind_of_check_has_its_section() -> None:
     assert set(re.findall(r'^### `"kind": "(\w+)"`', PAGE, re.MULTILINE)) == set(CHECKERS)
 
 
-def test_the_example_is_certified() -> None:
-    (example,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
-    question = TypeAdapter[Question](Question).validate_python({"id": "q1", **json.loads(example)})
-    certificate = certify_question(question, lambda name: (ROOT / f"models/{name}.xml").read_text(encoding="utf-8"))
-    assert certificate is not None
-    assert certificate.ok, certificate.why
+def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_path: Path) -> None:
+    assert len(FILES) == PAGE.count("\n```") / 2
+    for name, text in FILES:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    library = load(tmp_path)
+    assert library.warnings == ()
+    questions = [question for quiz in library.quizzes.values() for question in quiz.questions]
+    assert {question.kind for question in questions} >= {"mcq", "numeric", "predict", "open", "code"}
+    certificates = [certify_question(question, library.model_xml) for question in questions if question.verify]
+    certified = [certificate for certificate in certificates if certificate is not None]
+    assert [one.why for one in certified if not one.ok or one.remarks] == []
+    assert {one.method for one in certified} == {"stage", "threshold", "measurement", "expression", "outcome"}

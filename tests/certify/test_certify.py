@@ -184,6 +184,21 @@ def test_why_a_threshold_cannot_be_certified(answer: float, tol: float, more: di
     assert why in certify(numeric(answer, tol, "ms", **verify)).why
 
 
+def test_a_mass_that_is_set_counts() -> None:
+    cart = """<mujoco>
+      <worldbody><body><joint name="rail" type="slide" axis="1 0 0"/><geom size=".1" mass="2"/></body></worldbody>
+      <actuator><position joint="rail" kp="500" kv="2"/></actuator>
+    </mujoco>"""
+    verify = {
+        "by": "threshold",
+        "xml": cart,
+        "qpos": [0.3],
+        "set": {"model.opt.gravity[2]": 0, "model.body_mass[1]": 1},
+    }
+    # Source: h = (sqrt(c^2 + 4 m k) - c) / k with m = 1, c = 2, k = 500.
+    assert certify(numeric(85.53, 0.1, "ms", **verify)).ok
+
+
 def test_a_measurement_must_be_known_to_a_fifth_of_the_tolerance() -> None:
     period = {
         "by": "measurement",

@@ -74,10 +74,12 @@ def _scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
 
 
 def _write(model: mujoco.MjModel, fields: dict[str, float]) -> None:
-    """Set fields of the model by the lab's own paths, such as model.dof_damping[0]."""
-    machine = Machine(model, mujoco.MjData(model))
+    """Set fields of the model by the lab's own paths, such as model.dof_damping[0], and what MuJoCo derives of them."""
+    data = mujoco.MjData(model)
+    machine = Machine(model, data)
     for path, value in fields.items():
         compile_expression(f"{path} = value", "statement", "verify.set").run(machine, value)
+    mujoco.mj_setConst(model, data)
 
 
 def named_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
