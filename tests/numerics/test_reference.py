@@ -93,7 +93,7 @@ def test_what_acts_step_by_step_has_no_reference(scene: str, why: str) -> None:
 
 
 def test_an_early_activation_acts_at_once_in_the_limit() -> None:
-    """The model's own timestep, 2 ms, moves the motion by 7e-4 rad."""
+    """The model's own timestep, 2 ms, moves the motion by 2e-3 rad."""
     filtered = "<general joint='hinge' dyntype='filterexact' dynprm='0.1' gainprm='2' actearly='true'/>"
     scene = Scene.from_xml(hinge("damping='0.5'", rest=f"<actuator>{filtered}</actuator>")).at(ctrl=[1.0])
 

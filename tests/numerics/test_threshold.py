@@ -174,7 +174,7 @@ UPRIGHT = scene(pendulum("a", z=0.5), BRAKE)
     ids=["pushed", "nudged", "far out", "beside a larger motion", "beside a fall", "upright", "far beyond the limit"],
 )
 def test_what_only_something_bounds_is_not_stable(moving: Scene, timestep_s: float) -> None:
-    trial = try_timestep(moving, timestep_s, max(30, 300 * timestep_s), integrator=EULER)
+    trial = try_timestep(moving, timestep_s, 4000 * timestep_s, integrator=EULER)
     assert trial.outcome is Outcome.UNDECIDED
     assert "large ones are bounded" in trial.reason
 
