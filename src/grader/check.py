@@ -84,10 +84,10 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
                 continue
             say(f"{quiz.id} {question.id}: key {'certified' if certificate.ok else 'REFUSED'}")
             report.certificates.append({"quiz": quiz.id, "question": question.id, **certificate.to_json()})
-            file, key = library.file(quiz.id), f"{question.id}.answer"
-            report.warnings.extend(Fault(file, key, remark) for remark in certificate.remarks)
+            file = library.file(quiz.id)
+            report.warnings.extend(Fault(file, f"{question.id}.answer", remark) for remark in certificate.remarks)
             if not certificate.ok:
-                report.faults.append(Fault(file, key, certificate.why))
+                report.faults.append(Fault(file, f"{question.id}.{certificate.key}", certificate.why))
 
 
 @dataclass(frozen=True)

@@ -235,21 +235,25 @@ def test_a_closed_form_and_the_fields_of_a_model() -> None:
 
 
 @pytest.mark.parametrize(
-    "verify",
+    ("key", "verify"),
     [
-        {"by": "expression", "expr": "1 +"},
-        {"by": "expression", "expr": "process.exit()"},
-        {"by": "expression", "expr": "0 / 0"},
-        {"by": "stage"},
-        {"by": "threshold"},
-        {"by": "threshold", "model": "nothing"},
-        {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "low": 0.1, "high": 0.05},
-        {"by": "measurement", "model": "pendulum", "expr": "data.qpos[9].x", "seconds": 1},
-        {"by": "measurement", "model": "pendulum", "key": 9, "expr": "1", "seconds": 1},
-        {"by": "measurement", "xml": "<mujoco><bad/></mujoco>", "expr": "1", "seconds": 1},
+        ("verify.expr", {"by": "expression", "expr": "1 +"}),
+        ("verify.expr", {"by": "expression", "expr": "process.exit()"}),
+        ("verify.expr", {"by": "expression", "expr": "0 / 0"}),
+        ("verify", {"by": "stage"}),
+        ("verify", {"by": "threshold"}),
+        ("verify", {"by": "threshold", "model": "nothing"}),
+        ("verify.set", {"by": "threshold", "model": "pendulum", "set": {"model.nope": 1}}),
+        ("verify", {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "low": 0.1, "high": 0.05}),
+        ("verify.expr", {"by": "measurement", "model": "pendulum", "expr": "data.qpos[9].x", "seconds": 1}),
+        ("verify.expr", {"by": "measurement", "model": "pendulum", "expr": "data.timee", "seconds": 1}),
+        ("verify.setup", {"by": "measurement", "model": "pendulum", "setup": "data.", "expr": "1", "seconds": 1}),
+        ("verify.key", {"by": "measurement", "model": "pendulum", "key": 9, "expr": "1", "seconds": 1}),
+        ("verify", {"by": "measurement", "xml": "<mujoco><bad/></mujoco>", "expr": "1", "seconds": 1}),
+        ("answer", {"by": "expression", "expr": "2"}),
     ],
 )
-def test_a_verify_that_cannot_work_is_refused_and_says_why(verify: dict[str, Any]) -> None:
+def test_a_verify_that_cannot_work_is_refused_and_says_where_and_why(key: str, verify: dict[str, Any]) -> None:
     def only_known(name: str) -> str:
         if name == "nothing":
             raise KeyError("no model 'nothing'")
@@ -257,8 +261,8 @@ def test_a_verify_that_cannot_work_is_refused_and_says_why(verify: dict[str, Any
 
     certificate = certify_question(numeric(1, 0.1, "s", **verify), only_known)
     assert certificate is not None
-    assert not certificate.ok
-    assert len(certificate.why) > 10
+    assert (certificate.ok, certificate.key) == (False, key)
+    assert len(certificate.why) > 10 and "\n" not in certificate.why
 
 
 @pytest.mark.parametrize(

@@ -35,14 +35,39 @@ def certify_question(question: Question, model_xml: ModelXml) -> Certificate | N
     if not isinstance(question, ChoiceQuestion | PredictQuestion | NumericQuestion):
         return None
     began = time.perf_counter()
+    verify = question.verify
     try:
-        verify = question.verify or infer(question)
+        verify = verify or infer(question)
         certificate = None if verify is None else _certify(question, verify, model_xml)
     except (CallerError, ContentError, LabError, ValueError, KeyError) as error:
-        certificate = refused("verify", question.answer, f"it cannot be re-derived: {error}")
+        key, why = _told(error, verify)
+        certificate = refused("verify", question.answer, f"it cannot be re-derived: {why}", key=key)
     if certificate is None or (question.verify is None and _says_nothing(certificate)):
         return None
-    return replace(certificate, cost_ms=1000 * (time.perf_counter() - began))
+    key = certificate.key if question.verify is not None else "answer"
+    return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=key)
+
+
+READ = {"options": "verify.criterion", "outcome": "verify.claims", "measurement": "verify.expr"}
+"""What a certificate reads in a run, by the way of verifying; for the lab it is a readout."""
+
+
+def _told(error: Exception, verify: Verify | None) -> tuple[str, str]:
+    """The key of the question at which an error stands, and the error in words."""
+    if isinstance(error, ContentError):
+        place, why = error.faults[0].key, error.faults[0].why
+    elif isinstance(error, LabError):
+        place, _, why = str(error).partition(": ")
+    elif isinstance(error, KeyError):
+        why = str(error.args[0])
+        place = "verify.key" if why.startswith("no key") else "verify"
+    else:
+        place, why = "verify", str(error)
+    if "readouts" in place:
+        place = READ.get(verify.by, "verify") if verify is not None else "verify"
+    elif isinstance(verify, ByMeasurement):
+        place = place.replace("lab.", "verify.", 1)
+    return place if place.startswith("verify") else "verify", why
 
 
 def _certify(question: Decidable, verify: Verify, model_xml: ModelXml) -> Certificate:

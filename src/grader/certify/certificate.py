@@ -15,7 +15,8 @@ class Certificate:
     """`ok`, and `why` in a sentence; `answer` is what was derived: an option's index, a number, or None.
 
     `uncertainty` and `tolerance` are in the question's unit, None where the criterion is a yes or no. `measured` is
-    plain JSON. `remarks` are no faults, but an author should read them. `cost_ms` is measured and decides nothing.
+    plain JSON. `remarks` are no faults, but an author should read them. `key` is where a refusal stands in the
+    question: at its `answer`, or inside `verify` where that cannot work. `cost_ms` is measured and decides nothing.
     """
 
     ok: bool
@@ -28,6 +29,7 @@ class Certificate:
     uncertainty: float | None = None
     tolerance: float | None = None
     cost_ms: float = 0.0
+    key: str = "answer"
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""
@@ -45,9 +47,9 @@ class Certificate:
         }
 
 
-def refused(method: str, expected: int | float, why: str) -> Certificate:
+def refused(method: str, expected: int | float, why: str, key: str = "verify") -> Certificate:
     """A key that could not be re-derived at all."""
-    return Certificate(False, why, method, None, expected)
+    return Certificate(False, " ".join(why.split()), method, None, expected, key=key)
 
 
 def of_number(

@@ -63,7 +63,7 @@ def certify_options(question: PredictQuestion, verify: ByOptions, xml: str) -> C
         measured[question.options[i]] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
             why = f"{question.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
-            return replace(refused("options", question.answer, why), measured=measured)
+            return replace(refused("options", question.answer, why, key="answer"), measured=measured)
         held[i] = outcomes[0][0]
     right = right_options(question.options, held)
     certificate = of_choice("options", right, question.answer, question.options, measured)
@@ -99,7 +99,7 @@ def certify_outcome(question: PredictQuestion, verify: ByOutcome, xml: str) -> C
     measured = {option: truths[0][i] for i, option in enumerate(question.options)}
     if any(other != truths[0] for other in truths):
         why = f"the claims depend on round-off or on the timestep: {truths}"
-        return replace(refused("outcome", question.answer, why), measured=measured)
+        return replace(refused("outcome", question.answer, why, key="answer"), measured=measured)
     right = [i for i, true in enumerate(truths[0]) if true]
     return of_choice("outcome", right, question.answer, question.options, measured)
 

@@ -34,7 +34,8 @@ ModelXml = Callable[[str], str]
 def certify_threshold(question: NumericQuestion, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
     """The largest stable timestep: for ever by the spectral radius, confirmed by stepping; or by warnings."""
     if question.tolerance == 0:
-        return refused("threshold", question.answer, "the tolerance is 0, and no limit is known that well: give tol")
+        why = "the tolerance is 0, and no limit is known that well: give tol"
+        return refused("threshold", question.answer, why, key="tol")
     scene = _scene(verify, model_xml)
     scale = verify.scale if verify.scale is not None else _per_second(question)
     measure = _decays if verify.criterion == "decays" else _warns
@@ -174,7 +175,7 @@ def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_
     uncertainty = max(abs(best - at["h/1"]), *(abs(at["h/1"] - v) for v in nudged))
     measured = {**at, "nudged": nudged, "unit": question.unit}
     if not isfinite(best):
-        return refused("measurement", question.answer, f"the measured value is {best}")
+        return refused("measurement", question.answer, f"the measured value is {best}", key="verify.expr")
     return of_number("measurement", question, best, uncertainty, measured)
 
 
@@ -193,5 +194,5 @@ def certify_expression(question: NumericQuestion, verify: ByExpression, model_xm
     mujoco.mj_forward(model, data)
     value = to_number(compile_expression(verify.expr, "expression", "verify.expr").run(Machine(model, data)))
     if not isfinite(value):
-        return refused("expression", question.answer, f"the closed form gives {value}")
+        return refused("expression", question.answer, f"the closed form gives {value}", key="verify.expr")
     return of_number("expression", question, value, 0.0, {"value": value})
