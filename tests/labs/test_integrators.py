@@ -49,7 +49,14 @@ def test_model_key_and_timestep_can_be_changed() -> None:
     assert abs(finer.runs[0].energy_error[-1]) < abs(coarse.runs[0].energy_error[-1])
 
 
-@pytest.mark.parametrize("wrong", [{"model": "humanoid"}, {"timestep": 1.0}, {"timestep": 1e-9}, {"seconds": 1e6}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"model": "humanoid"},
+        *({"timestep": value} for value in (1.0, 1e-9, 0.0)),
+        *({"seconds": value} for value in (1e6, 0.0, 1e-4)),
+    ],
+)
 def test_what_the_lab_does_not_offer_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(Unprocessable):
         run_integrators(lesson_lab(), XML["double_pendulum"], **wrong)  # type: ignore[arg-type]

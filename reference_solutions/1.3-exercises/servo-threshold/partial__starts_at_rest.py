@@ -1,4 +1,4 @@
-# diagnosis: 1 rad
+# diagnosis: hinge at 1 rad
 import mujoco
 
 

@@ -91,7 +91,8 @@ def run_integrators(
     none (qpos0). Raises Unprocessable for a model, timestep [s] or length [s] that the lab does not offer, KeyError for
     an unknown keyframe, ValueError where the model does not compile.
     """
-    model, timestep, seconds = _checked(lab, model or lab.model, timestep or lab.timestep, seconds or lab.seconds)
+    timestep = lab.timestep if timestep is None else timestep
+    model, timestep, seconds = _checked(lab, model or lab.model, timestep, lab.seconds if seconds is None else seconds)
     scene = Scene.from_xml(xml)
     keys = scene.names_of(mujoco.mjtObj.mjOBJ_KEY)
     key = lab.key if key is None and model == lab.model else key
@@ -128,6 +129,8 @@ def _checked(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -
         raise Unprocessable(f"timestep must be a number from {TIMESTEP_MIN_S:g} to {TIMESTEP_MAX_S:g} s.")
     if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX) or seconds / timestep > STEPS_MAX:
         raise Unprocessable(f"The run must last at most {SECONDS_MAX:g} s and {STEPS_MAX} steps.")
+    if round(seconds / timestep) < 1:
+        raise Unprocessable("The run must last one timestep or longer.")
     return model, timestep, seconds
 
 

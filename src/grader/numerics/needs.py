@@ -172,7 +172,7 @@ def _gravity(model: mujoco.MjModel) -> Need:
 
 
 def _actuation(model: mujoco.MjModel) -> Need:
-    reason = f"{model.nu} actuators" if model.nu else "there are no actuators"
+    reason = f"{model.nu} actuator{'s' if model.nu > 1 else ''}" if model.nu else "there are no actuators"
     return Need("actuation", model.nu > 0, reason, int(mjtDisableBit.mjDSBL_ACTUATION))
 
 

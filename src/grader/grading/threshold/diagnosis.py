@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from mujoco import mjtJoint
+
 from grader.grading.threshold.claims import Bracket
 from grader.grading.threshold.methods import servo_of
 from grader.grading.threshold.mistakes import METHODS
@@ -30,10 +32,16 @@ def particulars(problem: Problem) -> dict[str, str]:
         if visible
         else ""
     )
-    start = ", ".join(f"{joint} = {value:g}" for joint, value in parameters.start.items())
+    start = ", ".join(f"{joint} at {value:g} {unit_of(problem, joint)}" for joint, value in parameters.start.items())
     return {
         "shift": shift,
         "start": start,
         "width": f"{1000 * parameters.width_s:g}",
         "horizon": f"{parameters.horizon_s:g}",
     }
+
+
+def unit_of(problem: Problem, joint: str) -> str:
+    """Of a joint's coordinate."""
+    kind = int(problem.as_in_the_file.model.joint(joint).type[0])
+    return "m" if kind == int(mjtJoint.mjJNT_SLIDE) else "rad"
