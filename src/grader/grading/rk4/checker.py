@@ -10,7 +10,7 @@ from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError
-from grader.grading.parameters import duplicate_faults, parameter_faults, read_parameters
+from grader.grading.parameters import duplicate_faults, extremes, parameter_faults, read_parameters
 from grader.grading.plan import ModelXml, Plan, driver_text
 from grader.grading.rk4.diagnosis import name_the_mistake
 from grader.grading.rk4.evidence import evidence_of
@@ -36,7 +36,8 @@ class Rk4Checker:
             needs_truth = set(range(len(parameters.cases)))
         for index, case in enumerate(parameters.cases):
             try:
-                run = pose_run(case, parameters.numbers, model_xml, [0, index])
+                for end in extremes(case):
+                    run = pose_run(end, parameters.numbers, model_xml, [0, index])
                 if index in needs_truth:
                     solved(run, (run.timestep_s,), CASE_RTOL)
             except (ValueError, KeyError, GraderError) as error:

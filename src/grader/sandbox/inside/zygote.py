@@ -9,6 +9,7 @@ is no longer needed; out "limited"; and when the child has died, out [wait statu
 """
 
 import base64
+import contextlib
 import ctypes
 import fcntl
 import gc
@@ -37,7 +38,8 @@ def main() -> None:
     config = json.loads(control.recv(PACKET_BYTES_MAX))
     _become(config["user"])
     for name in config["preload"]:
-        importlib.import_module(name)
+        with contextlib.suppress(ImportError):  # the viewer, say, where there is no graphics library to bind to
+            importlib.import_module(name)
     guest.prepare(config["models"], config["directory"])
     _quiet_mujoco()
     _unbuffer_c_stdio()
