@@ -8,7 +8,7 @@ go into one file.
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -17,6 +17,7 @@ from grader.domain.lab import Lab, LabConfig
 from grader.domain.quiz import PredictQuestion, Quiz
 from grader.errors import ContentError, Fault
 from grader.labs.programs import lab_programs
+from grader.library.json_text import json_faults, parse_json, without_remarks
 
 FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
 LAB: TypeAdapter[Lab] = TypeAdapter(Lab)
@@ -156,24 +157,20 @@ class _Reading:
         if not block.closed:
             self.fault(block.line, f"this {block.words[0]} block never ends: close it with the same fence")
             return None
-        try:
-            raw = json.loads(block.text, object_pairs_hook=_unique)
-            json.dumps(raw, ensure_ascii=False, allow_nan=False).encode()
-        except json.JSONDecodeError as error:
-            self.fault(block.line + error.lineno, f"column {error.colno}: {error.msg}")
-        except _RepeatedKey as error:
-            self.fault(block.line, f"{error} stands more than once in one object: keep one")
-        except (RecursionError, ValueError):
-            self.fault(block.line, "nested too deeply, or a number or a character that JSON does not have")
-        else:
-            if isinstance(raw, dict):
-                return raw
+        raw = parse_json("\n" * block.line + block.text, self.name)  # so that its lines are the lesson's
+        if isinstance(raw, Fault):
+            self.faults.append(raw if raw.key.startswith("line") else replace(raw, key=f"line {block.line}"))
+            return None
+        faults = list(json_faults(raw, self.name, ""))
+        for fault in faults:
+            self.fault(block.line, f"{fault.key}: {fault.why}")
+        if not isinstance(raw, dict):
             self.fault(block.line, "the block must be one JSON object")
-        return None
+        return raw if isinstance(raw, dict) and not faults else None
 
     def _validate(self, adapter: TypeAdapter[Part], raw: dict[str, Any], line: int) -> Part | None:
         try:
-            return adapter.validate_json(json.dumps(_without_remarks(raw)), strict=True)
+            return adapter.validate_json(json.dumps(without_remarks(raw)), strict=True)
         except ValidationError as error:
             for detail in error.errors(include_url=False):
                 unknown = detail["type"] == "extra_forbidden"
@@ -189,29 +186,9 @@ class _Reading:
                 self.fault(line, f"{fault.key}: {fault.why}")
 
 
-class _RepeatedKey(ValueError):
-    """An object in which a key stands twice; the message is the key."""
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object. Raises _RepeatedKey."""
-    names = [name for name, _ in pairs]
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            raise _RepeatedKey(repr(name))
-    return dict(pairs)
-
-
 def _named(questions: list[Any]) -> list[Any]:
     """Questions with the ids that they have by position."""
     return [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(questions, 1)]
-
-
-def _without_remarks(raw: Any) -> Any:
-    """The JSON without keys that begin with x-."""
-    if isinstance(raw, dict):
-        return {key: _without_remarks(value) for key, value in raw.items() if not key.startswith("x-")}
-    return [_without_remarks(item) for item in raw] if isinstance(raw, list) else raw
 
 
 def _slug(title: str, taken: set[str]) -> str:
