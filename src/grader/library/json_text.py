@@ -53,7 +53,7 @@ def without_remarks(value: Any) -> Any:
 
 
 def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
-    """Repeated keys and numbers that JSON does not have, wherever they stand."""
+    """Repeated keys, and numbers and texts that no file can hold, wherever they stand."""
     if isinstance(value, JsonObject):
         for name in value.repeated:
             yield Fault(file, join(key, name), "stands there more than once: keep one")
@@ -62,6 +62,8 @@ def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
     elif isinstance(value, list):
         for index, item in enumerate(value):
             yield from json_faults(item, file, join(key, index))
+    elif isinstance(value, str) and any("\ud800" <= character <= "\udfff" for character in value):
+        yield Fault(file, key, "holds half a surrogate pair, which is no character: write the character itself")
     elif isinstance(value, float) and not math.isfinite(value):
         yield Fault(file, key, "must be a finite number: JSON has no NaN and no infinity")
 

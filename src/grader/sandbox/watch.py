@@ -65,7 +65,7 @@ class Watch:
             JailFault: it cannot be killed, or the keeper that must tell how it ended is gone.
         """
         child = self._child
-        self._cpu_before, self._began = _cpu_s(child.pid), time.monotonic()
+        self._cpu_before, self._busy_before, self._began = _cpu_s(child.pid), _busy_s(child.pid), time.monotonic()
         for descriptor in self._read:
             self._selector.register(descriptor, selectors.EVENT_READ)
         self._selector.register(child.job, selectors.EVENT_WRITE)
@@ -104,15 +104,19 @@ class Watch:
         """How long no limit can be reached: with every core at work, CPU time runs that much faster than the clock."""
         if self._cause is not None:
             return 1.0
-        wall_left = self._began + self._limits.wall_s - time.monotonic()
+        wall_left = self._limits.wall_s - self._waited_s()
         cpu_left = self._limits.cpu_s - (_cpu_s(self._child.pid) - self._cpu_before)
         return max(POLL_S_MIN, min(wall_left, cpu_left / (os.cpu_count() or 1)))
 
     def _check_clocks(self) -> None:
         if _cpu_s(self._child.pid) - self._cpu_before >= self._limits.cpu_s:
             self._cause = Cause.CPU
-        elif time.monotonic() - self._began >= self._limits.wall_s + _starved_s(self._child.pid):
+        elif self._waited_s() >= self._limits.wall_s:
             self._cause = Cause.WALL
+
+    def _waited_s(self) -> float:
+        """How long the script neither worked nor wanted to [s]. What a hypervisor takes away looks the same."""
+        return time.monotonic() - self._began - (_busy_s(self._child.pid) - self._busy_before)
 
     def _feed(self) -> None:
         try:
@@ -166,9 +170,9 @@ def _cpu_s(pid: int) -> float:
         return 0.0
 
 
-def _starved_s(pid: int) -> float:
-    """How long its main thread was ready to run and had no core [s]: time that is the machine's, not the script's."""
+def _busy_s(pid: int) -> float:
+    """How long its main thread was at work, or ready to work and had no core [s]: the machine's time, not its own."""
     try:
-        return int(proc(f"{pid}/schedstat").split()[1]) / 1e9
-    except (OSError, IndexError):
+        return sum(map(int, proc(f"{pid}/schedstat").split()[:2])) / 1e9
+    except OSError:
         return 0.0
