@@ -147,3 +147,11 @@ def test_check_names_every_fault_at_once(broken_content: Path) -> None:
     ):
         assert [line for line in told if all(part in line for part in parts)], (parts, told)
     assert len(faults) == 5
+
+
+def test_streams_that_the_caller_closed_are_not_mistaken_for_others() -> None:
+    program = ROOT / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py"
+    command = f"exec {GRADER} grade 1.3-exercises servo-threshold {program} <&- 2>&-"
+    done = subprocess.run(["sh", "-c", command], stdout=subprocess.PIPE, text=True, check=False, timeout=60)
+    assert done.returncode == 0
+    assert done.stdout.startswith("correct")

@@ -1,12 +1,9 @@
 """What is skipped must not change one bit of the trajectory, under any integrator."""
 
-from collections.abc import Iterator
-
 import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics import workspace
 from grader.numerics.needs import prove
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import Scene
@@ -15,12 +12,7 @@ from numerics.models import ALL, CUBE, EXPLICIT_PAIR, LESSON, SENSORS, hinge
 INTEGRATORS = range(5)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def without_visuals() -> Iterator[None]:
-    """Models without visuals are used from the first step on."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(workspace, "BARE_AFTER", 0)
-        yield
+pytestmark = pytest.mark.usefixtures("bare_at_once")
 
 
 def thrown(xml: str) -> Scene:

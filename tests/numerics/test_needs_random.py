@@ -1,6 +1,5 @@
 """Random small scenes: what is skipped never changes a bit, under any integrator."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,17 +7,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grader.numerics import workspace
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 
-
-@pytest.fixture(scope="module", autouse=True)
-def without_visuals() -> Iterator[None]:
-    """Models without visuals are used from the first step on."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(workspace, "BARE_AFTER", 0)
-        yield
+pytestmark = pytest.mark.usefixtures("bare_at_once")
 
 
 @dataclass(frozen=True)

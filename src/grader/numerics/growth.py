@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
+from mujoco import mjMAXVAL
 
 from grader.numerics.linear import RADIUS_NOISE, calmest, spectrum
 from grader.numerics.scene import Scene, Vector
-
-BAD_VALUE = 1e10
-"""Source: mjMAXVAL, above which MuJoCo warns."""
 
 CLEAR_GROWTH = 1.05
 """Growth a step above which a run without a warning is not called stable. Source: the lesson's servo, which gravity
@@ -59,7 +57,7 @@ def growth_at_rest(scene: Scene, *, timestep_s: float, integrator: int, steps: i
 
 def _noticeable(factor: float, steps: int, motion: float) -> bool:
     """Is growth by `factor` a step clear, and was it more than enough for a warning within `steps`?"""
-    return factor > CLEAR_GROWTH and steps * log(factor) > CLEARLY * log(max(BAD_VALUE / motion, 1.0))
+    return factor > CLEAR_GROWTH and steps * log(factor) > CLEARLY * log(max(mjMAXVAL / motion, 1.0))
 
 
 def _true_growth(resting: Scene, timestep_s: float, integrator: int) -> Vector:

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 from scipy import optimize
 
-from grader.numerics.growth import BAD_VALUE
 from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
 from grader.numerics.scene import Scene, checked_options
 from grader.numerics.threshold import Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
@@ -139,15 +138,15 @@ def predict(search: _Search, low_s: float, high_s: float) -> float | None:
     with search.scene.borrow() as workspace:
         mujoco.mj_forward(workspace.model, workspace.data)
         acceleration = float(np.max(np.abs(workspace.data.qacc), initial=0.0))
-    if not 0 < acceleration < BAD_VALUE:
+    if not 0 < acceleration < mujoco.mjMAXVAL:
         return None
-    needed = log(BAD_VALUE / acceleration) / search.horizon_s
+    needed = log(mujoco.mjMAXVAL / acceleration) / search.horizon_s
 
     def excess(timestep_s: float) -> float:
         radius = spectral_radius(resting, timestep_s=timestep_s, integrator=search.integrator)
         return log(max(radius, TINY)) / timestep_s - needed
 
-    if not (excess(low_s) < 0 < excess(high_s) < BAD_VALUE):
+    if not (excess(low_s) < 0 < excess(high_s) < mujoco.mjMAXVAL):
         return None
     return float(optimize.brentq(excess, low_s, high_s, xtol=1e-7))
 

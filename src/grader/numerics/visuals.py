@@ -21,14 +21,18 @@ def without_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) ->
     `model` is the whole one, and `needs` what is proved of it. It costs about as much as compiling the text.
     """
     needed = {need.part for need in needs if need.needed}
-    shown = model.ngeom + model.nsite + model.ncam + model.nlight + model.nsensor
-    if not shown or needed & {"everything", "contacts", "fluid"}:
+    if not shown(model) or needed & {"everything", "contacts", "fluid"}:
         return None
     for sites_too in (True, False):
         bare = _stripped(xml, sites_too=sites_too)
-        if bare is not None and moves_alike(model, bare):
+        if bare is not None and shown(bare) < shown(model) and moves_alike(model, bare):
             return bare
     return None
+
+
+def shown(model: mujoco.MjModel) -> int:
+    """How many things a model has that might only show, or only be read."""
+    return int(model.ngeom + model.nsite + model.ncam + model.nlight + model.nsensor)
 
 
 def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:

@@ -20,9 +20,6 @@ from grader.grading.rk4.trajectories import (
 PREFIX = 40
 """Steps on which methods are told apart: enough for a fourth-order tableau to differ by more than round-off."""
 
-STAGES = 4
-"""Of MuJoCo's RK4."""
-
 GLANCE = 3
 """Steps after which most methods are ruled out already, so that they need not take the others."""
 
@@ -77,7 +74,7 @@ def another_forward(run: Run, student: Trajectory, departure: float) -> str | No
 
     def first_stage_only(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         forward(model, data)
-        mujoco.mj_RungeKutta(model, data, STAGES)
+        mujoco.mj_RungeKutta(model, data, len(CLASSICAL_WEIGHTS))
 
     if matches(run, student, stepped(run, first_stage_only, PREFIX), departure):
         return (

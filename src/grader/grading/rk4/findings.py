@@ -3,7 +3,8 @@
 from math import isfinite
 
 from grader.domain.verdict import Finding
-from grader.grading.rk4.outcomes import MUJOCO_ORDER, ORDER, OrderOutcome, Outcome
+from grader.grading.rk4.outcomes import MUJOCO_ORDER, OrderOutcome, Outcome
+from grader.grading.rk4.truth import ORDER
 
 
 def case_finding(outcome: Outcome, points: float) -> Finding:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.grading.drivers.hidden_force import Forward
+from grader.numerics.rk4 import STAGES, WEIGHTS
 
 Vector = NDArray[np.float64]
 State = tuple[Vector, Vector]
@@ -75,7 +76,7 @@ def tableau(stages: Sequence[Row], weights: Row, acceleration_weights: Row | Non
 
 
 CLASSICAL_STAGES: tuple[Row, ...] = ((1 / 2,), (0, 1 / 2), (0, 0, 1))
-CLASSICAL_WEIGHTS: Row = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+CLASSICAL_WEIGHTS: Row = WEIGHTS
 
 
 def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
@@ -87,7 +88,7 @@ def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -
 def classical_slopes(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> tuple[list[Vector], list[Vector]]:
     """Velocities and accelerations of the four classical stages."""
     velocities, slopes = [v], [motion.accelerate(q, v, time)]
-    for fraction in (0.5, 0.5, 1.0):
+    for fraction in STAGES:
         position, velocity = motion.move(q, velocities[-1], fraction * h), v + fraction * h * slopes[-1]
         velocities.append(velocity)
         slopes.append(motion.accelerate(position, velocity, time + fraction * h))
@@ -115,7 +116,7 @@ def four_moves(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> S
 
 
 def staged(
-    stage: Callable[[Motion, State, State, tuple[Vector, Vector], float], State], fractions: Row = (0.5, 0.5, 1.0)
+    stage: Callable[[Motion, State, State, tuple[Vector, Vector], float], State], fractions: Row = STAGES
 ) -> Method:
     """The classical method with another rule for where a stage starts: from the step's start, the stage before it
     and that stage's slope (velocity, acceleration), over a part of the step."""
@@ -161,7 +162,7 @@ def chained_to_the_end(positions: bool = True, velocities: bool = True) -> Metho
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         speeds, slopes = [v], [motion.accelerate(q, v, time)]
         position, velocity = q, v
-        for fraction in (0.5, 0.5, 1.0):
+        for fraction in STAGES:
             position = motion.move(position if positions else q, speeds[-1], fraction * h)
             velocity = (velocity if velocities else v) + fraction * h * slopes[-1]
             speeds.append(velocity)

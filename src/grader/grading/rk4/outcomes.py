@@ -17,7 +17,7 @@ from grader.grading.rk4.trajectories import (
     mujocos,
     read_trajectory,
 )
-from grader.grading.rk4.truth import Truth, coarser, truth_of
+from grader.grading.rk4.truth import ORDER, Truth, coarser, truth_of
 from grader.numerics.convergence import observed_order
 
 TIME_ROUNDING_S = 1e-9
@@ -38,8 +38,6 @@ Source: the truth of a case is exact to 1e-11; methods that choose their own sub
 
 FEWEST = 3
 """Points through which a slope is laid."""
-
-ORDER = 4.0
 
 MUJOCO_ORDER = 2.0
 """On rotations. Source: slope 2.00 measured with MuJoCo 3.14.0's RK4."""

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from grader.grading.rk4.methods import CLASSICAL_WEIGHTS, Method, Motion, State, Vector, weighed
+from grader.numerics.rk4 import STAGES
 
 Rate = Callable[[Vector, Vector], Vector]
 
@@ -45,7 +46,7 @@ def quaternion_derivative(rate: Rate) -> Method:
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         velocities, rates, slopes = [v], [qpos_rate(motion, rate, q, v)], [motion.accelerate(q, v, time)]
-        for fraction in (0.5, 0.5, 1.0):
+        for fraction in STAGES:
             position, velocity = q + fraction * h * rates[-1], v + fraction * h * slopes[-1]
             velocities.append(velocity)
             rates.append(qpos_rate(motion, rate, position, velocity))
