@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from grader.domain.quiz import CodeQuestion
-from grader.domain.run import Job, RunReport
+from grader.domain.run import RunReport
 from grader.domain.verdict import Verdict
-from grader.grading.exercise import judge_exercise, plan_exercise
+from grader.exercises import judge_exercise, plan_exercise
 from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +44,7 @@ def jail() -> Iterator[Jail]:
 def run(jail: Jail) -> Callable[..., RunReport]:
     def run(question: CodeQuestion, source: str, seed: int = 1) -> RunReport:
         plan = plan_exercise(question, model_xml, seed)
-        return jail.run(Job(source, plan.driver, plan.inputs, question.limits))
+        return jail.run(plan.job(source, question.limits))
 
     return run
 

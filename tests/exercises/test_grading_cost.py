@@ -10,8 +10,8 @@ import pytest
 
 from exercises.conftest import ROOT, Grade, model_xml, question
 from grader.domain.quiz import CodeQuestion
-from grader.domain.run import Job, RunStatus
-from grader.grading.exercise import judge_exercise, plan_exercise
+from grader.domain.run import RunStatus
+from grader.exercises import judge_exercise, plan_exercise
 from grader.sandbox.jail import Jail
 
 PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
@@ -45,13 +45,14 @@ def cost_ms(exercise: CodeQuestion, source: str, jail: Jail, seed: int) -> float
     start = time.thread_time()
     plan = plan_exercise(exercise, model_xml, seed)
     planned = time.thread_time()
-    report = jail.run(Job(source, plan.driver, plan.inputs, exercise.limits))
+    report = jail.run(plan.job(source, exercise.limits))
     assert report.status is RunStatus.RETURNED
     judging = time.thread_time()
     judge_exercise(exercise, plan, report)
     return 1000 * (planned - start + time.thread_time() - judging)
 
 
+@pytest.mark.cost
 @pytest.mark.parametrize(("id_", "program", "budget_ms"), CASES)
 def test_judging_stays_within_its_budget(id_: str, program: str, budget_ms: int, jail: Jail) -> None:
     """The best ratio of five draws, each beside its own yardstick: the machine's mood cancels.

@@ -10,15 +10,13 @@ import pytest
 
 from exercises.conftest import ROOT, Grade, model_xml, question, with_check
 from grader.domain.quiz import CodeQuestion
-from grader.domain.run import Job, RunReport, RunStatus
+from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
-from grader.grading.drivers.hidden_force import with_force
-from grader.grading.exercise import check_exercise, judge_exercise, plan_exercise
-from grader.grading.rk4.mistakes import METHODS
-from grader.grading.rk4.outcomes import OrderOutcome
-from grader.grading.rk4.parameters import Problem
-from grader.grading.rk4.trajectories import difference, fourth_order, mujocos, unforced
-from grader.grading.rk4.truth import truth_of
+from grader.exercises import check_exercise, judge_exercise, plan_exercise
+from grader.exercises.kinds.rk4.driver import with_force
+from grader.exercises.kinds.rk4.judge import OrderOutcome, difference, fourth_order, mujocos, truth_of, unforced
+from grader.exercises.kinds.rk4.mistakes import METHODS
+from grader.exercises.kinds.rk4.parameters import Problem
 from grader.sandbox.jail import Jail
 
 STEP, FREE = question("rk4-step"), question("rk4-free-joint")
@@ -26,10 +24,13 @@ PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
 CLASSICAL = (PROGRAMS / "rk4-step" / "correct__classical.py").read_text()
 
 
+def problems_of(exercise: CodeQuestion, seed: int = 1) -> list[Problem]:
+    return [trial.problem for trial in plan_exercise(exercise, model_xml, seed).trials]
+
+
 def problem_of(exercise: CodeQuestion, seed: int = 1) -> Problem:
-    problem = plan_exercise(exercise, model_xml, seed).problem
-    assert isinstance(problem, Problem)
-    return problem
+    """The first case's."""
+    return problems_of(exercise, seed)[0]
 
 
 CURIOUS = """
@@ -83,17 +84,18 @@ def test_honest_code_does_not_notice_the_force(grade: Grade) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_every_route_through_mj_step_is_far_away(exercise: CodeQuestion, seed: int) -> None:
     """At least 10,000 times the tolerance, in every case: no draw of the force is too weak to be felt."""
-    problem = problem_of(exercise, seed)
-    for case, run in zip(problem.parameters.cases, problem.runs, strict=False):
+    for problem in problems_of(exercise, seed):
+        run = problem.run
         apart = difference(run, unforced(run, int(mujoco.mjtIntegrator.mjINT_RK4), run.steps), mujocos(run))
-        assert apart.worst > 1e4 * case.tolerance
+        assert apart.worst > 1e4 * problem.case.tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: int) -> None:
     step, free = problem_of(STEP, seed), problem_of(FREE, seed)
     for problem, trajectory, order in ((step, mujocos, 4), (free, fourth_order, 4), (free, mujocos, 2)):
-        errors = [truth_of(problem, 0).error(problem.runs[i], trajectory(problem.runs[i])) for i in problem.order_runs]
+        errors = [truth_of(problem).error(run, trajectory(run)) for run in problem.order_runs]
         slopes = -np.diff(np.log2(errors))
         assert np.all(np.abs(slopes - order) < 0.1)
 
@@ -113,25 +115,25 @@ def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: 
 )
 def test_fourth_order_is_a_slope_of_four_or_errors_as_small(errors: tuple[float, ...], fourth: bool) -> None:
     problem = problem_of(FREE)
-    assert problem.parameters.order
-    coarsest = problem.runs[problem.order_runs[0]]
-    assert OrderOutcome(problem.parameters.order, errors, False, coarsest, truth_of(problem, 0)).is_fourth is fourth
+    assert problem.order
+    outcome = OrderOutcome(problem.order, errors, False, False, problem.order_runs[0], truth_of(problem))
+    assert outcome.is_fourth is fourth
 
 
 def test_the_length_of_a_quaternion_does_not_count() -> None:
-    run = problem_of(FREE).runs[0]
+    run = problem_of(FREE).run
     ours = mujocos(run)
     longer = replace(ours, qpos=ours.qpos * [1, 1, 1, 9, 9, 9, 9])
     assert difference(run, longer, ours).worst < 1e-13
 
 
 def test_the_force_of_each_seed_is_another_so_a_replay_is_worthless() -> None:
-    one, other = problem_of(STEP, 1).runs[0], problem_of(STEP, 2).runs[0]
+    one, other = problem_of(STEP, 1).run, problem_of(STEP, 2).run
     assert difference(one, mujocos(one), mujocos(other)).worst > 1e-3
 
 
 def test_the_wrapped_forward_leaves_everything_but_the_accelerations() -> None:
-    run = problem_of(STEP).runs[0]
+    run = problem_of(STEP).run
     model = mujoco.MjModel.from_xml_string(run.xml)
     plain, forced = mujoco.MjData(model), mujoco.MjData(model)
     for data in (plain, forced):
@@ -153,7 +155,8 @@ def test_the_verdict_says_which_method_it_was_with_both_errors(grade: Grade) -> 
     better = grade(FREE, (PROGRAMS / "rk4-free-joint" / "correct__quaternion_derivative.py").read_text())
     assert "Agrees with MuJoCo's RK4" in mujocos_way.findings[0].message
     assert "from the truth" in mujocos_way.findings[0].message
-    assert "order 2.0" in mujocos_way.findings[-1].message
+    assert "second order of MuJoCo" in mujocos_way.findings[-1].message
+    assert "observed order is 2.0" in mujocos_way.findings[-1].message
     assert "Not MuJoCo's method" in better.findings[0].message
     assert "nearer to the truth" in better.findings[0].message
     assert "fourth order" in better.findings[-1].message
@@ -162,18 +165,24 @@ def test_the_verdict_says_which_method_it_was_with_both_errors(grade: Grade) -> 
 def test_the_same_submission_gives_the_same_json(grade: Grade) -> None:
     for exercise, program in (
         (STEP, PROGRAMS / "rk4-step" / "partial__three_eighths_rule.py"),
-        (question("servo-threshold"), PROGRAMS / "servo-threshold" / "partial__forgets_kv.py"),
+        (question("servo-threshold"), PROGRAMS / "servo-threshold" / "partial__half_a_second.py"),
     ):
         first, second = (grade(exercise, program.read_text()).model_dump_json() for _ in range(2))
         assert first == second
         assert json.loads(first)["evidence"]
 
 
-def test_hidden_cases_tell_their_error_and_nothing_else(grade: Grade) -> None:
+def test_hidden_cases_tell_whether_they_are_right_and_nothing_else(grade: Grade) -> None:
     verdict = grade(STEP, (PROGRAMS / "rk4-step" / "incorrect__heun.py").read_text())
     titles = [finding.title for finding in verdict.findings]
-    assert titles[1:6] == [f"hidden case {i}" for i in range(1, 6)]
-    assert all(set(f.measured) <= {"qpos", "qvel", "act"} for f in verdict.findings[:6])
+    assert titles == [
+        "double pendulum, 500 steps of 2 ms",
+        *(f"hidden case {i}" for i in range(1, 7)),
+        "observed order",
+    ]
+    assert {(f.message, f.measured, f.expected) for f in verdict.findings[1:7]} == {
+        ("Departs from MuJoCo's RK4.", None, None)
+    }
     assert [picture["case"] for picture in verdict.evidence["differences"]] == ["double-pendulum"]
     assert len(verdict.evidence["differences"][0]["qpos"]) <= 300
     assert verdict.evidence["order"]["slope"] == pytest.approx(2, abs=0.2)
@@ -187,11 +196,14 @@ def test_hidden_cases_tell_their_error_and_nothing_else(grade: Grade) -> None:
         {"q0": np.zeros((9999, 2)), "v0": np.zeros((3, 2)), "t0": np.zeros((500, 1)), "a0": np.zeros((500, 0))},
         {"q0": np.zeros((500, 2), np.int64)},
         {"refused": np.array([255, 0], np.uint8)},
+        {"refused": np.zeros((2, 2))},
     ],
 )
 def test_forged_results_are_incorrect_and_never_a_fault(results: dict[str, Any]) -> None:
     plan = plan_exercise(STEP, model_xml, 1)
-    verdict = judge_exercise(STEP, plan, RunReport(RunStatus.RETURNED, results=results))
+    verdict = judge_exercise(
+        STEP, plan, RunReport(RunStatus.RETURNED, results={f"t0_{k}": v for k, v in results.items()})
+    )
     assert verdict.status is Status.INCORRECT
     assert verdict.points == 0
 
@@ -207,6 +219,16 @@ def test_forged_results_are_incorrect_and_never_a_fault(results: dict[str, Any])
 )
 def test_a_state_that_is_not_finite_is_incorrect(line: str, grade: Grade) -> None:
     assert grade(STEP, f"def rk4_step(model, data):\n    {line}\n").status is Status.INCORRECT
+
+
+def test_a_run_that_breaks_off_is_not_told_that_its_time_is_wrong(grade: Grade) -> None:
+    case = {"id": "a", "model": "double_pendulum", "time_matters": True, "steps": 20}
+    exercise = with_check(STEP, cases=[case], order=None)
+    broken = CLASSICAL.rstrip() + "\n    if data.time > 0.0199:\n        data.qpos[0] = float('nan')\n"
+    verdict = grade(exercise, broken)
+    assert verdict.findings[0].message == "The state does not stay finite. It is no longer finite after step 9."
+    slow = CLASSICAL.replace("v, act, t0 + h\n", "v, act, t0 + h / 2\n")
+    assert "data.time is not where it should be" in (grade(exercise, slow).diagnosis or "")
 
 
 OTHER_STEP = {
@@ -250,6 +272,14 @@ CRANE = """
 </mujoco>"""
 
 
+MUSCLE = """
+<mujoco>
+  <worldbody><body><joint name="elbow" range="0 2" limited="true"/><geom size=".1" pos="0 0 -.3"/></body></worldbody>
+  <actuator><muscle name="biceps" joint="elbow"/></actuator>
+</mujoco>
+"""
+
+
 def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
     exercise = CodeQuestion.model_validate(OTHER_STEP)
     crane = {"crane": CRANE}.__getitem__
@@ -257,9 +287,9 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
     plan = plan_exercise(exercise, crane, 3)
     for source, status in (
         (CLASSICAL.replace("rk4_step", "advance"), Status.CORRECT),
-        ("import mujoco\ndef advance(model, data):\n    mujoco.mj_step(model, data)\n", Status.INCORRECT),
+        ("import mujoco\ndef advance(model, data):\n    mujoco.mj_step(model, data)\n", Status.FORBIDDEN),
     ):
-        report = jail.run(Job(source, plan.driver, plan.inputs, exercise.limits))
+        report = jail.run(plan.job(source, exercise.limits))
         assert judge_exercise(exercise, plan, report).status is status
 
 
@@ -267,6 +297,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
     ("changes", "key"),
     [
         ({"accept": "anything"}, "check.accept"),
+        ({"cases": [{"id": "a", "xml": MUSCLE}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "xml": "<mujoco/>"}]}, "check.cases.0"),
         ({"cases": [{"id": "a"}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "start": {"qpos": [1]}}]}, "check.cases.0"),
@@ -275,6 +306,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [-1, 1]}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [1, -1]}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}]}, "check.cases.0"),
+        ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"mass": 1}}]}, "check.cases.0.set.mass"),
         ({"order": {"timesteps_s": [0.1, 0.2]}}, "check.order.timesteps_s"),
         ({"order": {"second": 1}}, "check.order.second"),
     ],

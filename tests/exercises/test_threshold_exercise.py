@@ -9,10 +9,10 @@ import pytest
 
 from exercises.conftest import Grade, model_xml, question, with_check
 from grader.domain.quiz import CodeQuestion
-from grader.domain.run import Job, RunReport, RunStatus
+from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
-from grader.grading.exercise import check_exercise, judge_exercise, plan_exercise
+from grader.exercises import check_exercise, judge_exercise, plan_exercise
 from grader.sandbox.jail import Jail
 
 SERVO = question("servo-threshold")
@@ -25,12 +25,12 @@ def claimed(*values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def judged(exercise: CodeQuestion, **results: np.ndarray[Any, Any]) -> Verdict:
     plan = plan_exercise(exercise, model_xml, 1)
-    return judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results=results))
+    return judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
 
 
 def is_right(integrator: str, *claim: float) -> bool:
     exercise = with_check(SERVO, integrators=[integrator], cases=[LESSON])
-    return judged(exercise, claim0=claimed(*claim)).status is Status.CORRECT
+    return judged(exercise, t0_claim=claimed(*claim)).status is Status.CORRECT
 
 
 @pytest.mark.parametrize(
@@ -78,28 +78,33 @@ def test_wrong_claims_are_wrong(integrator: str, claim: tuple[float, ...]) -> No
     assert not is_right(integrator, *claim)
 
 
-def test_none_is_right_exactly_where_nothing_is_unstable_and_alone_is_partial() -> None:
-    verdict = judged(SERVO, **{f"claim{i}": claimed() for i in range(12)})
-    assert verdict.status is Status.PARTIAL
-    right = {finding.id for finding in verdict.findings if finding.passed}
-    assert right == {
-        "lesson.discrete",
-        "heavier-and-longer.discrete",
-        "stiffer.discrete",
-        "heavily-damped.discrete",
-        "heavily-damped.implicitfast",
-    }
+def test_none_everywhere_earns_nothing() -> None:
+    verdict = judged(SERVO, **{f"t{i}_claim": claimed() for i in range(21)})
+    assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+    said = {finding.id: finding.message for finding in verdict.findings}
+    assert "counts only if you find a limit" in said["heavily-damped.implicitfast"]
+    assert "None was returned" in said["lesson.implicitfast"]
+
+
+def test_a_right_none_counts_beside_a_limit_of_the_same_model() -> None:
+    verdict = judged(SERVO, t0_claim=claimed(0.0200, 0.0205), t2_claim=claimed(), t5_claim=claimed())
+    assert {finding.id for finding in verdict.findings if finding.passed} == {"lesson.Euler", "lesson.discrete"}
+
+
+def test_none_needs_nothing_where_no_integrator_has_a_limit() -> None:
+    exercise = with_check(SERVO, integrators=["discrete"], cases=[LESSON])
+    assert judged(exercise, t0_claim=claimed()).status is Status.CORRECT
 
 
 @pytest.mark.parametrize(
     "results",
     [
         {},
-        {"claim0": np.array(["x"])},
-        {"claim0": np.zeros((2, 2))},
-        {"claim0": np.array([0.02, 0.0204, 0.03])},
-        {"other0": np.array([255, 254], dtype=np.uint8)},
-        {"claim0": np.array([1, 2], dtype=np.int64)},
+        {"t0_claim": np.array(["x"])},
+        {"t0_claim": np.zeros((2, 2))},
+        {"t0_claim": np.array([0.02, 0.0204, 0.03])},
+        {"t0_other": np.array([255, 254], dtype=np.uint8)},
+        {"t0_claim": np.array([1, 2], dtype=np.int64)},
     ],
 )
 def test_forged_results_are_a_wrong_answer_and_never_a_fault(results: dict[str, Any]) -> None:
@@ -115,16 +120,17 @@ def test_a_script_that_did_not_return_gets_the_status_of_that_name(status: RunSt
 
 def test_hidden_cases_are_drawn_by_the_seed_and_stay_hidden() -> None:
     one, same, other = (plan_exercise(SERVO, model_xml, seed) for seed in (1, 1, 2))
-    assert one.inputs == same.inputs
-    assert one.inputs["models"][0] == other.inputs["models"][0]
-    assert all(a != b for a, b in zip(one.inputs["models"][1:], other.inputs["models"][1:], strict=True))
-    verdict = judged(SERVO, **{f"claim{i}": claimed(0.0123, 0.0125) for i in range(12)})
+    assert (one.inputs, one.hidden_inputs) == (same.inputs, same.hidden_inputs)
+    assert one.inputs == other.inputs
+    models = [[trial["inputs"]["model"] for trial in plan.hidden_inputs["trials"]] for plan in (one, other)]
+    assert [a == b for a, b in zip(*models, strict=True)] == [False] * 18
+    verdict = judged(SERVO, **{f"t{i}_claim": claimed(0.0123, 0.0125) for i in range(21)})
     hidden = [finding for finding in verdict.findings if finding.title.startswith("hidden case")]
-    assert len(hidden) == 9
+    assert len(hidden) == 18
     told = json.dumps([f.model_dump(include={"title", "message", "measured", "expected"}) for f in hidden])
-    for cell in one.problem.cells:
-        if cell.hidden:
-            model = cell.scene.model
+    for trial in one.trials:
+        if trial.hidden:
+            model = trial.problem.scene.model
             for number in (model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 2], model.body_mass[1]):
                 assert f"{abs(number):.4g}" not in told
     assert {picture["case"].partition(".")[0] for picture in verdict.evidence["stability"]} == {"lesson"}
@@ -132,10 +138,10 @@ def test_hidden_cases_are_drawn_by_the_seed_and_stay_hidden() -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_every_draw_has_a_limit_well_inside_the_search(seed: int) -> None:
-    cells = {cell.id: cell for cell in plan_exercise(SERVO, model_xml, seed).problem.cells}
+    cells = {trial.id: trial.problem for trial in plan_exercise(SERVO, model_xml, seed).trials}
     for case, integrator in (
         ("heavier-and-longer", "implicitfast"),
-        ("stiffer", "implicitfast"),
+        *((case, "implicitfast") for case in ("stiffer", "well-damped", "stiff", "lighter")),
         ("heavily-damped", "Euler"),
     ):
         scene = cells[f"{case}.{integrator}"].scene
@@ -205,7 +211,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
     gate: Callable[[str], str] = {"gate": OTHER_MODEL}.__getitem__
     assert check_exercise(exercise, gate, "other.json") == []
     plan = plan_exercise(exercise, gate, 5)
-    report = jail.run(Job(RIGHT, plan.driver, plan.inputs, exercise.limits))
+    report = jail.run(plan.job(RIGHT, exercise.limits))
     verdict = judge_exercise(exercise, plan, report)
     assert (verdict.status, verdict.points) == (Status.CORRECT, 2)
 
@@ -216,13 +222,13 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"integrators": ["Verlet"]}, "check.integrators.0"),
         ({"widht_s": 0.001}, "check.widht_s"),
         ({"search_s": [0.05, 0.001]}, "check"),
-        ({"model": "no_such_model"}, "check.cases.0"),
-        ({"start": {"knee": 1.0}}, "check.cases.0"),
-        ({"cases": [{"id": "a", "set": {"kpp": 1}}]}, "check.cases.0"),
+        ({"model": "no_such_model"}, "check.model"),
+        ({"start": {"knee": 1.0}}, "check.start.knee"),
+        ({"cases": [{"id": "a", "set": {"kpp": 1}}]}, "check.cases.0.set.kpp"),
         ({"cases": [{"id": "a"}, {"id": "a"}]}, "check.cases.1.id"),
-        ({"numbers": {"kp": {"element": "motor[@name='servo']", "attribute": "kp"}}}, "check.cases.0"),
-        ({"numbers": {"kp": {"element": "position[@@", "attribute": "kp"}}}, "check.cases.0"),
-        ({"numbers": {"kp": {"element": "./actuator/position", "attribute": "kp"}}}, "check.cases.0"),
+        ({"numbers": {"kp": {"element": "motor[@name='servo']", "attribute": "kp"}}}, "check.numbers.kp.element"),
+        ({"numbers": {"kp": {"element": "position[@@", "attribute": "kp"}}}, "check.numbers.kp.element"),
+        ({"numbers": {"kp": {"element": "./actuator/position", "attribute": "kp"}}}, "check.numbers.kp.element"),
         ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [-1, 1]}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [1, -1]}}]}, "check.cases.0"),
     ],
@@ -233,16 +239,17 @@ def test_an_authors_mistake_is_a_fault_with_its_key(changes: dict[str, Any], key
             raise NotFound(f"there is no model {name!r}")
         return model_xml(name)
 
-    faults = check_exercise(with_check(SERVO, **changes), models, "1.3-exercises.json")
-    assert faults
-    assert faults[0].file == "1.3-exercises.json"
-    assert faults[0].key == f"servo-threshold.{key}"
+    cases = [{"id": "a", "set": {"kp": 1}}, {"id": "b", "set": {"kp": 2}}]
+    faults = check_exercise(with_check(SERVO, **{"cases": cases, **changes}), models, "1.3-exercises.json")
+    assert [(fault.file, fault.key) for fault in faults] == [("1.3-exercises.json", f"servo-threshold.{key}")]
     assert faults[0].why
 
 
 def test_an_unknown_checker_is_a_fault() -> None:
     faults = check_exercise(with_check(SERVO, kind="guess"), model_xml, "f.json")
     assert [fault.key for fault in faults] == ["servo-threshold.check.kind"]
+    assert "rk4" in faults[0].why
+    assert "threshold" in faults[0].why
 
 
 def test_returning_anything_else_says_what_to_return(grade: Grade) -> None:
@@ -254,8 +261,19 @@ def test_returning_anything_else_says_what_to_return(grade: Grade) -> None:
         assert "must return (h_stable, h_unstable)" in (verdict.diagnosis or "")
 
 
-def test_a_crash_says_in_which_call(grade: Grade) -> None:
-    source = "def largest_stable_timestep(model, integrator):\n    return (1 / (integrator - 3), 1)\n"
-    verdict = grade(question("servo-threshold"), source)
-    assert verdict.status is Status.CRASHED
-    assert verdict.diagnosis == "ZeroDivisionError: division by zero (model 1 of 4, integrator 3)"
+@pytest.mark.parametrize(
+    "pair",
+    [
+        "[np.array([a]), np.array([b])]",
+        "np.array([[a], [b]])",
+        "(np.array(a), np.float64(b))",
+        "np.array([a, b])",
+        "np.array([(a + b) / 2])",
+        "np.longdouble((a + b) / 2)",
+    ],
+)
+def test_arrays_of_one_element_are_numbers(pair: str, grade: Grade) -> None:
+    exercise = with_check(SERVO, integrators=["Euler"], cases=[LESSON])
+    head = "import numpy as np\n\ndef largest_stable_timestep(model, integrator):\n    a, b = 0.0199, 0.0203\n"
+    source = f"{head}    return {pair}\n"
+    assert grade(exercise, source).status is Status.CORRECT

@@ -1,4 +1,4 @@
-# diagnosis: mjcb_passive
+# diagnosis: The function let MuJoCo take the step
 import mujoco
 import numpy as np
 

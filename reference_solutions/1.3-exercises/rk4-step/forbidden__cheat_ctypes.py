@@ -1,4 +1,4 @@
-# diagnosis: ctypes
+# diagnosis: The function let MuJoCo take the step
 import ctypes
 from pathlib import Path
 

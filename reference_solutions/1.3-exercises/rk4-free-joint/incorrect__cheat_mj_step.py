@@ -1,7 +1,0 @@
-# diagnosis: MuJoCo's own stepping (RK4)
-import mujoco
-
-
-def rk4_step(model, data):
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    mujoco.mj_step(model, data)

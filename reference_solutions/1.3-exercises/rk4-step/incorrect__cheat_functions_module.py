@@ -1,8 +1,0 @@
-# diagnosis: MuJoCo's own stepping (RK4)
-import mujoco
-from mujoco import _functions
-
-
-def rk4_step(model, data):
-    model.opt.integrator = 1
-    getattr(_functions, "mj_" + "step")(model, data)

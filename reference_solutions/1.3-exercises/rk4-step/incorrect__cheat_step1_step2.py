@@ -1,7 +1,0 @@
-# diagnosis: MuJoCo's own stepping
-import mujoco
-
-
-def rk4_step(model, data):
-    mujoco.mj_step1(model, data)
-    mujoco.mj_step2(model, data)

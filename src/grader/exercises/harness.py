@@ -1,0 +1,99 @@
+"""Runs a kind's driver for every trial, inside the jail: the visible trials first, then the hidden ones.
+
+The text of this file is sent to the jail with the kind's driver; it imports nothing of the grader. The jail defines two
+names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden", "out_of_memory"), and
+`hidden_inputs()` fetches the hidden trials. The process does not know them before, and what is printed after that is
+not kept.
+
+A trial that raises is lost alone: its result `raised` says what and in which line. What ends the whole script is raised
+again: SystemExit and its like, a refusal of the jail, and lack of memory.
+"""
+
+import builtins
+import contextlib
+import json
+import os
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+Submit = Callable[[str, Any], None]
+
+GIVEN: dict[str, Any] = {name: globals().get(name) for name in ("kind_of", "hidden_inputs")}
+KIND: dict[str, Any] = {"__name__": "kind", "__builtins__": builtins}
+TEXT_CHARS_MAX = 500
+
+
+def load(source: str) -> None:
+    """Executes the text of the kind's driver in a namespace of its own, before the student's module is imported."""
+    exec(compile(source, "<driver>", "exec"), KIND)  # noqa: S102
+    if "before_import" in KIND:
+        KIND["before_import"]()
+
+
+def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
+    """Called by the jail after the import: every trial, visible ones first."""
+    for trial in inputs["trials"]:
+        attempt(student, trial, submit)
+    if not inputs["more"]:
+        return
+    hidden = GIVEN["hidden_inputs"]()
+    nowhere = os.open(os.devnull, os.O_WRONLY)  # what is not kept should not count as output either
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    for trial in hidden["trials"]:
+        attempt(student, trial, submit)
+
+
+def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
+    """Runs one trial; its results are named t<index>_<name>."""
+    index = trial["index"]
+
+    def submit_result(name: str, value: Any) -> None:
+        submit(f"t{index}_{name}", value)
+
+    try:
+        functions = tuple(function_of(student, name) for name in trial["entries"])
+        KIND["trial"](functions, trial["inputs"], submit_result)
+    except BaseException as error:
+        if ends_the_script(error):
+            raise
+        submit_result("raised", np.frombuffer(account(error, student, trial["hidden"]), dtype=np.uint8))
+
+
+def function_of(student: object, name: str) -> Callable[..., Any]:
+    """Returns a function of the student's module. Raises TypeError if there is none of that name."""
+    found = getattr(student, name, None)
+    if not callable(found):
+        raise TypeError(f"the script defines no function {name}")
+    function: Callable[..., Any] = found
+    return function
+
+
+def ends_the_script(error: BaseException) -> bool:
+    """Whether an exception ends the whole script, not its trial alone."""
+    if not isinstance(error, Exception):
+        return True
+    return bool(GIVEN["kind_of"](error) != "crashed")
+
+
+def built_in(error: BaseException) -> type[BaseException]:
+    """Returns the nearest built-in class of an exception."""
+    found: type[BaseException] = next(cls for cls in type(error).__mro__ if vars(builtins).get(cls.__name__) is cls)
+    return found
+
+
+def account(error: BaseException, student: object, hidden: bool) -> bytes:
+    """Returns what was raised, and in which line of the student's file, as JSON; writes it to stderr if visible."""
+    file = getattr(student, "__file__", "")
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    what = built_in(error).__name__
+    if not hidden:
+        with contextlib.suppress(Exception):  # the student's own __str__
+            what = traceback.format_exception_only(type(error), error)[-1].strip()
+            lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), f"{what}\n"]
+            os.write(2, "".join(lines).encode("utf-8", "backslashreplace"))
+    line = frames[-1].lineno if frames else None
+    return json.dumps({"raised": what[:TEXT_CHARS_MAX], "line": line}).encode()

@@ -1,0 +1,478 @@
+"""Judges steps: how far the student's trajectories are from MuJoCo's method and from the exact motion."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from math import inf, isfinite
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.exercises.kind import Judgement, Results
+from grader.exercises.kinds.rk4.driver import Forward, with_force
+from grader.exercises.kinds.rk4.parameters import OrderCheck, Problem, Run, retimed
+from grader.numerics.convergence import observed_order
+from grader.numerics.reference import dop853
+from grader.numerics.rollout import Rollout, simulate
+from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
+
+Rows = NDArray[np.float64]
+
+TIME_ROUNDING_S = 1e-9
+"""A sum of a few thousand timesteps in double precision drifts by less than this."""
+
+OTHER_METHODS = 1e-4
+"""A right trajectory of another method than MuJoCo's is this near to it [rad/s, m/s].
+
+Source: true fourth-order methods differ from MuJoCo 3.14.0's by at most 8.7e-5 over 1 s.
+"""
+
+NEARNESS = 20.0
+"""How many times further from the truth than our own fourth-order method a fourth-order method may be.
+
+Source: error constants of the classical fourth-order tableaus lie within a factor of ten of each other; MuJoCo
+3.14.0's second-order treatment of rotations is 100 to 40,000 times further away.
+"""
+
+TRUTH_FLOOR = 1e-10
+"""Below this, an error is round-off, not order: left out of the fit of an order.
+
+Source: the truth of a case is exact to 1e-11; methods that choose their own substeps stop at about 3e-11.
+"""
+
+FEWEST = 3
+"""Points through which a slope is laid."""
+
+MUJOCO_ORDER = 2.0
+"""On rotations. Source: slope 2.00 measured with MuJoCo 3.14.0's RK4."""
+
+SAMPLES = 5
+"""Times at which a run is held against the truth, the last at its end."""
+
+ORDER_RTOL = 1e-13
+"""Leaves the truth with an error of 1e-12, a thirtieth of the smallest error that the order check meets (3e-11)."""
+
+CASE_RTOL = 1e-12
+"""Leaves it with an error of 1e-11, a tenth of what counts as round-off in a case that is not asked for its order."""
+
+ORDER = 4.0
+"""Of the methods that the exercise asks for, and of our yardstick."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The state after each step: time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na)."""
+
+    time: Rows
+    qpos: Rows
+    qvel: Rows
+    act: Rows
+
+    def first(self, rows: int) -> "Trajectory":
+        """The beginning."""
+        return self.at(slice(rows))
+
+    def at(self, rows: slice | NDArray[np.int64]) -> "Trajectory":
+        """Some of the rows."""
+        return Trajectory(self.time[rows], self.qpos[rows], self.qvel[rows], self.act[rows])
+
+    def __len__(self) -> int:
+        return len(self.qpos)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Sup norm of each step's difference (n,): positions (rotations as vectors), velocities, activations."""
+
+    qpos: Rows
+    qvel: Rows
+    act: Rows
+    complete: bool
+
+    @property
+    def largest(self) -> dict[str, float]:
+        """Over the whole run; inf where the student's run ended early."""
+        parts = {"qpos": self.qpos, "qvel": self.qvel} | ({"act": self.act} if self.act.any() else {})
+        return {name: float(np.max(part, initial=0.0)) if self.complete else inf for name, part in parts.items()}
+
+    @property
+    def worst(self) -> float:
+        """The largest of all."""
+        return max(self.largest.values())
+
+    @property
+    def by_step(self) -> Rows:
+        """The larger of positions, velocities and activations at each step."""
+        return np.maximum(np.maximum(self.qpos, self.qvel), self.act)
+
+
+def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
+    """The student's trajectory of run `index`; what does not have the shape that the driver gives it is empty."""
+    widths = {"t": 1, "q": len(run.qpos), "v": len(run.qvel), "a": len(run.act)}
+    parts: dict[str, Rows] = {}
+    for name, width in widths.items():
+        values = results.get(f"{name}{index}")
+        if values is None or values.dtype != np.float64 or values.ndim != 2 or values.shape[1] != width:
+            return Trajectory(*(np.empty((0, w)) for w in (0, *list(widths.values())[1:])))
+        parts[name] = values.astype(np.float64)
+    rows = min(run.steps, *(len(part) for part in parts.values()))
+    return Trajectory(parts["t"][:rows, 0], *(parts[name][:rows] for name in "qva"))
+
+
+def difference(run: Run, one: Trajectory, other: Trajectory) -> Difference:
+    """Step by step, over the rows that both have; complete where `one` has all that `other` has."""
+    rows = min(len(one), len(other))
+    turn = turned(run, one.qpos[:rows], other.qpos[:rows])
+    return Difference(
+        qpos=sup(turn),
+        qvel=sup(one.qvel[:rows] - other.qvel[:rows]),
+        act=sup(one.act[:rows] - other.act[:rows]),
+        complete=len(one) >= len(other),
+    )
+
+
+def sup(values: Rows) -> Rows:
+    """The largest size in each row."""
+    return np.array(np.max(np.abs(values), axis=1, initial=0.0))
+
+
+def turned(run: Run, one: Rows, other: Rows) -> Rows:
+    """From positions `one` to `other` as tangent vectors (n, nv).
+
+    The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
+    """
+    if len(run.qpos) == len(run.qvel):
+        return other - one
+    model = run.scene().model
+    turn = np.zeros((len(one), model.nv))
+    for row, first, second in zip(turn, one, other, strict=True):
+        mujoco.mj_differentiatePos(model, row, 1.0, first, second)
+    return turn
+
+
+def forward_of(run: Run) -> Forward:
+    """mj_forward with the run's hidden force."""
+    return with_force(mujoco.mj_forward, vars(run.force))
+
+
+def steps_of(rollout: Rollout) -> Trajectory:
+    """A rollout without its start."""
+    return Trajectory(rollout.time[1:], rollout.qpos[1:], rollout.qvel[1:], rollout.act[1:])
+
+
+Step = Callable[[mujoco.MjModel, mujoco.MjData], object]
+
+
+def stepped(run: Run, step: Step, steps: int | None = None) -> Trajectory:
+    """Our own run with `step` in place of mj_step."""
+    return steps_of(simulate(run.scene(), steps=steps or run.steps, timestep_s=run.timestep_s, stepper=step))
+
+
+@lru_cache(maxsize=256)
+def mujocos(run: Run) -> Trajectory:
+    """By MuJoCo 3.14.0's RK4, with the hidden force."""
+    return stepped(run, partial(mujoco_rk4_step, forward=forward_of(run)))
+
+
+@lru_cache(maxsize=64)
+def fourth_order(run: Run) -> Trajectory:
+    """By a method that is of fourth order on rotations too, with the hidden force."""
+    return stepped(run, partial(lie_rk4_step, forward=forward_of(run)))
+
+
+@lru_cache(maxsize=64)
+def unforced(run: Run, integrator: int, steps: int) -> Trajectory:
+    """By MuJoCo's own mj_step, which knows nothing of the hidden force."""
+    return steps_of(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One motion, at every time [s] at which some trajectory of it is held against it; solved when first asked."""
+
+    run: Run
+    times_s: tuple[float, ...]
+    rtol: float
+
+    def error(self, run: Run, trajectory: Trajectory) -> float:
+        """Sup norm of the distance at the run's sample times; inf where the trajectory ended early.
+
+        Raises ValueError where the scene has constraints.
+        """
+        exact = solved(retimed(self.run, 1.0, 1), self.times_s, self.rtol)
+        rows = sampled_rows(run)
+        here = np.searchsorted(self.times_s, sample_times(run))
+        return difference(run, trajectory.at(rows[rows < len(trajectory)]), exact.at(here)).worst
+
+
+def truth_of(problem: Problem) -> Truth:
+    """Returns the exact motion of a case; that of the first serves the order check too."""
+    run = problem.run
+    held = [*problem.order_runs, *([run, coarser(run)[0]] if problem.accepts_other_methods else [])]
+    times = sorted({time for other in held for time in sample_times(other)})
+    return Truth(run, tuple(times), ORDER_RTOL if problem.order_runs else CASE_RTOL)
+
+
+def rehearse(problem: Problem) -> None:
+    """Solves for the exact motion where it decides. Raises ValueError if the scene has constraints."""
+    if problem.accepts_other_methods or problem.order_runs:
+        solved(problem.run, (problem.run.timestep_s,), CASE_RTOL)
+
+
+def coarser(run: Run) -> tuple[Run, float]:
+    """A run of the same motion with half as many steps, and how many times larger a fourth-order error is there.
+
+    The run itself where its steps cannot be halved.
+    """
+    half = run.steps // 2
+    if run.steps % 2 or half < SAMPLES:
+        return run, 1.0
+    return retimed(run, 2 * run.timestep_s, half), 2**ORDER
+
+
+def sampled_rows(run: Run) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+    """The rows of a trajectory that are held against the truth."""
+    return np.array([round(run.steps * (i + 1) / SAMPLES) for i in range(SAMPLES)]) - 1
+
+
+def sample_times(run: Run) -> tuple[float, ...]:
+    """The times [s] of those rows."""
+    return tuple(round((row + 1) * run.timestep_s, 12) for row in sampled_rows(run).tolist())
+
+
+@lru_cache(maxsize=64)
+def solved(run: Run, times_s: tuple[float, ...], rtol: float) -> Trajectory:
+    """The motion at ascending times [s]. Raises ValueError where the scene has constraints."""
+    reference = dop853(run.scene(), times_s, rtol=rtol, forward=forward_of(run))
+    return Trajectory(reference.time, reference.qpos, reference.qvel, reference.act)
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """One case's run. The two errors against the truth are measured only where they may decide."""
+
+    problem: Problem
+    student: Trajectory
+    truth: Truth
+
+    @property
+    def run(self) -> Run:
+        """The case's run."""
+        return self.problem.run
+
+    @cached_property
+    def difference(self) -> Difference:
+        """To MuJoCo's method."""
+        return difference(self.run, self.student, mujocos(self.run))
+
+    @cached_property
+    def agrees(self) -> bool:
+        """With MuJoCo's method, in every position, velocity and activation, at every step."""
+        return self.difference.worst <= self.problem.case.tolerance
+
+    @cached_property
+    def is_near_truth(self) -> bool:
+        """As near to the truth as a fourth-order method is; only asked where that counts."""
+        if not self.problem.accepts_other_methods or self.agrees:
+            return False
+        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujocos(self.run)) + TRUTH_FLOOR:
+            return False  # ours need not be simulated: it is no further from the truth than MuJoCo's
+        coarse, factor = coarser(self.run)
+        ours = self.truth.error(coarse, fourth_order(coarse)) / factor
+        return self.error <= NEARNESS * ours + TRUTH_FLOOR
+
+    @cached_property
+    def error(self) -> float:
+        """To the truth."""
+        return self.truth.error(self.run, self.student)
+
+    @cached_property
+    def keeps_time(self) -> bool:
+        """Whether data.time is right after every step of the student's, in a case where that matters."""
+        late = self.student.time - mujocos(self.run).time[: len(self.student)]
+        return not self.problem.case.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
+
+    @cached_property
+    def right(self) -> bool:
+        """Whether the case counts."""
+        return self.keeps_time and (self.agrees or self.is_near_truth)
+
+    @cached_property
+    def first_departure(self) -> int | None:
+        """The first step whose difference exceeds the tolerance, counted from 1."""
+        over = np.flatnonzero(self.difference.by_step > self.problem.case.tolerance)
+        return int(over[0]) + 1 if len(over) else None
+
+
+@dataclass(frozen=True)
+class OrderOutcome:
+    """The errors on the first case at every timestep, and the order that they show.
+
+    `ignores_timestep`: the states after each step were the same at every timestep. `follows_mujoco`: the run at the
+    largest timestep agrees with MuJoCo's method, and such a run may count.
+    """
+
+    check: OrderCheck
+    errors: tuple[float, ...]
+    ignores_timestep: bool
+    follows_mujoco: bool
+    coarsest: Run
+    truth: Truth
+
+    @cached_property
+    def finite(self) -> bool:
+        """Whether every run reached its end."""
+        return all(isfinite(error) for error in self.errors)
+
+    @cached_property
+    def slope(self) -> float | None:
+        """Of log error over log timestep, without the errors that are round-off; None where too few are left."""
+        points = [
+            (h, error) for h, error in zip(self.check.timesteps_s, self.errors, strict=True) if error > TRUTH_FLOOR
+        ]
+        if not self.finite or len(points) < FEWEST:
+            return None
+        return observed_order(*zip(*points, strict=True)).order
+
+    def is_about(self, order: float) -> bool:
+        """Whether the slope is this order."""
+        return self.slope is not None and abs(self.slope - order) <= self.check.tolerance
+
+    @cached_property
+    def is_fourth(self) -> bool:
+        """Fourth order or more, or errors as small as those of a fourth-order method.
+
+        The latter decides alone where the slope is steeper, which may come of a run that went wild at the largest
+        timestep, and where too few errors are left for a slope.
+        """
+        if not self.finite or self.ignores_timestep:
+            return False
+        if self.slope is not None and self.slope < ORDER + self.check.tolerance:
+            return self.is_about(ORDER)
+        return self.is_accurate
+
+    @cached_property
+    def is_accurate(self) -> bool:
+        """Whether no error is larger than that of a fourth-order method may be at its timestep."""
+        ours = self.truth.error(self.coarsest, fourth_order(self.coarsest))
+        allowed = (NEARNESS * ours * (h / self.coarsest.timestep_s) ** ORDER for h in self.check.timesteps_s)
+        return all(error <= most + TRUTH_FLOOR for error, most in zip(self.errors, allowed, strict=True))
+
+    @cached_property
+    def is_mujocos(self) -> bool:
+        """Whether this is MuJoCo's own method with its second order on rotations."""
+        return self.follows_mujoco and self.is_about(MUJOCO_ORDER)
+
+
+Outcome = RunOutcome | OrderOutcome
+
+
+def judge_run(problem: Problem, results: Results) -> Judgement[Outcome]:
+    """Holds the run of a case against MuJoCo's method and, where that counts, against the exact motion."""
+    outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), truth_of(problem))
+    message, detail = run_sentences(outcome)
+    alternative = ", or as near to the truth as a fourth-order method" if problem.accepts_other_methods else ""
+    return Judgement(
+        passed=outcome.right,
+        message=message,
+        outcome=outcome,
+        detail=detail,
+        measured={name: shown(value) for name, value in outcome.difference.largest.items()},
+        expected=f"at most {problem.case.tolerance:g} from MuJoCo's RK4{alternative}",
+    )
+
+
+def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
+    """Returns message and detail."""
+    worst, many = outcome.difference.worst, outcome.problem.accepts_other_methods
+    if not len(outcome.student):
+        return "The first step left the state not finite.", ""
+    if not outcome.difference.complete:
+        return "The state does not stay finite.", f"It is no longer finite after step {len(outcome.student)}."
+    if not outcome.keeps_time:
+        return "data.time is not where it should be: advance it by model.opt.timestep in every step.", ""
+    if outcome.agrees:
+        to_truth = f"; both are {outcome.error:.1e} from the truth" if many else ""
+        return "Agrees with MuJoCo's RK4.", f"The largest difference is {worst:.1e}{to_truth}."
+    if outcome.is_near_truth:
+        return (
+            "Not MuJoCo's method, but nearer to the truth, as near as a fourth-order method must be.",
+            f"It differs by {worst:.1e}; its error is {outcome.error:.1e}.",
+        )
+    return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.1e} in all."
+
+
+def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
+    """Measures the order: the fourth, or the second if it is MuJoCo's own method on rotations and that counts."""
+    assert problem.order is not None
+    truth, runs = truth_of(problem), problem.order_runs
+    students = [read_trajectory(results, index, run) for index, run in enumerate(runs)]
+    errors = tuple(truth.error(run, student) for run, student in zip(runs, students, strict=True))
+    coarsest, student = max(zip(runs, students, strict=True), key=lambda pair: pair[0].timestep_s)
+    agrees = problem.accepts_other_methods and (
+        difference(coarsest, student, mujocos(coarsest)).worst <= problem.case.tolerance
+    )
+    outcome = OrderOutcome(problem.order, errors, all_alike(students), agrees, coarsest, truth)
+    return Judgement(
+        passed=outcome.is_fourth or outcome.is_mujocos,
+        message=order_message(outcome),
+        outcome=outcome,
+        detail="" if outcome.slope is None else f"The observed order is {outcome.slope:.2f}.",
+        measured=None if outcome.slope is None else round(outcome.slope, 3),
+        expected=f"4 within {problem.order.tolerance:g}, or errors as small as those of a fourth-order method",
+    )
+
+
+def all_alike(students: Sequence[Trajectory]) -> bool:
+    """Whether the states after each step are the same in all runs, and do move."""
+    rows = min(map(len, students))
+    one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
+    return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)
+
+
+def order_message(order: OrderOutcome) -> str:
+    """Returns one sentence."""
+    if order.is_fourth and order.slope is None:
+        return "Too near to the exact motion for an order to be measured: nearer than a fourth-order method must be."
+    if order.is_fourth:
+        return (
+            f"The error shrinks with {'fourth order' if order.is_about(ORDER) else 'an order as good as the fourth'}."
+        )
+    if order.is_mujocos:
+        return (
+            "The error shrinks with the second order of MuJoCo 3.14.0's own RK4 on rotations; "
+            "a method of fourth order there is right too."
+        )
+    return order_complaint(order)
+
+
+def order_complaint(order: OrderOutcome) -> str:
+    """Returns what is wrong with an order."""
+    if order.ignores_timestep:
+        return (
+            "After as many steps the state is the same at every timestep: use model.opt.timestep, not a fixed number."
+        )
+    if order.slope is None:
+        why = "it is round-off at some timesteps, large at others" if order.finite else "some run did not stay finite"
+        return f"The error against the exact motion shows no order: {why}."
+    if order.slope > ORDER:
+        return "The error shrinks fast, but only because it is far too large at the largest timesteps."
+    return "The error does not shrink with fourth order."
+
+
+def shown(value: float) -> float | None:
+    """Returns a difference to three figures; None where the run ended early (JSON has no infinity)."""
+    return float(f"{value:.3g}") if isfinite(value) else None
+
+
+def accepted_states(problem: Problem) -> list[tuple[float, float]]:
+    """Returns the intervals of accepted velocities at the first time at which a trajectory of any method is judged.
+
+    A fixed trajectory that is right in the whole run is right here. The force is drawn from continuous distributions,
+    so two draws are far further apart than the tolerance.
+    """
+    rows = int(sampled_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
+    around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
+    early = mujocos(retimed(problem.run, problem.run.timestep_s, rows))
+    return [(value - around, value + around) for value in early.qvel[-1].tolist()]

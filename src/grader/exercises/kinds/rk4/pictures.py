@@ -1,0 +1,54 @@
+"""Pictures of judged steps: the difference against time, and the error against the timestep with its slope."""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.exercises.kind import Judged
+from grader.exercises.kinds.rk4.judge import OrderOutcome, Outcome, RunOutcome
+from grader.exercises.kinds.rk4.parameters import Problem
+
+POINTS_MAX = 300
+
+
+def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
+    """Returns `differences` of cases (for a logarithmic axis), and `order`."""
+    outcomes = [one.judgement.outcome for one in visible]
+    order = next((one for one in outcomes if isinstance(one, OrderOutcome)), None)
+    return {
+        "differences": [difference_picture(one) for one in outcomes if isinstance(one, RunOutcome)],
+        "order": order_picture(order) if order else None,
+    }
+
+
+def difference_picture(outcome: RunOutcome) -> dict[str, Any]:
+    """Returns time [s] and the size of the differences in position and velocity."""
+    rows = len(outcome.difference.qpos)
+    chosen = (
+        np.unique(np.linspace(0, rows - 1, min(rows, POINTS_MAX)).round().astype(int)) if rows else np.array([], int)
+    )
+    return {
+        "case": outcome.problem.case.id,
+        "tolerance": outcome.problem.case.tolerance,
+        "time_s": figures((chosen + 1) * outcome.run.timestep_s),
+        "qpos": figures(outcome.difference.qpos[chosen]),
+        "qvel": figures(outcome.difference.qvel[chosen]),
+    }
+
+
+def order_picture(order: OrderOutcome) -> dict[str, Any]:
+    """Returns timesteps [ms], errors against the exact motion, their slope; None where a run ended early."""
+    return {
+        "timestep_ms": [1000 * h for h in order.check.timesteps_s],
+        "error": [float(f"{error:.4g}") if isfinite(error) else None for error in order.errors],
+        "slope": None if order.slope is None else round(order.slope, 3),
+        "expected_slope": 4,
+    }
+
+
+def figures(values: NDArray[np.float64]) -> list[float | None]:
+    """Returns values to four figures; None for what is not finite."""
+    return [float(f"{value:.4g}") if isfinite(value) else None for value in values.tolist()]

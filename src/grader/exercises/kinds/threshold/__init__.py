@@ -1,0 +1,62 @@
+"""The `threshold` kind: brackets of the largest stable timestep, certified by simulating at their ends."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from inspect import getsource
+from typing import Any
+
+from grader.domain.quiz import CodeQuestion
+from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind, Results, Trial
+from grader.exercises.kinds.threshold import driver
+from grader.exercises.kinds.threshold.judge import Claim, accepted_lower_ends, expected_of, judge_claim, read_claim
+from grader.exercises.kinds.threshold.mistakes import constant_answers, name_the_mistake
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, cells
+from grader.exercises.kinds.threshold.pictures import evidence_of
+
+
+class Threshold(Kind[ThresholdParameters, Cell, Claim]):
+    """Judges brackets of the largest stable timestep: one trial for each case and integrator."""
+
+    parameters = ThresholdParameters
+    driver = getsource(driver)
+
+    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase) -> Sequence[Trial[Cell]]:
+        """Returns one call of the student's function for every integrator."""
+        return [
+            Trial(
+                id=f"{drawn.case.id}.{cell.integrator.name}",
+                inputs={"model": drawn.xml, "integrator": cell.integrator.code},
+                problem=cell,
+                case=drawn.case,
+                title=cell.integrator.name,
+                hidden=drawn.case.hidden,
+                points=drawn.case.points / len(parameters.integrators),
+            )
+            for cell in cells(parameters, drawn)
+        ]
+
+    def judge(self, parameters: ThresholdParameters, trial: Trial[Cell], results: Results) -> Judgement[Claim]:
+        """Certifies a claim by simulating at its ends."""
+        claim = read_claim(results)
+        judgement = judge_claim(parameters, trial.problem, claim)
+        if trial.hidden:  # the runner would drop them, and what is expected takes a bisection
+            return judgement
+        return replace(judgement, measured=str(claim), expected=expected_of(parameters, trial.problem))
+
+    def mistake(self, parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+        """Returns the sentence of the first wrong method that gives the student's claims."""
+        return name_the_mistake(parameters, judged)
+
+    def pictures(self, parameters: ThresholdParameters, visible: Sequence[Judged[Cell, Claim]]) -> dict[str, Any]:
+        """Returns the angle at both ends of each claim, and the stability line."""
+        return evidence_of(parameters, visible)
+
+    def lazy_answers(
+        self, question: CodeQuestion, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]
+    ) -> Mapping[str, str]:
+        """Returns scripts that give the right answers of one model for every model, or None for all."""
+        return constant_answers(question.entry, parameters, trials)
+
+    def accepted(self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Sequence[Intervals]:
+        """Returns where the lower end of a bracket of the allowed width may lie under every integrator."""
+        return [[accepted_lower_ends(parameters, trial.problem) for trial in trials]]

@@ -1,0 +1,246 @@
+"""Judges a claim by our own simulation: stable at its lower end, unstable at its upper end, in some right reading.
+
+The linear stability limit (the spectral radius of one step at rest passes 1) is a little below the limit within the
+horizon (a warning comes in time). Every reasonable reading of "stable" finds a limit between the two.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from grader.exercises.kind import Judgement, Results
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.numerics.bisection import find_threshold
+from grader.numerics.integrators import BY_NAME
+from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
+from grader.numerics.scene import Scene
+from grader.numerics.trials import Stability, try_timestep
+
+SLACK = 0.003
+"""Relative, on both sides of the span from the linear stability limit to the limit within the horizon.
+
+Source: right readings of the lesson's case measured at 19.93 (the energy decays) to 20.13 ms (other start angles)
+under Euler, 24.90 to 25.23 ms under implicitfast, where the span is 19.983..20.116 and 24.970..25.194 ms. The nearest
+wrong method (a horizon of 0.5 s) is 7 % away.
+"""
+
+WIDTH_ROUNDING = 1e-6
+"""Relative: 0.0200 - 0.0195 is a little more than 0.0005 in binary."""
+
+NUMBER_TOLERANCE_S = 0.0005
+"""A single number h claims that the limit is this near. Source: the lesson asks for a bisection to 0.5 ms."""
+
+RELATIVE_WIDTH = 0.001
+"""The precision of the limits from which the chance of luck is estimated."""
+
+SHOWN_WIDTH_S = 1e-6
+"""The precision of the expected limits in a finding."""
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Stable at `low`, unstable at `high` [s]; `number` is the single value that was given instead of both."""
+
+    low: float
+    high: float
+    number: float | None = None
+
+    @property
+    def width(self) -> float:
+        """[s]; negative where the ends are swapped."""
+        return self.high - self.low
+
+    @property
+    def given(self) -> list[float]:
+        """As the student returned it."""
+        return [self.low, self.high] if self.number is None else [self.number]
+
+    def scaled(self, factor: float) -> "Bracket":
+        """Returns the same digits in another unit."""
+        if self.number is not None:
+            return around(self.number * factor)
+        return Bracket(self.low * factor, self.high * factor)
+
+    def __str__(self) -> str:
+        return " to ".join(f"{1000 * value:.6g}" for value in self.given) + " ms"
+
+
+@dataclass(frozen=True)
+class NoLimit:
+    """`None`: nothing up to the longest timestep is unstable."""
+
+    def __str__(self) -> str:
+        return "None"
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """Anything else; `text` is its repr."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text or "nothing that can be read"
+
+
+Claim = Bracket | NoLimit | Unreadable
+
+
+def around(number: float) -> Bracket:
+    """Returns the bracket that a single number claims."""
+    return Bracket(number - NUMBER_TOLERANCE_S, number + NUMBER_TOLERANCE_S, number)
+
+
+def read_claim(results: Results) -> Claim:
+    """Returns what the student's function claims; what the driver does not write is unreadable."""
+    values: Any = results.get("claim")
+    if values is None or values.dtype != np.float64 or values.ndim != 1 or values.size > 2:
+        text = results.get("other", np.empty(0, np.uint8))
+        return Unreadable(bytes(text.astype(np.uint8)).decode(errors="replace")[:200])
+    if values.size == 0:
+        return NoLimit()
+    if values.size == 1:
+        return around(float(values[0]))
+    return Bracket(float(values[0]), float(values[1]))
+
+
+def warns(scene: Scene, code: int, timestep_s: float, seconds: float) -> bool:
+    """Whether a run of `seconds` [s] from the scene's start raises any warning."""
+    return try_timestep(scene, timestep_s, seconds, integrator=code).stability is Stability.UNSTABLE
+
+
+@lru_cache(maxsize=256)
+def has_limit(scene: Scene, code: int, longest_s: float, seconds: float) -> bool:
+    """Whether the longest timestep of the search is unstable."""
+    return warns(scene, code, longest_s, seconds)
+
+
+@lru_cache(maxsize=64)
+def at_rest(scene: Scene) -> Scene | None:
+    """Returns the scene in its equilibrium, which takes a root search; None if there is none."""
+    return equilibrium(scene)
+
+
+def grows(scene: Scene, code: int, timestep_s: float) -> bool:
+    """Whether a small deviation from the equilibrium grows; False if there is no equilibrium."""
+    rest = at_rest(scene)
+    return rest is not None and spectral_radius(rest, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
+
+
+def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Judgement[Claim]:
+    """Returns whether a claim is right, or the first thing that is wrong with it."""
+    if isinstance(claim, Unreadable):
+        why = "The function must return (h_stable, h_unstable) in seconds, one number, or None."
+        return Judgement(False, why, claim)
+    if isinstance(claim, NoLimit):
+        return judge_none(parameters, cell, claim)
+    detail = ""
+    why = form_complaint(parameters, claim)
+    if why and claim.width > parameters.width_s:
+        detail = f"It is {1000 * claim.width:.6g} ms wide."
+    why = why or bracket_complaint(parameters, cell, claim)
+    return Judgement(not why, why or "Certified by simulating at both ends.", claim, detail)
+
+
+def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
+    """Returns whether nothing in the search is unstable.
+
+    A right None counts only if a limit was found on the same model under another integrator that has one: otherwise a
+    function that does nothing would earn points.
+    """
+    longest, seconds = parameters.search_s[1], parameters.horizon_s
+    if has_limit(cell.scene, cell.integrator.code, longest, seconds):
+        return Judgement(False, f"None was returned, but some timestep up to {1000 * longest:g} ms is unstable.", claim)
+    others = (BY_NAME[name] for name in parameters.integrators if name != cell.integrator.name)
+    needs = [f"{cell.case}.{one.name}" for one in others if has_limit(cell.scene, one.code, longest, seconds)]
+    return Judgement(
+        True,
+        "Certified by simulating at the longest timestep, which is stable.",
+        claim,
+        needs=tuple(needs),
+        unmet="None is right here, but it counts only if you find a limit of the same model under another integrator.",
+    )
+
+
+def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
+    """Returns what is wrong with a bracket whatever the model."""
+    longest, allowed = parameters.search_s[1], parameters.width_s
+    if claim.width < 0:
+        return "The ends of the bracket are in the wrong order: it is (h_stable, h_unstable)."
+    if claim.number is None and claim.width > allowed * (1 + WIDTH_ROUNDING):
+        return f"The bracket is too wide: at most {1000 * allowed:g} ms are allowed."
+    if claim.low > longest:
+        return f"The bracket lies beyond {1000 * longest:g} ms, where the search ends."
+    if claim.high <= 0:
+        return "A timestep must be positive."
+    return ""
+
+
+def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
+    """Returns why a bracket misses the span of right readings; takes at most one run and one linearisation an end."""
+    scene, code, seconds = cell.scene, cell.integrator.code, parameters.horizon_s
+    shortest, longest = parameters.search_s
+    below, above = ("at the lower end", "at the upper end") if claim.number is None else ("just below", "just above")
+    what = "of the bracket" if claim.number is None else "your number"
+    if warns(scene, code, max(claim.low * (1 - SLACK), shortest), seconds):
+        return f"Too high: the run is already unstable {below} {what}."
+    high = max(claim.high * (1 + SLACK), shortest)
+    if grows(scene, code, high) or warns(scene, code, high, seconds):
+        return ""
+    if not has_limit(scene, code, longest, seconds):
+        return f"Nothing up to {1000 * longest:g} ms is unstable here: return None."
+    return f"Too low: the run is still stable {above} {what}."
+
+
+def expected_of(parameters: ThresholdParameters, cell: Cell) -> str:
+    """Returns the span of right readings in words: from the linear stability limit to the limit within the horizon."""
+    span = span_of(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
+    if span is None:
+        return "None"
+    within = f"{1000 * span[1]:.2f} ms (within {parameters.horizon_s:g} s)"
+    return f"a limit from {1000 * span[0]:.2f} ms (linear stability) to {within}"
+
+
+@lru_cache(maxsize=64)
+def span_of(scene: Scene, code: int, search_s: tuple[float, float], horizon_s: float) -> tuple[float, float] | None:
+    """Returns the linear limit and the limit within the horizon [s]; None if the longest timestep raises no warning."""
+    low, high = search_s
+    found = find_threshold(
+        scene, low_s=low, high_s=high, horizon_s=horizon_s, integrator=code, width_s=SHOWN_WIDTH_S, scan_step_s=high
+    ).bracket_s
+    if found is None:
+        return None
+    stable, growing = low, found[1]
+    while growing - stable > SHOWN_WIDTH_S:
+        middle = (stable + growing) / 2
+        stable, growing = (stable, middle) if grows(scene, code, middle) else (middle, growing)
+    return growing, found[1]
+
+
+def accepted_lower_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[float, float]:
+    """Returns between which values [s] the lower end of the widest bracket is accepted; (inf, inf) if None is right.
+
+    The limit within the horizon is found to a thousandth, on its far side.
+    """
+    scene, code = cell.scene, cell.integrator.code
+    low, high = parameters.search_s
+    if not has_limit(scene, code, high, parameters.horizon_s):
+        return inf, inf
+    linear = halved(lambda h: grows(scene, code, h), low, high)
+    if linear == high:
+        linear = within = halved(lambda h: warns(scene, code, h, parameters.horizon_s), low, high)
+    else:
+        within = halved(lambda h: warns(scene, code, h, parameters.horizon_s), linear, min(1.1 * linear, high))
+    return linear * (1 - RELATIVE_WIDTH) / (1 + SLACK) - parameters.width_s, within / (1 - SLACK)
+
+
+def halved(unstable: Callable[[float], bool], low: float, high: float) -> float:
+    """Returns the upper end of the bracket that bisection between `low` and `high` [s] ends with."""
+    while high - low > RELATIVE_WIDTH * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if unstable(middle) else (middle, high)
+    return high

@@ -1,0 +1,392 @@
+"""The wrong ways to a largest stable timestep, each with its sentence for the student: would it give these claims?"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+
+import mujoco
+import numpy as np
+
+from grader.exercises.kind import Judged, Trial
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, judge_claim, span_of, warns
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.numerics.servo import Servo
+
+SAME_EVERYWHERE = (
+    "The function gave the same answer for every model, although their limits differ. Measure the model you were given."
+)
+
+FORMULA_TOLERANCE = 5e-4
+"""Relative: a formula is reported as it is, as an end or as the middle of the bracket.
+
+Source: leaving the body's own inertia out of I changes the lesson's bound by 2e-4.
+"""
+
+NUMBER_TOLERANCE = 5e-3
+"""Relative: a single number may be rounded, 22.4 ms for 22.365 ms."""
+
+METHOD_TOLERANCE = 0.005
+"""Relative: how differently the same wrong method may be written (rounding of the number of steps, the criterion)."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What one claim answers: a cell, and that of the first case under the same integrator."""
+
+    parameters: ThresholdParameters
+    cell: Cell
+    first: Cell
+
+
+Gives = Callable[[Asked, Claim], bool]
+
+
+@dataclass(frozen=True)
+class WrongMethod:
+    """A mistake: the sentence for the student, and whether it would have given a claim.
+
+    It must explain every wrong claim; with `all_claims` the right ones too (they may be right by accident). One of the
+    wrong ones must hold numbers, unless `of_numbers` is false: `None` shows little of how it came about.
+    """
+
+    id: str
+    sentence: str
+    gives: Gives
+    all_claims: bool = False
+    of_numbers: bool = True
+
+
+def servo_of(cell: Cell) -> Servo | None:
+    """Inertia and gains read off a model of one joint and one position servo; None for any other model."""
+    model = cell.scene.model
+    if model.nv != 1 or model.nu != 1:
+        return None
+    kp, kv = float(model.actuator_gainprm[0, 0]), float(-model.actuator_biasprm[0, 2])
+    if kp <= 0 or kv < 0 or model.actuator_biasprm[0, 1] != -kp:
+        return None
+    return Servo(float(model.dof_M0[0]), kp, kv)
+
+
+def formula(value: Callable[[Servo], float]) -> Gives:
+    """The method that reports a closed form."""
+
+    def gives(asked: Asked, claim: Claim) -> bool:
+        servo = servo_of(asked.cell)
+        if servo is None:
+            return False
+        limit = value(servo)
+        if not isinstance(claim, Bracket):
+            return isinstance(claim, NoLimit) and limit > asked.parameters.search_s[1]
+        tolerance = FORMULA_TOLERANCE if claim.number is None else NUMBER_TOLERANCE
+        ends = (claim.low, claim.high, (claim.low + claim.high) / 2)
+        return any(abs(end - limit) <= tolerance * limit for end in ends)
+
+    return gives
+
+
+def simulated(
+    change: Callable[[Scene], Scene | None] = lambda scene: scene, *, code: int | None = None, seconds: float = 0
+) -> Gives:
+    """The method that bisects rightly, but another scene, under another integrator, or for another time."""
+
+    def gives(asked: Asked, claim: Claim) -> bool:
+        scene = change(asked.cell.scene)
+        return scene is not None and claim_fits(asked, claim, scene, code, seconds=seconds)
+
+    return gives
+
+
+def claim_fits(asked: Asked, claim: Claim, scene: Scene, code: int | None = None, *, seconds: float = 0) -> bool:
+    """Whether a bisection of this scene would have ended in this claim, give or take one step in the run's length."""
+    integrator = asked.cell.integrator.code if code is None else code
+    horizon = seconds or asked.parameters.horizon_s
+    shortest, longest = asked.parameters.search_s
+    if isinstance(claim, NoLimit):
+        return not warns(scene, integrator, longest, horizon)
+    if not isinstance(claim, Bracket) or not shortest / 2 <= claim.low <= claim.high <= 2 * longest:
+        return False
+    low, high = claim.low * (1 - METHOD_TOLERANCE), claim.high * (1 + METHOD_TOLERANCE)
+    return not warns(scene, integrator, low, horizon - low) and warns(scene, integrator, high, horizon + high)
+
+
+def without_kv(scene: Scene) -> Scene:
+    """The servo without its damper."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.actuator_biasprm[:, 2] = 0
+
+    return scene.changed(change)
+
+
+def damped_joint(scene: Scene) -> Scene | None:
+    """The damper in the joint instead of the servo."""
+    if scene.model.nv != 1 or scene.model.nu != 1:
+        return None
+
+    def change(model: mujoco.MjModel) -> None:
+        model.dof_damping[0] -= model.actuator_biasprm[0, 2]
+        model.actuator_biasprm[0, 2] = 0
+
+    return scene.changed(change)
+
+
+def pgs(asked: Asked, claim: Claim) -> bool:
+    """Another constraint solver, which matters under `discrete` alone."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
+
+    return asked.cell.integrator.code == DISCRETE.code and claim_fits(asked, claim, asked.cell.scene.changed(change))
+
+
+def in_milliseconds(asked: Asked, claim: Claim) -> bool:
+    """The right claim, a thousand times as large."""
+    return isinstance(claim, Bracket) and judge_claim(asked.parameters, asked.cell, claim.scaled(1e-3)).passed
+
+
+def swapped(asked: Asked, claim: Claim) -> bool:
+    """The right bracket, turned round."""
+    if not isinstance(claim, Bracket) or claim.number is not None or claim.width >= 0:
+        return False
+    return judge_claim(asked.parameters, asked.cell, Bracket(claim.high, claim.low)).passed
+
+
+def too_wide(asked: Asked, claim: Claim) -> bool:
+    """A bracket that holds the limit, but not narrow enough."""
+    if not isinstance(claim, Bracket) or claim.width <= asked.parameters.width_s:
+        return False
+    return claim_fits(asked, claim, asked.cell.scene)
+
+
+def nothing_unstable(asked: Asked, claim: Claim) -> bool:
+    """None where there is a limit."""
+    return isinstance(claim, NoLimit)
+
+
+def swings_out(asked: Asked, timestep_s: float) -> bool:
+    """Whether some coordinate gets further from zero than it started."""
+    rollout = simulate(
+        asked.cell.scene,
+        seconds=asked.parameters.horizon_s,
+        timestep_s=timestep_s,
+        integrator=asked.cell.integrator.code,
+    )
+    start = np.abs(asked.cell.scene.start.qpos)
+    return rollout.diverged_at_step is not None or bool(np.any(np.abs(rollout.qpos) > start * (1 + 1e-9)))
+
+
+def overshoots(asked: Asked, claim: Claim) -> bool:
+    """A limit where the motion first swings further out than it started."""
+    if not isinstance(claim, Bracket) or not asked.parameters.search_s[0] <= claim.low <= claim.high:
+        return False
+    return not swings_out(asked, claim.low * (1 - 1e-3)) and swings_out(asked, claim.high * (1 + 1e-3))
+
+
+def another_model(asked: Asked, claim: Claim) -> bool:
+    """The limit of the first model, reported for another one."""
+    return asked.first.case != asked.cell.case and claim_fits(asked, claim, asked.first.scene)
+
+
+def gains_on_the_file(asked: Asked, claim: Claim) -> bool:
+    """The limit of the given gains on the mass and length of the model file."""
+    given = asked.cell.scene.model
+
+    def change(model: mujoco.MjModel) -> None:
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = given.actuator_gainprm, given.actuator_biasprm
+
+    return claim_fits(asked, claim, asked.cell.scene_as_written.changed(change))
+
+
+def model_of_the_file(asked: Asked, claim: Claim) -> bool:
+    """The limit of the model file without the case's numbers."""
+    return claim_fits(asked, claim, asked.cell.scene_as_written)
+
+
+METHODS: tuple[WrongMethod, ...] = (
+    WrongMethod(
+        "milliseconds",
+        "You reported milliseconds, not seconds: divide by 1000.",
+        in_milliseconds,
+    ),
+    WrongMethod(
+        "swapped",
+        "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
+        swapped,
+    ),
+    WrongMethod(
+        "nothing unstable",
+        "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
+        "start with {start}, and look at data.warning (or at data.time running backwards), because after a warning "
+        "MuJoCo has reset the state to a calm one.",
+        nothing_unstable,
+        all_claims=True,
+        of_numbers=False,
+    ),
+    WrongMethod(
+        "bound",
+        "You reported the bound 2*sqrt(I/kp), which ignores the damper{shift}; simulate instead of computing it.",
+        formula(lambda servo: servo.bound_s),
+    ),
+    WrongMethod(
+        "damping bound",
+        "You reported the damping bound 2*I/kv, which ignores the spring and holds for explicit damping only.",
+        formula(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
+    ),
+    WrongMethod(
+        "smaller bound",
+        "You reported the smaller of the bounds 2*sqrt(I/kp) and 2*I/kv; spring and damper act together, so simulate.",
+        formula(lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)),
+    ),
+    WrongMethod(
+        "half the bound",
+        "You reported sqrt(I/kp) = 1/omega; the explicit spring limit is twice that, and the damper moves it again.",
+        formula(lambda servo: servo.bound_s / 2),
+    ),
+    WrongMethod(
+        "period",
+        "You reported the period 2*pi*sqrt(I/kp) of the oscillation, not a stability limit.",
+        formula(lambda servo: pi * servo.bound_s),
+    ),
+    WrongMethod(
+        "too wide",
+        "Your brackets hold the limit but are too wide: go on halving until they are no wider than {width} ms.",
+        too_wide,
+    ),
+    WrongMethod(
+        "model of the file",
+        "You measured the model as it stands in its file, with its own gains: measure the model you were given.",
+        model_of_the_file,
+    ),
+    WrongMethod(
+        "mass of the file",
+        "You took the gains of the model you were given, but mass and length from the file: measure the model you were "
+        "given.",
+        gains_on_the_file,
+        all_claims=True,
+    ),
+    WrongMethod(
+        "another model",
+        "You reported the limits of the first model for every model: measure the model you were given.",
+        another_model,
+    ),
+    WrongMethod(
+        "Euler everywhere",
+        "Every integrator got Euler's limit: either model.opt.integrator is not set, or the servo's torque is computed "
+        "in Python (as for a motor), which is explicit whatever the integrator.",
+        simulated(code=EULER.code),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "PGS",
+        "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit.",
+        pgs,
+    ),
+    WrongMethod(
+        "kv forgotten",
+        "Your limits are those of a servo without its damping kv: keep the actuator's third bias parameter, -kv.",
+        simulated(without_kv),
+    ),
+    WrongMethod(
+        "damped joint",
+        "Your limits are those of a pendulum with the joint's damping in place of the servo's kv: Euler treats a "
+        "joint's damping implicitly, an actuator's explicitly.",
+        simulated(damped_joint),
+    ),
+    WrongMethod(
+        "RK4",
+        "Every integrator got RK4's limit: set model.opt.integrator to the integrator you are given.",
+        simulated(code=RK4.code),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "implicitfast everywhere",
+        "Every integrator got implicitfast's limit: set model.opt.integrator to the integrator you are given.",
+        simulated(code=IMPLICITFAST.code),
+        all_claims=True,
+    ),
+    WrongMethod(
+        "half a second",
+        "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s.",
+        simulated(seconds=0.5),
+    ),
+    WrongMethod(
+        "one second",
+        "Your runs are too short: within one second a slow divergence does not show yet. Run for {horizon} s.",
+        simulated(seconds=1.0),
+    ),
+    WrongMethod(
+        "overshoot",
+        "You called an overshoot unstable: the motion first swings out further than it started, but then decays.",
+        overshoots,
+    ),
+)
+
+
+def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+    """Returns the sentence of the first method that explains every wrong claim, or None."""
+    if same_everywhere(judged):
+        return SAME_EVERYWHERE
+    first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
+    claims = [
+        (Asked(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
+        for one in judged
+    ]
+    wrong = [claim for claim in claims if not claim[2].judgement.passed]
+    for method in METHODS:
+        if method.of_numbers and not any(isinstance(claim, Bracket) for _, claim, _ in wrong):
+            continue
+        if wrong and all(method.gives(asked, claim) for asked, claim, _ in (claims if method.all_claims else wrong)):
+            return method.sentence.format(**particulars(parameters, judged))
+    return None
+
+
+def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
+    """Whether the claims ignore the model: the same numbers for all, some of them right and some wrong."""
+    by_case: dict[str, dict[str, Claim]] = {}
+    for one in judged:
+        by_case.setdefault(one.trial.problem.case, {})[one.trial.problem.integrator.name] = one.judgement.outcome
+    answers = list(by_case.values())
+    passed = {one.judgement.passed for one in judged if isinstance(one.judgement.outcome, Bracket)}
+    return len(answers) > 1 and passed == {True, False} and all(answer == answers[0] for answer in answers)
+
+
+def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> dict[str, str]:
+    """Returns what a sentence may say: the exercise's public numbers, and those of its first visible model."""
+    visible = next((servo_of(one.trial.problem) for one in judged if not one.trial.hidden), None)
+    shift = (
+        f": the servo's own damping lowers Euler's limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms"
+        if visible
+        else ""
+    )
+    model = judged[0].trial.problem.scene.model
+    start = ", ".join(f"{joint} at {value:g} {unit_of(model, joint)}" for joint, value in parameters.start.items())
+    return {
+        "shift": shift,
+        "start": start,
+        "width": f"{1000 * parameters.width_s:g}",
+        "horizon": f"{parameters.horizon_s:g}",
+    }
+
+
+def unit_of(model: mujoco.MjModel, joint: str) -> str:
+    """Returns the unit of a joint's coordinate."""
+    return "m" if int(model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "rad"
+
+
+def constant_answers(entry: str, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Mapping[str, str]:
+    """Returns scripts that give None, or the right answers of the first visible case, for every model."""
+    scripts = {"None for every model": f"def {entry}(model, integrator):\n    return None\n"}
+    visible = next((trial.problem.case for trial in trials if not trial.hidden), None)
+    answers: dict[int, tuple[float, float] | None] = {}
+    for cell in (trial.problem for trial in trials if trial.problem.case == visible):
+        span = span_of(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
+        answers[cell.integrator.code] = (
+            None if span is None else (span[0] - parameters.width_s / 2, span[0] + parameters.width_s / 2)
+        )
+    if any(answers.values()):
+        text = f"def {entry}(model, integrator):\n    return {answers!r}[integrator]\n"
+        scripts["the visible model's limits for every model"] = text
+    return scripts

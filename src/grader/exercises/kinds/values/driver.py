@@ -1,0 +1,130 @@
+"""Calls the student's function with the arguments of every call, and submits what it gives.
+
+Runs in the jail. Result j of call i is `r<i>_<j>`. A call that gives something else leaves `other<i>`, the text of what
+was returned, and `printed<i>`, whether the function printed. The judge calls the author's programs through
+`results_of` too, in its own process.
+"""
+
+import contextlib
+import io
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+Function = Callable[..., object]
+
+TEXT_CHARS_MAX = 200
+
+
+class Listener(io.TextIOBase):
+    """Passes text on and notes that there was some."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+        self.heard = False
+
+    def write(self, text: str) -> int:
+        """Returns the number of characters."""
+        self.heard = self.heard or bool(text.strip())
+        self.stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flushes the stream that the text is passed on to."""
+        self.stream.flush()
+
+
+def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
+    """Every call, on a model and data of its own."""
+    (entry,) = functions
+    for index, call in enumerate(inputs["calls"]):
+        listener = Listener(sys.stdout)
+        with contextlib.redirect_stdout(listener):
+            found = results_of(entry, compiled(inputs["model"]), call, inputs["results"])
+        if isinstance(found, str):
+            submit(f"other{index}", np.frombuffer(found.encode(errors="replace"), dtype=np.uint8))
+            submit(f"printed{index}", np.array([listener.heard], dtype=np.uint8))
+            continue
+        for position, values in enumerate(found):
+            submit(f"r{index}_{position}", values)
+
+
+def compiled(xml: str | None) -> mujoco.MjModel | None:
+    """Returns the model of a case; None if it has none."""
+    return None if xml is None else mujoco.MjModel.from_xml_string(xml)
+
+
+def results_of(
+    function: Function,
+    model: mujoco.MjModel | None,
+    call: Mapping[str, Any],
+    results: Sequence[Mapping[str, str | None]],
+    times: int = 1,
+) -> list[Rows] | str:
+    """Returns the results of one call, or the text of a return value that does not have them.
+
+    `call` has `arguments` (numbers, nested lists, "model", "data") and `start`, the state in which `data` is given.
+    Each of `results` has a `name`, and a `field` if it is left in `data`. The function is called `times` over.
+    """
+    data = None if model is None else started(model, call["start"])
+    given = {"model": model, "data": data}
+    returned: object = None
+    for _ in range(times):
+        arguments = [
+            given[one] if isinstance(one, str) else np.array(one, dtype=np.float64) if isinstance(one, list) else one
+            for one in call["arguments"]
+        ]
+        returned = function(*arguments)
+    returned_names = [str(one["name"]) for one in results if one["field"] is None]
+    parts = separated(returned, returned_names)
+    if parts is None:
+        return repr(returned)[:TEXT_CHARS_MAX]
+    values = iter(parts)
+    found = [numbers(next(values) if one["field"] is None else getattr(data, one["field"])) for one in results]
+    whole = [one for one in found if one is not None]
+    return whole if len(whole) == len(found) else repr(returned)[:TEXT_CHARS_MAX]
+
+
+def started(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
+    """Returns a fresh data in the state of a call; nothing has been computed from it."""
+    data = mujoco.MjData(model)
+    if start["key"] is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(start["key"]).id)
+    for name in ("qpos", "qvel", "act", "ctrl"):
+        if start[name] is not None:
+            getattr(data, name)[:] = start[name]
+    return data
+
+
+def separated(returned: object, names: Sequence[str]) -> list[Any] | None:
+    """Returns one value for each name: of a dict by name, else in order; None if there are more or fewer."""
+    if not names:
+        return []
+    if isinstance(returned, dict):
+        return [returned[name] for name in names] if set(returned) == {*names} else None
+    if isinstance(returned, tuple) and len(returned) == len(names):
+        return list(returned)
+    if len(names) == 1:
+        return [returned]
+    is_row = isinstance(returned, list) or (isinstance(returned, np.ndarray) and returned.ndim > 0)
+    return list(returned) if is_row and len(returned) == len(names) else None  # type: ignore[arg-type, call-overload]
+
+
+def numbers(value: object) -> Rows | None:
+    """Returns finite real numbers as an array; None for anything else, truth values and texts among it."""
+    try:
+        found = np.asarray(value)
+    except (ValueError, TypeError):
+        return None
+    if found.dtype.kind not in "iuf" or not all_finite(found):
+        return None
+    return np.array(found, dtype=np.float64)
+
+
+def all_finite(values: Any) -> bool:
+    """Whether every number is finite."""
+    return bool(np.all(np.isfinite(values)))

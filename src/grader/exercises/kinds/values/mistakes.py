@@ -1,0 +1,349 @@
+"""The mistakes that any exercise in values may show, each with its sentence: would it give these results?"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from math import pi
+
+import mujoco
+import numpy as np
+
+from grader.exercises.kind import Judged
+from grader.exercises.kinds.values.driver import Rows, compiled, started
+from grader.exercises.kinds.values.judge import Held, Outcome, fits
+from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result, ValuesParameters
+
+SWAPS_MAX = 4
+"""Up to so many results or elements, every order is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """One call of the function, with its outcome."""
+
+    problem: Problem
+    held: Held
+
+    @property
+    def pairs(self) -> list[tuple[Result, Rows, Rows]]:
+        """Result, got and expected."""
+        got, expected = self.held.answer.values or (), self.held.expected or ()
+        return list(zip(self.problem.function.results, got, expected, strict=True))
+
+    @property
+    def wrong(self) -> list[tuple[Result, Rows, Rows]]:
+        """The results that are not right."""
+        return [(result, got, right) for result, got, right in self.pairs if not fits(result, got, right)]
+
+
+Explains = Callable[[Sequence[Asked]], bool]
+"""Whether a mistake gives the results of these calls: the wrong ones."""
+
+
+def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
+    """Returns what was seen and what to do, for the first function that is wrong; None if no mistake fits."""
+    first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
+    asked = [
+        Asked(one.trial.problem, held)
+        for one in judged
+        if one.trial.problem.name == first
+        for held in one.judgement.outcome
+    ]
+    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
+        found = sentence_of(asked)
+    several = len(parameters.functions) > 1
+    return f"{first}: {found}" if found and several else found
+
+
+def sentence_of(asked: Sequence[Asked]) -> str | None:
+    """Returns the sentence of the first mistake that explains every wrong call."""
+    wrong = [one for one in asked if one.held.why]
+    if not wrong:
+        return None
+    if any(one.held.answer.values is None for one in wrong):
+        return missing(wrong)
+    if is_stale(asked):
+        return "You give the same results for every call: compute them from the arguments of the call."
+    if any(one.held.expected is None for one in wrong):
+        return by_programs(wrong)
+    return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong)
+
+
+def missing(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence for a function that returns nothing."""
+    if any(one.held.answer.text != "None" for one in wrong if one.held.answer.values is None):
+        return None
+    if any(one.held.answer.printed for one in wrong):
+        return "Your function prints its result and returns None: return it instead."
+    return "Your function returns None: end it with `return` and the results."
+
+
+def is_stale(asked: Sequence[Asked]) -> bool:
+    """Whether every call gave the same results, although its arguments or start differ and the same is not right."""
+    answers = [one.held.answer.values or () for one in asked]
+    if any(one.held.call == asked[0].held.call for one in asked[1:]) or len(asked) < 2:
+        return False
+    rights = [one.held.expected for one in asked if one.held.expected is not None]
+    return all(same(answers[0], other) for other in answers) and not (
+        len(rights) == len(asked) and all(same(rights[0], other) for other in rights)
+    )
+
+
+def same(one: Sequence[Rows], other: Sequence[Rows]) -> bool:
+    """Whether all arrays are equal."""
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
+
+
+def by_programs(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of the first of the author's wrong programs that gives the student's results."""
+    for index, (_, sentence) in enumerate(wrong[0].problem.mistakes):
+        if all(gives(one, program=one.problem.mistakes[index][0]) for one in wrong):
+            return sentence
+    return None
+
+
+def gives(
+    asked: Asked,
+    call: Call | None = None,
+    program: Program | None = None,
+    change: Callable[[mujoco.MjModel], None] | None = None,
+    times: int = 1,
+) -> bool:
+    """Whether the reference (or another program), so changed, gives the student's results."""
+    problem, values = asked.problem, asked.held.answer.values
+    if program is not None and not callable(program.get(problem.name)):
+        return False
+    try:
+        found = problem.answer(call or asked.held.call, program, change, times)
+    except Exception:  # the author's program, outside the range that it was written for
+        return False
+    if isinstance(found, str) or values is None:
+        return False
+    return all(fits(result, got, row) for result, got, row in zip(problem.function.results, values, found, strict=True))
+
+
+@dataclass(frozen=True)
+class WrongResult:
+    """`altered(expected)` is what the mistake makes of one right result; {name} in the sentence names the result."""
+
+    sentence: str
+    altered: Callable[[Rows], Rows]
+
+
+def transposed(right: Rows) -> Rows:
+    """Returns the transpose of a matrix; anything else unchanged."""
+    return right.T if right.ndim == 2 else right
+
+
+RESULTS: tuple[WrongResult, ...] = (
+    WrongResult(
+        "{name} has the wrong sign: it is the negative of what it should be. Check the direction.", np.negative
+    ),
+    WrongResult("{name} is twice what it should be: look for a factor of 2 too many.", lambda right: 2 * right),
+    WrongResult("{name} is half of what it should be: look for a missing factor of 2.", lambda right: right / 2),
+    WrongResult("{name} is in degrees: give it in radians.", np.rad2deg),
+    WrongResult("{name} was converted to radians once too often: its angles are in radians already.", np.deg2rad),
+    WrongResult("{name} is 1000 times too large: look for milli-units.", lambda right: 1000 * right),
+    WrongResult("{name} is 1000 times too small: look for milli-units.", lambda right: right / 1000),
+    WrongResult("{name} is transposed: swap its rows and columns.", transposed),
+)
+
+
+def by_results(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of a mistake that is seen in the results alone."""
+    names = " and ".join(dict.fromkeys(result.name for one in wrong for result, _, _ in one.wrong))
+    if all(swapped(one) for one in wrong):
+        return "Your results are in the wrong order: return them as the exercise lists them."
+    for mistake in RESULTS:
+        if all(fits(result, got, mistake.altered(right)) for one in wrong for result, got, right in one.wrong):
+            return mistake.sentence.format(name=names)
+    pairs = [pair for one in wrong for pair in one.wrong]
+    if all(permuted(*pair) for pair in pairs):
+        return f"The elements of {names} are in the wrong order: check which comes first."
+    if all(shifted(*pair) for pair in pairs):
+        return f"{names} is off by one step: each row belongs to the step beside it. Check where you start and store."
+    if all(got.size == right.size and fits(result, got.reshape(right.shape), right) for result, got, right in pairs):
+        return f"{names} has the right numbers in the wrong shape: give it the shape that the exercise asks for."
+    return None
+
+
+def swapped(asked: Asked) -> bool:
+    """Whether the results are right in another order."""
+    pairs = asked.pairs
+    orders = permutations([got for _, got, _ in pairs]) if len(pairs) <= SWAPS_MAX else ()
+    return any(
+        all(fits(result, got, right) for (result, _, right), got in zip(pairs, order, strict=True)) for order in orders
+    )
+
+
+def permuted(result: Result, got: Rows, right: Rows) -> bool:
+    """Whether a vector is right in another order."""
+    if got.shape != right.shape or right.ndim != 1 or right.size > SWAPS_MAX:
+        return False
+    return any(fits(result, got[list(order)], right) for order in permutations(range(right.size)))
+
+
+def shifted(result: Result, got: Rows, right: Rows) -> bool:
+    """Whether the rows are those of the step before or after, or there is one row too many or too few at an end."""
+    if got.ndim != right.ndim or right.ndim == 0 or min(len(got), len(right)) < 3:
+        return False
+    if len(got) == len(right):
+        return fits(result, got[1:], right[:-1]) or fits(result, got[:-1], right[1:])
+    longer, shorter = (got, right) if len(got) > len(right) else (right, got)
+    return len(longer) == len(shorter) + 1 and (fits(result, longer[1:], shorter) or fits(result, longer[:-1], shorter))
+
+
+def by_state(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of a mistake that is seen in the state that a step leaves in data."""
+    if not all(result.field for one in wrong for result in one.problem.function.results):
+        return None
+    if all(unchanged(one) for one in wrong):
+        return "data is left as it was: write into its fields in place, such as data.qpos[:] = ..."
+    if all(gives(one, times=2) for one in wrong):
+        return "You are off by one step: data is advanced twice in one call."
+    if all(explicit(one) for one in wrong):
+        return (
+            "Your step is explicit: positions move with the velocity at the start of the step. In a semi-implicit "
+            "step the velocity is advanced first, and positions move with the new one."
+        )
+    return None
+
+
+def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> Mapping[str, Rows]:
+    """Returns the start of a call, `advance`d, by field."""
+    model = compiled(asked.problem.xml)
+    assert model is not None
+    data = started(model, asked.held.call.start)
+    advance(model, data)
+    return {
+        result.field: np.array(getattr(data, result.field), dtype=np.float64)
+        for result in asked.problem.function.results
+        if result.field
+    }
+
+
+def unchanged(asked: Asked) -> bool:
+    """Whether data is left at its start."""
+    start = state_of(asked, lambda model, data: None)
+    return all(fits(result, got, start[result.field or ""]) for result, got, _ in asked.pairs)
+
+
+def explicit(asked: Asked) -> bool:
+    """Whether positions alone are wrong: those of the velocity at the start of the step."""
+
+    def drift(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, model.opt.timestep)
+
+    moved = state_of(asked, drift)
+    return all(result.field == "qpos" and fits(result, got, moved["qpos"]) for result, got, _ in asked.wrong)
+
+
+Variant = tuple[str, Callable[[Asked], bool]]
+
+
+def by_inputs(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of a change of the inputs under which the reference gives the student's results."""
+    return next((sentence for sentence, explains in variants(wrong[0]) if all(map(explains, wrong))), None)
+
+
+def variants(first: Asked) -> Iterator[Variant]:
+    """Yields every change of the arguments, the state and the model, with its sentence."""
+    degrees = "You take {what} for degrees: it is in radians already, so do not convert it."
+    radians = "You take radians for degrees in {what}: the trigonometric functions need radians."
+    arguments = first.held.call.arguments
+    for index, argument in enumerate(arguments):
+        name = f"argument {index + 1}"
+        if isinstance(argument, int):
+            for step in (-1, 1):
+                yield f"You are off by one step: {name} counts one step too {few_or_many(step)}.", shift(index, step)
+        elif not isinstance(argument, str):
+            yield degrees.format(what=name), scale(index, pi / 180)
+            yield radians.format(what=name), scale(index, 180 / pi)
+        if not isinstance(argument, str):
+            yield f"A term with {name} is missing: your results are those for 0 in its place.", scale(index, 0.0)
+    if first.problem.xml is not None:
+        yield from ((sentence, changed(change)) for sentence, change in MODELS)
+        yield degrees.format(what="data.qpos"), scale_state("qpos", pi / 180)
+        yield radians.format(what="data.qpos"), scale_state("qpos", 180 / pi)
+        yield "A term with the velocity is missing: your results are those at rest.", scale_state("qvel", 0.0)
+        yield "A term is missing: your results are those without control (data.ctrl).", scale_state("ctrl", 0.0)
+        yield "The velocity has the wrong sign in your results: check its terms.", scale_state("qvel", -1.0)
+
+
+def few_or_many(step: int) -> str:
+    """Returns the word for one step less or more."""
+    return "few" if step < 0 else "many"
+
+
+def shift(index: int, step: int) -> Callable[[Asked], bool]:
+    """Returns whether one whole argument more or less gives the results."""
+    return with_argument(index, lambda value: int(value) + step)
+
+
+def scale(index: int, factor: float) -> Callable[[Asked], bool]:
+    """Returns whether one argument times a factor gives the results."""
+    return with_argument(index, lambda value: type(value)(value * factor))
+
+
+def with_argument(index: int, change: Callable[[float], float]) -> Callable[[Asked], bool]:
+    """Returns whether the reference with one argument changed, element by element, gives the results."""
+
+    def explains(asked: Asked) -> bool:
+        call = asked.held.call
+        arguments = list(call.arguments)
+        arguments[index] = nested(arguments[index], change)
+        return gives(asked, replace(call, arguments=tuple(arguments)))
+
+    return explains
+
+
+def nested(value: object, change: Callable[[float], float]) -> object:
+    """Returns nested lists of numbers with every number changed."""
+    if isinstance(value, list):
+        return [nested(item, change) for item in value]
+    return change(value) if isinstance(value, int | float) else value
+
+
+def scale_state(name: str, factor: float) -> Callable[[Asked], bool]:
+    """Returns whether the reference from a start with one part scaled gives the results."""
+
+    def explains(asked: Asked) -> bool:
+        call = asked.held.call
+        if call.start[name] is None:
+            return False
+        start = {**call.start, name: [factor * value for value in call.start[name]]}
+        return gives(asked, replace(call, start=start))
+
+    return explains
+
+
+def changed(change: Callable[[mujoco.MjModel], None]) -> Callable[[Asked], bool]:
+    """Returns whether the reference on a changed model gives the results."""
+    return lambda asked: gives(asked, change=change)
+
+
+def scaled_field(name: str, factor: float) -> Callable[[mujoco.MjModel], None]:
+    """Returns a change that multiplies a field of the model, such as dof_armature or opt.gravity."""
+
+    def change(model: mujoco.MjModel) -> None:
+        owner = model.opt if name == "gravity" else model
+        getattr(owner, name)[:] *= factor
+
+    return change
+
+
+MODELS: tuple[tuple[str, Callable[[mujoco.MjModel], None]], ...] = (
+    (
+        "The rotor inertia is missing: add the joint's armature to the inertia (model.dof_armature).",
+        scaled_field("dof_armature", 0.0),
+    ),
+    (
+        "The bodies' own inertia is missing: your results are those of point masses. Add model.body_inertia.",
+        scaled_field("body_inertia", 1e-12),
+    ),
+    ("The damping is missing: subtract model.dof_damping times the velocity.", scaled_field("dof_damping", 0.0)),
+    ("The damping has the wrong sign: it acts against the velocity.", scaled_field("dof_damping", -1.0)),
+    ("The springs are missing: add the joint's stiffness (model.jnt_stiffness).", scaled_field("jnt_stiffness", 0.0)),
+    ("Gravity is missing: add its torque.", scaled_field("gravity", 0.0)),
+    ("Gravity has the wrong sign: it pulls towards hanging, where the angle is 0.", scaled_field("gravity", -1.0)),
+)

@@ -1,0 +1,264 @@
+"""What an author writes in the JSON of a `values` exercise, and the calls that come of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, Literal, Self
+
+import mujoco
+import numpy as np
+from pydantic import Field, model_validator
+
+from grader.errors import GraderError
+from grader.exercises.kind import DrawnCase, TextOf
+from grader.exercises.kinds.values.driver import Rows, compiled, results_of, started
+from grader.exercises.parameters import Case, ExerciseParameters, Strict, Value, WrongParameter
+
+Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+
+
+class Result(Strict):
+    """One result. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element.
+
+    `field`: it is not returned, but left in this field of `data`.
+    """
+
+    name: str = Field(min_length=1)
+    field: Literal["qpos", "qvel", "act", "ctrl", "qacc", "qfrc_applied", "time"] | None = None
+    unit: str = ""
+    atol: float = Field(default=0.0, ge=0)
+    rtol: float = Field(default=1e-9, ge=0, lt=1)
+
+    @model_validator(mode="after")
+    def _check_tolerance(self) -> Self:
+        if not self.atol + self.rtol:
+            raise ValueError("give atol or rtol above 0: round-off differs from one right program to another")
+        return self
+
+
+class Residual(Strict):
+    """A function of the author's program that gets a call's arguments, then its results, and must return about 0."""
+
+    function: str = Name
+    atol: float = Field(gt=0)
+    unit: str = ""
+
+
+class Function(Strict):
+    """A function that the student writes; `name` is by default the question's `entry`.
+
+    It is judged against the function of the same name in the author's program, or by a `residual`.
+    """
+
+    name: str | None = Field(default=None, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    results: tuple[Result, ...] = Field(min_length=1, max_length=8)
+    residual: Residual | None = None
+
+
+class Array(Strict):
+    """An array argument: numbers and ranges in reading order, and its shape if it has more than one dimension."""
+
+    array: tuple[Value, ...] = Field(min_length=1)
+    shape: tuple[int, ...] | None = None
+
+    @model_validator(mode="after")
+    def _check_shape(self) -> Self:
+        if self.shape is not None and np.prod(self.shape) != len(self.array):
+            raise ValueError(f"shape {list(self.shape)} does not hold {len(self.array)} numbers")
+        return self
+
+
+class Integer(Strict):
+    """A whole number, or the first and the last of a range."""
+
+    integer: int | tuple[int, int]
+
+
+Argument = Literal["model", "data"] | Value | Array | Integer
+
+
+class Start(Strict):
+    """The state in which `data` is given: a keyframe, and parts that replace its own."""
+
+    key: str | None = None
+    qpos: tuple[Value, ...] | None = None
+    qvel: tuple[Value, ...] | None = None
+    act: tuple[Value, ...] | None = None
+    ctrl: tuple[Value, ...] | None = None
+
+
+class ValuesCase(Case):
+    """Some `calls` of one `function` (by default the first), each with arguments and a start drawn anew."""
+
+    function: str | None = None
+    arguments: tuple[Argument, ...] = ()
+    start: Start = Start()
+    calls: int = Field(default=1, ge=1, le=20)
+
+
+class WrongProgram(Strict):
+    """A program that makes a mistake, and the sentence for a student whose results it gives."""
+
+    program: str = Field(min_length=1)
+    sentence: str = Field(min_length=1)
+
+
+class ValuesParameters(ExerciseParameters):
+    """`program` is the path of the author's program in the content folder."""
+
+    program: str = Field(min_length=1)
+    functions: tuple[Function, ...] = Field(min_length=1)
+    cases: tuple[ValuesCase, ...] = Field(min_length=1)
+    mistakes: tuple[WrongProgram, ...] = ()
+
+
+Program = Mapping[str, Any]
+"""The names that an author's program defines."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """The arguments of one call as plain JSON, and the state in which `data` is given."""
+
+    arguments: tuple[Any, ...]
+    start: Mapping[str, Any]
+
+    def inputs(self) -> dict[str, Any]:
+        """Returns the call as the driver reads it."""
+        return {"arguments": list(self.arguments), "start": dict(self.start)}
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What one trial asks: some calls of one function. `independent`: their models have no number that is drawn."""
+
+    name: str
+    function: Function
+    xml: str | None
+    calls: tuple[Call, ...]
+    program: Program
+    mistakes: tuple[tuple[Program, str], ...]
+    independent: bool
+
+    @property
+    def results(self) -> list[dict[str, str | None]]:
+        """Names and fields of the results, as the driver reads them."""
+        return [{"name": one.name, "field": one.field} for one in self.function.results]
+
+    def inputs(self) -> dict[str, Any]:
+        """Returns the inputs of the driver."""
+        return {"model": self.xml, "results": self.results, "calls": [call.inputs() for call in self.calls]}
+
+    def answer(
+        self,
+        call: Call,
+        program: Program | None = None,
+        change: Callable[[mujoco.MjModel], None] | None = None,
+        times: int = 1,
+    ) -> list[Rows] | str:
+        """Returns the results of the program's function; `change` changes the model first."""
+        model = compiled(self.xml)
+        if model is not None and change is not None:
+            change(model)
+        function = (self.program if program is None else program)[self.name]
+        return results_of(function, model, call.inputs(), self.results, times)
+
+    def remainder(self, call: Call, values: tuple[Rows, ...]) -> Rows | None:
+        """Returns the residual of the student's results; None if it is not finite. Raises what the author's does."""
+        assert self.function.residual is not None
+        residual = self.program[self.function.residual.function]
+        given = tuple(float(value) if value.ndim == 0 else value for value in values)
+
+        def remaining(*arguments: object) -> object:
+            return residual(*arguments, *given)
+
+        found = results_of(remaining, compiled(self.xml), call.inputs(), [{"name": "residual", "field": None}])
+        return None if isinstance(found, str) else found[0]
+
+
+@lru_cache(maxsize=64)
+def loaded(path: str, text: str) -> Program:
+    """Runs an author's program in a namespace of its own. Raises ValueError if that fails."""
+    names: dict[str, Any] = {"__name__": "program", "__file__": path}
+    try:
+        exec(compile(text, path, "exec"), names)  # noqa: S102 - content is trusted, and no student's code comes here
+    except (Exception, SystemExit) as error:
+        line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else ""
+        raise ValueError(f"{path}: {line}{type(error).__name__}: {error}") from error
+    return MappingProxyType(names)
+
+
+def program_of(path: str, text_of: TextOf, key: str, *functions: str) -> Program:
+    """Returns a program of the content folder that defines `functions`. Raises WrongParameter."""
+    try:
+        program = loaded(path, text_of(path))
+    except (GraderError, ValueError) as error:
+        raise WrongParameter(key, str(error)) from error
+    for name in functions:
+        if not callable(program.get(name)):
+            raise WrongParameter(key, f"{path} defines no function {name}")
+    return program
+
+
+def pose_case(parameters: ValuesParameters, drawn: DrawnCase) -> Problem:
+    """Draws the calls of a case. Raises WrongParameter, ValueError and KeyError for what cannot work."""
+    case = drawn.case
+    assert isinstance(case, ValuesCase)
+    known = {one.name or drawn.content.entry: one for one in parameters.functions}
+    name = case.function or next(iter(known))
+    if name not in known:
+        raise ValueError(f"`functions` has no function {name!r}; it has {', '.join(known)}")
+    if drawn.xml is None and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
+        raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
+    wanted = known[name].residual.function if known[name].residual else name  # type: ignore[union-attr]
+    problem = Problem(
+        name,
+        known[name],
+        drawn.xml,
+        tuple(draw_call(case, drawn.rng) for _ in range(case.calls)),
+        program_of(parameters.program, drawn.content.text_of, "program", wanted),
+        tuple(
+            (program_of(one.program, drawn.content.text_of, f"mistakes.{index}.program"), one.sentence)
+            for index, one in enumerate(parameters.mistakes)
+        ),
+        independent=not any(isinstance(value, tuple) for value in case.set.values()),
+    )
+    if problem.xml is not None:
+        model = compiled(problem.xml)
+        assert model is not None
+        started(model, problem.calls[0].start)
+    return problem
+
+
+def uses_data(function: Function) -> bool:
+    """Whether a result is left in `data`."""
+    return any(result.field for result in function.results)
+
+
+def draw_call(case: ValuesCase, rng: np.random.Generator) -> Call:
+    """Draws the arguments and the start of one call."""
+    arguments = tuple(draw_argument(argument, rng) for argument in case.arguments)
+    state = {
+        name: None if values is None else [number(value, rng) for value in values]
+        for name, values in case.start
+        if name != "key"
+    }
+    return Call(arguments, {"key": case.start.key, **state})
+
+
+def draw_argument(argument: Argument, rng: np.random.Generator) -> Any:
+    """Returns an argument as plain JSON."""
+    if isinstance(argument, str):
+        return argument
+    if isinstance(argument, Integer):
+        ends = argument.integer
+        return int(rng.integers(ends[0], ends[1], endpoint=True)) if isinstance(ends, tuple) else ends
+    if isinstance(argument, Array):
+        return np.reshape([number(value, rng) for value in argument.array], argument.shape or -1).tolist()
+    return number(argument, rng)
+
+
+def number(value: Value, rng: np.random.Generator) -> float:
+    """Returns a number unchanged, or draws one from its range: in full precision, so that no value is likely."""
+    return float(rng.uniform(*value)) if isinstance(value, tuple) else value

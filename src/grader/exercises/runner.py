@@ -1,0 +1,352 @@
+"""Checks, plans and judges exercises of every kind; the only place that hides hidden cases."""
+
+import builtins
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import entry_points
+from inspect import getsource
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from grader.domain.quiz import CodeQuestion, ModelXml
+from grader.domain.run import Job, Limits, RunReport, RunStatus
+from grader.domain.verdict import Finding, Status, Verdict, verdict_of
+from grader.errors import Fault, GraderError, NotFound
+from grader.exercises import harness
+from grader.exercises.kind import (
+    Content,
+    DrawnCase,
+    Judged,
+    Judgement,
+    Kind,
+    LazyAnswer,
+    Results,
+    TextOf,
+    Trial,
+)
+from grader.exercises.parameters import (
+    Case,
+    ExerciseParameters,
+    WrongParameter,
+    drawn,
+    ends,
+    misread_parameters,
+    with_numbers,
+    without_remarks,
+)
+
+GROUP = "grader.exercise_kinds"
+"""The entry-point group in which kinds of exercise are found."""
+
+STEPPED = (
+    "The function let MuJoCo take the step (mj_step or another integrator), which this exercise does not allow: take "
+    "accelerations from mujoco.mj_forward, and write the step yourself."
+)
+
+
+def no_text(path: str) -> str:
+    """Raises NotFound: there is no content folder to read from."""
+    raise NotFound(f"{path} cannot be read: there is no content folder here")
+
+
+AnyKind = Kind[Any, Any, Any]
+AnyTrial = Trial[Any]
+AnyJudged = Judged[Any, Any]
+
+
+@cache
+def installed_kinds() -> Mapping[str, AnyKind]:
+    """Returns every installed kind by its name. Raises GraderError if two packages claim one name."""
+    found: dict[str, AnyKind] = {}
+    for point in entry_points(group=GROUP):
+        if point.name in found:
+            raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: remove one of them")
+        found[point.name] = point.load()()
+    return found
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What runs in the jail, and the trials that it is judged by.
+
+    `driver` runs over the plain-JSON `inputs`, then over the `hidden_inputs`; `without_integrators` as in Job.
+    """
+
+    driver: str
+    inputs: Mapping[str, Any]
+    hidden_inputs: Mapping[str, Any]
+    without_integrators: bool
+    parameters: ExerciseParameters
+    trials: tuple[AnyTrial, ...]
+
+    def job(self, source: str, limits: Limits) -> Job:
+        """Returns what the jail has to do for a script."""
+        return Job(
+            source,
+            self.driver,
+            self.inputs,
+            limits,
+            without_integrators=self.without_integrators,
+            hidden_inputs=self.hidden_inputs,
+        )
+
+
+def check_exercise(question: CodeQuestion, model_xml: ModelXml, where: str, text_of: TextOf = no_text) -> list[Fault]:
+    """Returns every fault of the question's `check`, each once; `where` is the quiz file's name."""
+    kind = installed_kinds().get(question.check.kind)
+    if kind is None:
+        why = f"no kind of exercise is called {question.check.kind!r}; use {', '.join(sorted(installed_kinds()))}"
+        return [Fault(where, f"{question.id}.check.kind", why)]
+    try:
+        parameters = read_parameters(kind, question)
+    except ValidationError as error:
+        found: Iterator[tuple[str, str]] = misread_parameters(kind.parameters, question.check.parameters, error)
+    else:
+        found = wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
+    return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+
+
+def read_parameters(kind: AnyKind, question: CodeQuestion) -> ExerciseParameters:
+    """Returns the check's parameters. Raises pydantic.ValidationError."""
+    parameters: ExerciseParameters = kind.parameters.model_validate(without_remarks(question.check.parameters))
+    return parameters
+
+
+def wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every parameter that cannot work; builds the trials at both ends of every range."""
+    ids = [case.id for case in parameters.cases]
+    trials: list[AnyTrial] = []
+    for index, case in enumerate(parameters.cases):
+        key = f"cases.{index}"
+        if case.id in ids[:index]:
+            yield f"{key}.id", f"{case.id} is used twice; give each case its own id"
+        if unknown := list(unknown_numbers(parameters, case, key)):
+            yield from unknown
+            continue
+        try:
+            for end in ends(case):
+                made = case_trials(kind, parameters, end, content, [0, index])
+            for trial in made:
+                kind.rehearse(parameters, trial)
+            trials.extend(made)
+        except (ValueError, KeyError, GraderError) as error:
+            yield getattr(error, "key", key), str(error.args[0])
+    if {trial.case.id for trial in trials if trial.case} == {*ids}:
+        try:
+            for trial in kind.further_trials(parameters, trials):
+                kind.rehearse(parameters, trial)
+        except (ValueError, KeyError) as error:
+            yield getattr(error, "key", ""), str(error.args[0])
+
+
+def unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every number that a case sets and `numbers` does not define."""
+    known = ", ".join(parameters.numbers) or "none"
+    for name in case.set.keys() - parameters.numbers.keys():
+        yield f"{key}.set.{name}", f"no number has this name; `numbers` has {known}"
+
+
+def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int, text_of: TextOf = no_text) -> Plan:
+    """Returns what to run in the jail and what to judge it by; `seed` draws the numbers of hidden cases."""
+    kind = installed_kinds()[question.check.kind]
+    parameters = read_parameters(kind, question)
+    content = Content(question.entry, model_xml, text_of)
+    trials: list[AnyTrial] = []
+    for index, case in enumerate(parameters.cases):
+        trials.extend(case_trials(kind, parameters, case, content, [seed, index]))
+    trials.extend(kind.further_trials(parameters, trials))
+    inputs: dict[bool, list[dict[str, Any]]] = {False: [], True: []}
+    for index, trial in enumerate(trials):
+        entries = trial.entries or (question.entry,)
+        one = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
+        inputs[trial.hidden].append(one)
+    return Plan(
+        driver=f"{getsource(harness)}\n\nload({kind.driver!r})\n",
+        inputs={"trials": inputs[False], "more": bool(inputs[True])},
+        hidden_inputs={"trials": inputs[True]} if inputs[True] else {},
+        without_integrators=kind.without_integrators,
+        parameters=parameters,
+        trials=tuple(trials),
+    )
+
+
+def lazy_answers(
+    question: CodeQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = no_text
+) -> list[LazyAnswer]:
+    """Returns scripts that do not solve the exercise, with the points that each may earn at most.
+
+    The starter may earn none; a script of the kind's that answers every model alike, those of the visible trials.
+    """
+    kind, plan = installed_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
+    share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
+    alike = kind.lazy_answers(question, plan.parameters, plan.trials)
+    found = [LazyAnswer(name, source, share * question.points) for name, source in alike.items()]
+    return found if starter is None else [LazyAnswer("the starter", starter, 0.0), *found]
+
+
+def case_trials(
+    kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
+) -> Sequence[AnyTrial]:
+    """Returns the trials of one case. Raises WrongParameter, ValueError, KeyError and GraderError."""
+    rng = np.random.default_rng(seed)
+    numbers = {name: drawn(value, rng) for name, value in case.set.items()}
+    written = model_of(parameters, case, content.model_xml)
+    if written is None and kind.needs_model:
+        raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
+    xml = None if written is None else with_numbers(written, parameters.numbers, numbers)
+    return kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+
+
+def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str | None:
+    """Returns the MJCF text of a case's own model, or of the exercise's; None if there is neither."""
+    if case.model is not None and case.xml is not None:
+        raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text), not both")
+    if case.xml is not None:
+        return case.xml if isinstance(case.xml, str) else "\n".join(case.xml)
+    if case.model is not None:
+        return model_xml(case.model)
+    if parameters.model is None:
+        return None
+    try:
+        return model_xml(parameters.model)
+    except GraderError as error:
+        raise WrongParameter("model", str(error)) from error
+
+
+def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Verdict:
+    """Returns the verdict on a script; one that did not return gets the status of that name, with the reason."""
+    if report.stepped:
+        return failed(question, Status.FORBIDDEN, STEPPED)
+    if report.status is not RunStatus.RETURNED:
+        return failed(question, Status(report.status.value), report.reason)
+    kind = installed_kinds()[question.check.kind]
+    results = [
+        results_of(report.hidden_results if trial.hidden else report.results, index)
+        for index, trial in enumerate(plan.trials)
+    ]
+    raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
+    judged = settled(
+        [
+            Judged(trial, why or kind.judge(plan.parameters, trial, part), False)
+            for trial, part, why in zip(plan.trials, results, raised, strict=True)
+        ]
+    )
+    titles = titles_of(plan)
+    findings = findings_of(question, titles, judged)
+    if all(raised):
+        return failed(question, Status.CRASHED, f"{titles[0]}: {message_of(judged[0])}", findings)
+    whole = [one for one, why in zip(judged, raised, strict=True) if not why]
+    verdict = verdict_of(
+        findings,
+        diagnosis=diagnosis_of(kind, plan, judged, whole),
+        evidence=kind.pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
+    )
+    review = next((one.judgement.review for one in judged if one.judgement.review), "")
+    if review and verdict.status is not Status.INCORRECT:
+        return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review})
+    # The explanation names the results of the exercise, so it comes with full marks only.
+    return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
+
+
+def failed(question: CodeQuestion, status: Status, why: str, findings: tuple[Finding, ...] = ()) -> Verdict:
+    """Returns a verdict without points."""
+    return Verdict(status=status, points=0.0, max_points=question.points, findings=findings, diagnosis=why or None)
+
+
+def results_of(results: Results, index: int) -> Results:
+    """Returns the results of one trial under the driver's own names."""
+    prefix = f"t{index}_"
+    return {name.removeprefix(prefix): values for name, values in results.items() if name.startswith(prefix)}
+
+
+def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
+    """Returns the judgement of a trial in which the script raised; None if it did not.
+
+    What the harness says is a claim: of a hidden trial only the name of a built-in exception and a line are believed.
+    """
+    if "raised" not in results:
+        return None
+    try:
+        said = json.loads(results["raised"].tobytes())
+        what, line = str(said["raised"])[:600], said["line"]
+    except (ValueError, KeyError, TypeError):
+        what, line = "", None
+    if trial.hidden and not isinstance(vars(builtins).get(what), type):
+        what = ""
+    place = f", in line {line} of your script" if isinstance(line, int) else ""
+    return Judgement(False, f"{what or 'An exception'}{place}.", None)
+
+
+def settled(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
+    """Decides which trials count: those that passed, if one that they need passed without a need of its own."""
+    firm = {one.trial.id for one in judged if one.judgement.passed and not one.judgement.needs}
+    return [
+        replace(one, counts=one.judgement.passed and (not one.judgement.needs or bool(firm & {*one.judgement.needs})))
+        for one in judged
+    ]
+
+
+def titles_of(plan: Plan) -> list[str]:
+    """Returns the title of each trial: that of its case, or a number if the case is hidden, and its own."""
+    cases = plan.parameters.cases
+    hidden = [case.id for case in cases if case.hidden]
+    titles = {
+        case.id: f"hidden case {hidden.index(case.id) + 1}" if case.hidden else case.title or case.id for case in cases
+    }
+    return [
+        ", ".join(filter(None, (titles[trial.case.id] if trial.case else "", trial.title))) for trial in plan.trials
+    ]
+
+
+def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
+    """Returns one finding for each trial, then one that asks for a review if the kind wants one."""
+    scale = question.points / sum(one.trial.points for one in judged)
+    findings = [finding_of(one, title, one.trial.points * scale) for title, one in zip(titles, judged, strict=True)]
+    reviews = dict.fromkeys(one.judgement.review for one in judged if one.judgement.review)
+    if reviews:
+        message = " ".join(reviews)
+        findings.append(
+            Finding(id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message)
+        )
+    return tuple(findings)
+
+
+def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
+    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values."""
+    shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
+    return Finding(
+        id=judged.trial.id,
+        title=title,
+        passed=judged.counts,
+        points=points if judged.counts else 0.0,
+        max_points=points,
+        message=" ".join(filter(None, (message_of(judged), shown.detail))),
+        measured=shown.measured,
+        expected=shown.expected,
+    )
+
+
+def message_of(judged: AnyJudged) -> str:
+    """Returns the sentence that holds no numbers."""
+    judgement = judged.judgement
+    return judgement.unmet if judgement.passed and not judged.counts else judgement.message
+
+
+def diagnosis_of(kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]) -> str | None:
+    """Returns the mistake's name, else the hint of the first case that failed, else what its finding says.
+
+    `whole` are the trials that did not raise. Details are left out, so that the diagnosis does not depend on the seed.
+    """
+    wrong = next((index for index, one in enumerate(judged) if not one.counts), None)
+    if wrong is None:
+        return None
+    first = judged[wrong]
+    message = f"{titles_of(plan)[wrong]}: {message_of(first)}"
+    if first not in whole:
+        return message
+    hint = first.trial.case.hint if first.trial.case else None
+    return kind.mistake(plan.parameters, whole) or hint or message

@@ -1,1 +1,0 @@
-"""Grading: answers and evidence in, verdicts out. Pure."""

@@ -1,1 +1,0 @@
-"""The largest stable timestep: a claimed bracket per model and integrator, certified by simulating at its ends."""

@@ -1,0 +1,365 @@
+"""What the runner does for every kind: hiding, crashes, points, reviews, faults, plug-ins."""
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from importlib.metadata import EntryPoint, EntryPoints
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from exercises.conftest import ROOT, Grade, model_xml, question, with_check
+from grader.domain.quiz import CodeQuestion
+from grader.domain.run import RunReport, RunStatus
+from grader.domain.verdict import Status, Verdict
+from grader.errors import GraderError
+from grader.exercises import (
+    DrawnCase,
+    ExerciseParameters,
+    Judgement,
+    Kind,
+    Plan,
+    Results,
+    Trial,
+    check_exercise,
+    installed_kinds,
+    judge_exercise,
+    lazy_answers,
+    plan_exercise,
+    runner,
+)
+
+SOLVED = {
+    "servo-threshold": "spectral_radius",
+    "rk4-step": "classical",
+    "rk4-free-joint": "one_mj_integratepos",
+}
+EXERCISES = list(SOLVED)
+PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
+NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
+
+CLAIMED = (0.0123456, 0.0127891)
+"""What scripts below return of hidden models."""
+
+SECRETS = """
+import os
+import sys
+import mujoco
+import numpy as np
+
+def numbers(model):
+    found = [*model.actuator_gainprm.flat, *model.actuator_biasprm.flat, *model.body_mass, *model.body_ipos.flat]
+    found += [*model.tendon_stiffness, *np.abs(model.actuator_biasprm.flat), *np.abs(model.body_ipos.flat)]
+    return " ".join(f"{number:.6g}" for number in found) + " 0.0123456 12.3456 0.0127891"
+
+def is_hidden(model):
+    servo = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, "servo") >= 0
+    return model.actuator_gainprm[0, 0] != 2000 if servo else model.nv not in VISIBLE or calls > FIRST
+"""
+"""The head of scripts that behave badly in hidden trials alone."""
+
+BADLY = {
+    "raises": "raise ValueError(numbers(model))",
+    "raises its own": "raise type(numbers(model), (ValueError,), {})(numbers(model))",
+    "adds notes": "error = KeyError(numbers(model)); error.add_note(numbers(model)); raise error",
+    "chains": "raise OverflowError(numbers(model)) from ValueError(numbers(model))",
+    "is refused": "raise PermissionError(1, numbers(model))",
+    "is refused by name": "open('/etc/' + numbers(model))",
+    "lacks memory": "raise MemoryError(numbers(model))",
+    "exits": "raise SystemExit(numbers(model))",
+    "interrupts": "raise type(numbers(model), (KeyboardInterrupt,), {})(numbers(model))",
+    "prints": "print(numbers(model)); print(numbers(model), file=sys.stderr); os.write(1, numbers(model).encode())",
+    "prints by another name": "sys.__stdout__.write(numbers(model)); os.write(2, numbers(model).encode())",
+    "returns text": "return numbers(model)",
+    "returns numbers": "return 0.0123456, 0.0127891",
+    "returns a wide bracket": "return 0.0123456, 0.0151",
+    "changes its lines": "sys.modules['linecache'].cache['submission.py'] = (1, None, [numbers(model)] * 99, ''); 1/0",
+}
+
+
+def bad_script(exercise: CodeQuestion, what: str) -> str:
+    """Right in visible trials, bad in hidden ones."""
+    right = (PROGRAMS / exercise.id / f"correct__{SOLVED[exercise.id]}.py").read_text()
+    entry, threshold = exercise.entry, exercise.check.kind == "threshold"
+    arguments = "model, integrator" if threshold else "model, data"
+    visible = {"rk4-step": "(2,), 500 + 75 + 150 + 300 + 600", "rk4-free-joint": "(6,), 250 + 75 + 150 + 300 + 600"}
+    head = "" if threshold else f"VISIBLE, FIRST = {visible[exercise.id]}\n"
+    return (
+        f"{right}\n{SECRETS}\n{head}solved = {entry}\ncalls = 0\n\n"
+        f"def {entry}({arguments}):\n    global calls\n    calls += 1\n"
+        f"    if is_hidden(model):\n        {BADLY[what]}\n    return solved({arguments})\n"
+    )
+
+
+def secrets(exercise: CodeQuestion, plan: Plan) -> set[float]:
+    """The numbers that were drawn for hidden cases, and those that scripts claim of them."""
+    drawn: set[float] = set()
+    for index, case in enumerate(plan.parameters.cases):
+        rng = np.random.default_rng([SEED, index])
+        drawn |= {float(f"{rng.uniform(*value):.4g}") for value in case.set.values() if isinstance(value, tuple)}
+    assert drawn
+    return drawn | set(CLAIMED) | {1000 * value for value in CLAIMED} | {2.7544}
+
+
+def told_numbers(verdict: Verdict) -> set[float]:
+    """Every number in the verdict's JSON, texts included; the times of pictures are public."""
+    raw = verdict.model_dump(mode="json", exclude={"max_points", "points"})
+    for pictures in raw["evidence"].values():
+        for picture in pictures if isinstance(pictures, list) else [pictures or {}]:
+            picture.pop("time_s", None)
+    return {float(number) for number in NUMBER.findall(json.dumps(raw))}
+
+
+SEED = 7
+
+
+@pytest.mark.parametrize(
+    ("id_", "what"),
+    [
+        *(("servo-threshold", what) for what in BADLY),
+        *((id_, what) for id_ in EXERCISES[1:] for what in ("raises", "prints", "exits")),
+    ],
+)
+def test_nothing_of_a_hidden_case_is_in_the_verdict(id_: str, what: str, run: Callable[..., RunReport]) -> None:
+    exercise = question(id_)
+    plan = plan_exercise(exercise, model_xml, SEED)
+    report = run(exercise, bad_script(exercise, what), SEED)
+    verdict = judge_exercise(exercise, plan, report)
+    verdict = verdict.model_copy(update={"stdout": report.stdout, "stderr": report.stderr})
+    assert not secrets(exercise, plan) & told_numbers(verdict)
+    assert "submission.py" not in verdict.stderr
+    if report.status is RunStatus.RETURNED:
+        visible = [one.id for one in plan.trials if not one.hidden]
+        assert all(finding.passed for finding in verdict.findings if finding.id in visible)
+
+
+ARRAYS: Any = st.sampled_from(["claim", "other", "raised", "q0", "v0", "t0", "a0", "refused", "nonsense"])
+VALUES: Any = st.one_of(
+    st.lists(st.floats(-1e3, 1e3), max_size=4).map(np.array),
+    st.sampled_from([np.zeros((2, 2)), np.zeros((500, 2)), np.zeros((500, 1)), np.zeros((500, 0)), np.array(True)]),
+    st.binary(max_size=60).map(lambda data: np.frombuffer(data, np.uint8)),
+    st.fixed_dictionaries({"raised": st.text(max_size=20), "line": st.one_of(st.none(), st.integers(), st.text())}).map(
+        lambda said: np.frombuffer(json.dumps(said).encode(), np.uint8)
+    ),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(EXERCISES), st.dictionaries(st.tuples(st.integers(0, 12), ARRAYS), VALUES, max_size=12))
+def test_no_result_makes_the_judge_fail(id_: str, results: dict[tuple[int, str], Any]) -> None:
+    plan = plan_exercise(question(id_), model_xml, SEED)
+    named = {f"t{index}_{name}": values for (index, name), values in results.items()}
+    verdict = judge_exercise(question(id_), plan, RunReport(RunStatus.RETURNED, results=named, hidden_results=named))
+    hidden = [trial.id for trial in plan.trials if trial.hidden]
+    assert all(f.measured is None and f.expected is None for f in verdict.findings if f.id in hidden)
+    assert verdict.status in (Status.INCORRECT, Status.CRASHED, Status.PARTIAL)
+    assert 0 <= verdict.points < verdict.max_points
+
+
+SERVO = question("servo-threshold")
+RIGHT = (PROGRAMS / "servo-threshold" / "correct__spectral_radius.py").read_text()
+
+
+def test_what_is_printed_at_import_and_in_visible_cases_comes_back(run: Callable[..., RunReport]) -> None:
+    source = (
+        "import ctypes, sys\nprint('at import')\ncount = 0\n"
+        "def largest_stable_timestep(model, integrator):\n    global count\n    count += 1\n"
+        "    print('call', count)\n    print('error', count, file=sys.stderr)\n"
+        "    ctypes.CDLL(None).printf(b'from C %d\\n', count)\n"
+    )
+    report = run(SERVO, source)
+    assert report.status is RunStatus.RETURNED
+    printed = ["at import", "call 1", "call 2", "call 3", "from C 1", "from C 2", "from C 3"]
+    assert sorted(report.stdout.splitlines()) == printed
+    assert report.stderr.splitlines() == ["error 1", "error 2", "error 3"]
+
+
+def test_what_is_printed_in_visible_cases_comes_back_when_the_script_is_killed(run: Callable[..., RunReport]) -> None:
+    exercise = SERVO.model_copy(update={"limits": SERVO.limits.model_copy(update={"cpu_s": 1})})
+    source = (
+        "def largest_stable_timestep(model, integrator):\n    print('seen')\n"
+        "    while model.actuator_gainprm[0, 0] != 2000:\n        print('hidden')\n"
+    )
+    report = run(exercise, source)
+    assert (report.status, report.stdout) == (RunStatus.TIMED_OUT, "seen\n" * 3)
+
+
+def test_a_trial_that_raises_is_lost_alone(run: Callable[..., RunReport]) -> None:
+    source = RIGHT + (
+        "\nfound = largest_stable_timestep\n\n"
+        "def largest_stable_timestep(model, integrator):\n"
+        "    if integrator == 3:\n        return [][1]\n    return found(model, integrator)\n"
+    )
+    line = source.splitlines().index("        return [][1]") + 1
+    report = run(SERVO, source)
+    verdict = judge_exercise(SERVO, plan_exercise(SERVO, model_xml, 1), report)
+    assert verdict.status is Status.PARTIAL
+    failed = [finding for finding in verdict.findings if not finding.passed]
+    assert {finding.id.split(".")[1] for finding in failed} == {"implicitfast"}
+    said = f"IndexError: list index out of range, in line {line} of your script."
+    assert [finding.message for finding in failed] == [said, *[f"IndexError, in line {line} of your script."] * 6]
+    assert verdict.diagnosis == f"kp = 2000, kv = 5, implicitfast: {said}"
+    assert report.stderr.count("return [][1]") == 1
+
+
+def test_a_script_that_always_raises_has_crashed(grade: Grade) -> None:
+    verdict = grade(SERVO, "def largest_stable_timestep(model, integrator):\n    return 1 / 0\n")
+    assert (verdict.status, verdict.points) == (Status.CRASHED, 0)
+    assert verdict.diagnosis == (
+        "kp = 2000, kv = 5, Euler: ZeroDivisionError: division by zero, in line 2 of your script."
+    )
+    assert len(verdict.findings) == 21
+
+
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        ("open('/etc/passwd')", Status.FORBIDDEN),
+        ("raise MemoryError", Status.OUT_OF_MEMORY),
+        ("raise SystemExit", Status.CRASHED),
+        ("raise KeyboardInterrupt", Status.CRASHED),
+    ],
+)
+@pytest.mark.parametrize("where", ["True", "model.actuator_gainprm[0, 0] != 2000"])
+def test_what_ends_the_whole_script(line: str, status: Status, where: str, grade: Grade) -> None:
+    source = f"def largest_stable_timestep(model, integrator):\n    if {where}:\n        {line}\n"
+    verdict = grade(SERVO, source)
+    assert (verdict.status, verdict.findings) == (status, ())
+
+
+@pytest.mark.parametrize("id_", EXERCISES)
+def test_the_process_gets_the_hidden_trials_apart_from_the_visible_ones(id_: str) -> None:
+    exercise = question(id_)
+    plan = plan_exercise(exercise, model_xml, SEED)
+    job = plan.job("", exercise.limits)
+    hidden = [index for index, trial in enumerate(plan.trials) if trial.hidden]
+    assert [trial["index"] for trial in job.hidden_inputs["trials"]] == hidden
+    numbers = {float(number) for number in NUMBER.findall(json.dumps(job.inputs))}
+    drawn = secrets(exercise, plan)
+    assert not numbers & drawn
+    assert drawn & {float(number) for number in NUMBER.findall(json.dumps(job.hidden_inputs))}
+
+
+class Echo(Kind[ExerciseParameters, float, float]):
+    """Asks for each case's number; a trial passes where it is returned. Any number above 9 needs the first case."""
+
+    parameters = ExerciseParameters
+    driver = "def trial(functions, inputs, submit):\n    submit('said', functions[0](inputs['number']))\n"
+    needs_model = False
+
+    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase) -> Sequence[Trial[float]]:
+        case, number = drawn.case, float(drawn.numbers.get("n", 0))
+        return [Trial(case.id, {"number": number}, number, case, hidden=case.hidden, points=case.points)]
+
+    def judge(self, parameters: ExerciseParameters, trial: Trial[float], results: Results) -> Judgement[float]:
+        said = float(results["said"].flat[0]) if "said" in results else -1.0
+        needs = (parameters.cases[0].id,) if trial.problem > 9 else ()
+        doubt = "Is this right?" if said == 5 else ""
+        return Judgement(said == trial.problem, "Said.", said, f"{said:g}.", said, 0.0, needs, "Not yet.", doubt)
+
+
+@pytest.fixture
+def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
+    monkeypatch.setattr(runner, "installed_kinds", lambda: {"echo": Echo()})
+
+    def judge(*said: float, **changes: Any) -> Verdict:
+        number = {"element": "x", "attribute": "y"}
+        cases = [
+            {"id": "one", "points": 3, "set": {"n": 1}, "hint": "The first goes wrong.", **changes},
+            {"id": "ten", "hidden": True, "points": 1, "set": {"n": 10}},
+        ]
+        check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
+        raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "points": 8, "explain": "So.", "check": check}
+        exercise = CodeQuestion.model_validate(raw)
+        assert check_exercise(exercise, model_xml, "f") == []
+        results = {f"t{index}_said": np.array([value]) for index, value in enumerate(said)}
+        return judge_exercise(
+            exercise,
+            plan_exercise(exercise, model_xml, 1),
+            RunReport(RunStatus.RETURNED, results=results, hidden_results=results),
+        )
+
+    return judge
+
+
+def test_points_are_scaled_and_the_explanation_comes_with_all_of_them(echo: Callable[..., Verdict]) -> None:
+    verdict = echo(1, 10)
+    assert [(f.points, f.max_points) for f in verdict.findings] == [(6, 6), (2, 2)]
+    assert (verdict.status, verdict.explain, verdict.diagnosis) == (Status.CORRECT, "So.", None)
+    assert echo(1, 2).explain is None
+
+
+def test_points_that_need_another_trial(echo: Callable[..., Verdict]) -> None:
+    verdict = echo(2, 10)
+    assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+    assert [f.message for f in verdict.findings] == ["Said. 2.", "Not yet."]
+
+
+def test_the_hint_is_the_diagnosis_before_the_message(echo: Callable[..., Verdict]) -> None:
+    assert echo(2, 10).diagnosis == "The first goes wrong."
+    assert echo(2, 10, hint=None).diagnosis == "one: Said."
+    assert echo(1, 2).diagnosis == "hidden case 1: Said."
+
+
+def test_a_kind_may_ask_for_a_person(echo: Callable[..., Verdict]) -> None:
+    verdict = echo(1, 5)
+    assert (verdict.status, verdict.points, verdict.diagnosis) == (Status.NEEDS_REVIEW, 6, "Is this right?")
+    assert verdict.findings[-1].passed is None
+    assert echo(5, 5).status is Status.INCORRECT
+
+
+def test_two_packages_with_one_name_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("rk4", "grader.exercises.kinds.rk4:Rk4", runner.GROUP)
+    monkeypatch.setattr(runner, "entry_points", lambda group: EntryPoints([point, point]))
+    installed_kinds.cache_clear()
+    try:
+        with pytest.raises(GraderError, match="two installed packages provide the exercise kind 'rk4'"):
+            installed_kinds()
+    finally:
+        installed_kinds.cache_clear()
+
+
+@pytest.mark.parametrize("id_", EXERCISES)
+def test_lazy_answers_earn_at_most_the_visible_trials(id_: str, grade: Grade) -> None:
+    exercise = question(id_)
+    assert exercise.starter
+    lazy = lazy_answers(exercise, model_xml, (ROOT / exercise.starter).read_text())
+    assert lazy[0].points_max == 0
+    assert len(lazy) > 2
+    assert 0 < lazy[1].points_max < exercise.points
+    for one in lazy:
+        assert grade(exercise, one.source).points <= one.points_max + 1e-6
+
+
+def test_a_fault_is_told_once_at_its_own_key() -> None:
+    cases = [{"id": "a", "set": {"kp": 1, "mas": 1}}, {"id": "b", "set": {"kp": 2}}, {"id": "b", "set": {"mas": 1}}]
+    changes: dict[str, Any] = {"numbers": {"kp": {"element": "motor[@name='x']", "attribute": "kp"}}, "cases": cases}
+    assert [fault.key for fault in check_exercise(with_check(SERVO, **changes), model_xml, "f")] == [
+        "servo-threshold.check.cases.0.set.mas",
+        "servo-threshold.check.numbers.kp.element",
+        "servo-threshold.check.cases.2.id",
+        "servo-threshold.check.cases.2.set.mas",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "why"),
+    [
+        ({"horizon": 3}, "horizon", "unknown key: write 'horizon_s', or remove it, or begin it with x-"),
+        ({"cases": [{"title": "a"}]}, "cases.0.id", "is missing: add it"),
+        (
+            {"cases": [{"id": "a", "set": {"kp": "much"}}]},
+            "cases.0.set.kp",
+            "must be a valid number, unable to parse string as a number, not 'much'",
+        ),
+        ({"horizon_s": 0}, "horizon_s", "must be greater than 0, not 0"),
+        ({"search_s": [2, 1]}, "", "search_s must be [shortest, longest], between 0.00001 and 1 s"),
+        ({"numbers": {"kp": {"element": "x"}}}, "numbers.kp.attribute", "is missing: add it"),
+    ],
+)
+def test_a_parameter_that_cannot_be_read_is_told_in_plain_words(changes: dict[str, Any], key: str, why: str) -> None:
+    (fault,) = check_exercise(with_check(SERVO, **changes), model_xml, "f")
+    assert (fault.key, fault.why) == (".".join(filter(None, ("servo-threshold.check", key))), why)

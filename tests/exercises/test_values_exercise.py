@@ -1,0 +1,268 @@
+"""Values of functions: the content of tests/exercises/values, what counts, what is named, what an author may do."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from exercises.conftest import with_check
+from grader.domain.quiz import CodeQuestion
+from grader.domain.run import RunReport, RunStatus
+from grader.domain.verdict import Status, Verdict
+from grader.errors import ContentError
+from grader.exercises import judge_exercise, plan_exercise
+from grader.library import Library, load
+
+HERE = Path(__file__).parent
+GRADER = Path(sys.executable).parent / "grader"
+QUESTION: dict[str, Any] = {
+    "kind": "code",
+    "id": "two",
+    "q": "Write two.",
+    "entry": "two",
+    "check": {
+        "kind": "values",
+        "program": "programs/two.py",
+        "functions": [{"results": [{"name": "sum", "unit": "m"}, {"name": "product", "unit": "m2", "atol": 0.1}]}],
+        "cases": [
+            {"id": "seen", "arguments": [2, 3]},
+            {"id": "unseen", "hidden": True, "arguments": [[1, 2], [3, 4]], "calls": 3},
+        ],
+    },
+}
+PROGRAM = "def two(a, b):\n    return a + b, a * b\n"
+
+
+def folder(path: Path, program: str = PROGRAM, /, **changes: Any) -> Path:
+    """A content folder with one exercise; `changes` are made in its check."""
+    question = {**QUESTION, "check": {**QUESTION["check"], **changes}}
+    (path / "quizzes").mkdir(exist_ok=True)
+    (path / "programs").mkdir(exist_ok=True)
+    (path / "programs/two.py").write_text(program)
+    (path / "quizzes/q.json").write_text(json.dumps({"id": "q", "title": "Q", "questions": [question]}))
+    return path
+
+
+def exercise(library: Library) -> CodeQuestion:
+    found = library.question("q", "two")
+    assert isinstance(found, CodeQuestion)
+    return found
+
+
+def judged(library: Library, *calls: tuple[Any, ...] | None, seed: int = 1) -> Verdict:
+    """The verdict on results of the visible call, then of the hidden ones; None for one that returned None."""
+    plan = plan_exercise(exercise(library), library.model_xml, seed, library.text)
+    results: dict[str, Any] = {}
+    places = [(0, 0), (1, 0), (1, 1), (1, 2)]
+    for (trial, call), given in zip(places, calls, strict=True):
+        if given is None:
+            results[f"t{trial}_other{call}"] = np.frombuffer(b"None", dtype=np.uint8)
+            continue
+        for position, value in enumerate(given):
+            results[f"t{trial}_r{call}_{position}"] = np.array(value, dtype=np.float64)
+    return judge_exercise(
+        exercise(library), plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results)
+    )
+
+
+def right(library: Library, seed: int = 1) -> list[tuple[Any, ...]]:
+    plan = plan_exercise(exercise(library), library.model_xml, seed, library.text)
+    pairs = [call.arguments for trial in plan.trials for call in trial.problem.calls]
+    return [(a + b, a * b) for a, b in pairs]
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Library:
+    return load(folder(tmp_path))
+
+
+def test_the_test_content_holds() -> None:
+    done = subprocess.run([GRADER, "check", HERE / "values", "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    statuses = [reference["got"] for reference in json.loads(done.stdout)["references"]]
+    assert len(statuses) >= 20
+    assert statuses.count("correct") == 3
+
+
+def test_right_results_are_right_and_tolerances_count(library: Library) -> None:
+    assert judged(library, *right(library)).status is Status.CORRECT
+    near = [(a * (1 + 9e-10), b + 0.09) for a, b in right(library)]
+    assert judged(library, *near).status is Status.CORRECT
+    assert judged(library, *[(a * (1 + 3e-9), b) for a, b in right(library)]).status is Status.INCORRECT
+    assert judged(library, *[(a, b + 0.12) for a, b in right(library)]).status is Status.INCORRECT
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (lambda a, b: (b, a), "wrong order"),
+        (lambda a, b: (-a, b), "sum has the wrong sign"),
+        (lambda a, b: (a, b * 2), "product is twice"),
+        (lambda a, b: (a / 2, b), "sum is half"),
+        (lambda a, b: (np.rad2deg(a), b), "sum is in degrees"),
+        (lambda a, b: (a, 1000 * b), "product is 1000 times too large"),
+        (lambda a, b: ([a], b), "wrong shape"),
+        (lambda a, b: (5.0, 6.0), "same results for every call"),
+        (lambda a, b: None, "returns None"),
+        (lambda a, b: (1.7e308, -1.7e308), "same results for every call"),
+    ],
+)
+def test_a_mistake_is_named(library: Library, wrong: Any, sentence: str) -> None:
+    verdict = judged(library, *[wrong(*pair) for pair in right(library)])
+    assert sentence in (verdict.diagnosis or "")
+
+
+def test_of_hidden_calls_no_number_is_told(library: Library) -> None:
+    first, *others = right(library)
+    verdict = judged(library, first, *[(a + 0.123456, b) for a, b in others])
+    hidden = verdict.findings[1]
+    assert (verdict.status, hidden.measured, hidden.expected) == (Status.PARTIAL, None, None)
+    assert hidden.message == "sum is not what it should be."
+    text = verdict.model_dump_json()
+    assert not any(f"{value:.4g}" in text for pair in others for value in pair)
+    assert {row["case"] for row in verdict.evidence["values"]} == {"seen"}
+
+
+def test_a_visible_call_is_told_with_its_unit(library: Library) -> None:
+    verdict = judged(library, (5.5, 6.0), *right(library)[1:])
+    assert "In call 1: sum is off by 0.5 m; 5e-09 m is allowed." in verdict.findings[0].message
+    assert verdict.findings[0].expected == {"sum": 5.0, "product": 6.0}
+
+
+@pytest.mark.parametrize(
+    "results",
+    [
+        {"t0_r0_0": np.array(["x"])},
+        {"t0_r0_0": np.array([np.nan]), "t0_r0_1": np.array(1.0)},
+        {"t0_r0_0": np.zeros((3, 2)), "t0_r0_1": np.zeros(0)},
+        {"t0_other0": np.array([1.5, np.inf]), "t0_printed0": np.array(["yes"])},
+        {"t0_r0_0": np.zeros(2, dtype=np.int64), "t0_r0_1": np.zeros(2, dtype=bool)},
+    ],
+)
+def test_forged_results_are_a_wrong_answer_and_never_a_fault(library: Library, results: dict[str, Any]) -> None:
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    verdict = judge_exercise(
+        exercise(library), plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results)
+    )
+    assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+
+
+def test_a_wrong_program_of_the_author_names_its_mistake_first(tmp_path: Path) -> None:
+    folder(tmp_path, mistakes=[{"program": "programs/minus.py", "sentence": "You subtract."}])
+    (tmp_path / "programs/minus.py").write_text("def two(a, b):\n    return a - b, a * b\n")
+    library = load(tmp_path)
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    pairs = [call.arguments for trial in plan.trials for call in trial.problem.calls]
+    assert judged(library, *[(a - b, a * b) for a, b in pairs]).diagnosis == "You subtract."
+
+
+def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
+    program = "import numpy as np\ndef two(a, b):\n    return a * np.arange(5.0) ** 2, b\n"
+    library = load(folder(tmp_path, program))
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    pairs = [call.arguments for trial in plan.trials for call in trial.problem.calls]
+    late = [(a * np.arange(1.0, 6.0) ** 2, b) for a, b in pairs]
+    assert "sum is off by one step" in (judged(library, *late).diagnosis or "")
+
+
+@pytest.mark.parametrize(
+    ("program", "changes", "key", "why"),
+    [
+        ("def two(a, b:\n", {}, "program", "SyntaxError"),
+        ("def three(a):\n    return a\n", {}, "program", "defines no function two"),
+        ("raise OSError('no disk')", {}, "program", "no disk"),
+        ("def two(a, b):\n    return 1 / 0\n", {}, "cases.0", "ZeroDivisionError"),
+        ("def two(a, b):\n    return a\n", {}, "cases.0", "sum, product"),
+        (PROGRAM, {"program": "programs/none.py"}, "program", "programs/none.py"),
+        (PROGRAM, {"program": "../two.py"}, "program", "stay inside"),
+        (PROGRAM, {"mistakes": [{"program": "programs/no.py", "sentence": "So."}]}, "mistakes.0.program", "no.py"),
+        (PROGRAM, {"cases": [{"id": "a", "function": "six", "arguments": [1, 2]}]}, "cases.0", "no function 'six'"),
+        (PROGRAM, {"cases": [{"id": "a", "arguments": ["model", 2]}]}, "cases.0", "`model`"),
+        (PROGRAM, {"functions": [{"results": [{"name": "sum", "rtol": 0}]}]}, "functions.0.results.0", "atol or rtol"),
+    ],
+)
+def test_faults_of_an_author_are_told_at_their_key(
+    tmp_path: Path, program: str, changes: dict[str, Any], key: str, why: str
+) -> None:
+    with pytest.raises(ContentError) as caught:
+        load(folder(tmp_path, program, **changes))
+    told = {fault.key: fault.why for fault in caught.value.faults}
+    assert why in told[f"two.check.{key}"]
+
+
+def test_a_changed_program_changes_the_digest(tmp_path: Path) -> None:
+    before = load(folder(tmp_path)).digest("q")
+    assert load(folder(tmp_path, PROGRAM + "\n# clearer\n")).digest("q") != before
+
+
+def test_the_starter_of_a_field_without_model_is_a_fault(library: Library) -> None:
+    functions = [{"results": [{"name": "angle", "field": "qpos"}]}]
+    with pytest.raises(ValueError, match="give either `model`"):
+        plan_exercise(with_check(exercise(library), functions=functions), library.model_xml, 1, library.text)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the plug-in, as pip installs it, without a network."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("target")
+    shutil.copytree(HERE / "plugin", source, dirs_exist_ok=True)
+    options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, "--target", target, source], check=True)
+    yield target
+
+
+def grader(installed: Path, content: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": str(installed)}
+    return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment)
+
+
+def words(path: Path) -> Path:
+    """A content folder with an exercise of the plug-in's kind, and two reference programs."""
+    cases = [{"id": "abba", "word": "abbac"}, {"id": "a", "hidden": True}, {"id": "b", "hidden": True}]
+    question: dict[str, Any] = {"kind": "code", "id": "turn", "q": "Turn it.", "entry": "turn"}
+    question["check"] = {"kind": "exact-text", "cases": cases}
+    references = path / "reference_solutions/words/turn"
+    (path / "quizzes").mkdir()
+    (path / "models").mkdir()
+    references.mkdir(parents=True)
+    (path / "quizzes/words.json").write_text(json.dumps({"id": "words", "title": "Words", "questions": [question]}))
+    (references / "correct__slice.py").write_text("def turn(word):\n    return word[::-1]\n")
+    (references / "incorrect__same.py").write_text("def turn(word):\n    return word\n")
+    return path
+
+
+def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: Path) -> None:
+    content = words(tmp_path)
+    checked = grader(installed, content, "check", str(content), "--json")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    assert [one["got"] for one in json.loads(checked.stdout)["references"]] == ["correct", "incorrect"]
+    wrong = content / "reference_solutions/words/turn/incorrect__same.py"
+    graded = grader(installed, content, "grade", "words", "turn", str(wrong), "--json")
+    assert graded.returncode == 1
+    assert json.loads(graded.stdout)["findings"][0]["expected"] == "cabba"
+
+
+def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
+    checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
+    assert checked.returncode == 2
+    assert "no kind of exercise is called 'exact-text'; use rk4, threshold, values" in checked.stdout
+
+
+def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(installed, again)
+    (found,) = again.glob("*.dist-info")
+    found.rename(again / "another_package-1.0.dist-info")
+    metadata = again / "another_package-1.0.dist-info/METADATA"
+    metadata.write_text(metadata.read_text().replace("grader-exact-text", "another-package"))
+    content = words(tmp_path)
+    both = grader(Path(f"{installed}{os.pathsep}{again}"), content, "check", str(content))
+    assert both.returncode != 0
+    assert "two installed packages provide the exercise kind 'exact-text'" in both.stdout + both.stderr

@@ -1,0 +1,14 @@
+# diagnosis: not_turning_evenly does not vanish
+import mujoco
+import numpy as np
+
+
+def step(model, data):
+    mujoco.mj_forward(model, data)
+    data.qvel += model.opt.timestep * data.qacc
+    data.qpos += model.opt.timestep * data.qvel
+    data.time += model.opt.timestep
+
+
+def angles(start, rate, count):
+    return start + 0.1 * rate * np.arange(1, count + 1)

@@ -1,0 +1,19 @@
+# diagnosis: You are off by one step: data is advanced twice
+import mujoco
+import numpy as np
+
+
+def step(model, data):
+    once(model, data)
+    once(model, data)
+
+
+def once(model, data):
+    mujoco.mj_forward(model, data)
+    data.qvel += model.opt.timestep * data.qacc
+    data.qpos += model.opt.timestep * data.qvel
+    data.time += model.opt.timestep
+
+
+def angles(start, rate, count):
+    return start + 0.1 * rate * np.arange(count)

@@ -1,0 +1,15 @@
+# diagnosis: The rotor inertia is missing
+import mujoco
+import numpy as np
+
+
+def step(model, data):
+    model.dof_armature[:] = 0
+    mujoco.mj_forward(model, data)
+    data.qvel += model.opt.timestep * data.qacc
+    data.qpos += model.opt.timestep * data.qvel
+    data.time += model.opt.timestep
+
+
+def angles(start, rate, count):
+    return start + 0.1 * rate * np.arange(count)
