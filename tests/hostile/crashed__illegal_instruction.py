@@ -1,8 +1,7 @@
-"""An instruction that is none."""
+"""An instruction that the processor does not know: a `ud2` found in a library's code."""
 
 import ctypes
-import mmap
 
-page = mmap.mmap(-1, 4096, prot=7)
-page.write(b'\x0f\x0b')
-ctypes.CFUNCTYPE(None)(ctypes.addressof(ctypes.c_char.from_buffer(page)))()
+start = ctypes.cast(ctypes.pythonapi.PyObject_Call, ctypes.c_void_p).value
+code = ctypes.string_at(start, 1 << 19)
+ctypes.CFUNCTYPE(None)(start + code.index(b"\x0f\x0b"))()

@@ -1,17 +1,7 @@
-"""C recursion through the interpreter."""
+"""C recursion in the interpreter: an iterator over iterators over iterators."""
 # limits: cpu_s=3
 
-import ctypes
-
-F = ctypes.CFUNCTYPE(None)
-
-
-@F
-def down():
-    down()
-
-
-import sys
-
-sys.setrecursionlimit(10**9)
-down()
+deep = iter([1])
+for _ in range(300_000):
+    deep = map(int, deep)
+next(deep)

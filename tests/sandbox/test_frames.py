@@ -124,4 +124,4 @@ def test_a_shape_beyond_all_measure_takes_no_memory() -> None:
 
 
 def test_an_end_alone_is_a_message() -> None:
-    assert parse(b"E\x00\x00\x00") == Message({}, RunStatus.RETURNED, "")
+    assert parse(b"E\x00\x00\x00") == Message({}, {}, RunStatus.RETURNED, "")

@@ -12,17 +12,17 @@ from sandbox.conftest import ROOT, Census, Content, at_rest_with, held_kb, settl
 
 PROGRAMS = sorted((ROOT / "tests" / "hostile").glob("*.py"))
 DRIVER = """
-def prepare(inputs):
-    import sys, types
-    sys.modules["target"] = target = types.ModuleType("target")
-    target.__dict__.update(inputs)
+import sys, types
+
+sys.modules["target"] = target = types.ModuleType("target")
+target.__dict__.update(TARGETS)
 
 def run(student, inputs, submit):
     if hasattr(student, "main"):
         submit("value", student.main())
     submit("answer", [42.0])
 """
-CLEAN = Job("import mujoco\nprint('clean')\ndef main():\n    return [1.0, 2.0]\n", DRIVER, {})
+CLEAN = Job("import mujoco\nprint('clean')\ndef main():\n    return [1.0, 2.0]\n", f"TARGETS = {{}}\n{DRIVER}", {})
 GROWTH_KB_MAX = 60_000  # the largest flood is 16 MB of results, held twice while it is judged
 
 
@@ -59,8 +59,8 @@ def test_there_are_at_least_a_hundred_programs() -> None:
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
 def test_hostile_program(path: Path, jail: Jail, content: Content, at_rest: Census, resident_at_rest: int) -> None:
     source = path.read_text(encoding="utf-8")
-    inputs = {"CONTENT": str(content.root), "SOURCE": str(ROOT / "src" / "grader"), "SERVER": os.getpid()}
-    report = jail.run(Job(source, DRIVER, inputs, limits(source)))
+    targets = {"CONTENT": str(content.root), "SOURCE": str(ROOT / "src" / "grader"), "SERVER": os.getpid()}
+    report = jail.run(Job(source, f"TARGETS = {targets!r}\n{DRIVER}", {}, limits(source)))
     assert report.status == path.stem.split("__")[0], (report.reason, report.stderr)
     assert report.reason or report.status is RunStatus.RETURNED
     assert content.canary not in words(report)

@@ -10,8 +10,7 @@ import pytest
 
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailRefused
-from grader.sandbox.jail import Jail
-from grader.sandbox.tier import Tier
+from grader.sandbox.jail import Jail, Tier
 from sandbox.conftest import MODELS
 
 DRIVER = """
@@ -158,16 +157,15 @@ def test_the_module_is_named_for_its_file(jail: Jail) -> None:
         assert report.stdout.split() == [name, Path(filename).name]
 
 
-def test_the_driver_prepares_before_the_module_is_imported(jail: Jail) -> None:
+def test_the_driver_is_executed_before_the_module_is_imported(jail: Jail) -> None:
     driver = """
-def prepare(inputs):
-    import mujoco
-    mujoco.mj_step = lambda model, data: inputs["answer"]
+import mujoco
+mujoco.mj_step = lambda model, data: 7
 
 def run(student, inputs, submit):
     submit("value", [student.mj_step(None, None)])
 """
-    assert value(run(jail, "from mujoco import mj_step", driver, answer=7)) == [7]
+    assert value(run(jail, "from mujoco import mj_step", driver)) == [7]
 
 
 def test_a_source_of_256_kb(jail: Jail) -> None:

@@ -31,7 +31,7 @@ LEFT_OUT = {
     "seccomp": ("lockdown", "def seccomp(program): pass"),
     "limits": ("lockdown", "def limit(rlimits): pass"),
     "no new privileges": ("lockdown", "def no_new_privileges(): pass"),
-    "namespaces": ("namespaces", "def enter(scratch, size, inodes): pass"),
+    "namespaces": ("namespaces", "def enter(scratch, size, inodes, hidden): pass"),
     "capabilities": ("namespaces", "def drop_capabilities(): pass"),
     "probe": ("lockdown", "def probe(outside): return {}"),
 }
@@ -57,7 +57,7 @@ def jail_without(layer: str, folder: Path, content: Content) -> Iterator[Jail]:
     """A jail that lacks one layer and does not look."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(attest, "check", lambda *arguments: None)
-        patch.setattr(selftest, "run", lambda play: selftest.SelfTest(()))
+        patch.setattr(selftest, "run", lambda *arguments: selftest.SelfTest(()))
         with Jail(content.models, workers=1, inside=test_build(folder, layer)) as jail:
             yield jail
 
@@ -189,7 +189,7 @@ def test_our_package_is_covered_where_it_is_installed_beside_mujoco(
     for name in ("grader", "numpy"):
         (packages / name).mkdir(parents=True)
     monkeypatch.setattr(cell, "OURS", packages / "grader")
-    runtime = cell.Runtime(Path(sys.executable), (packages,), (), (packages,))
+    runtime = cell.Runtime(Path(sys.executable), (packages,), (), (packages,), (packages / "grader",))
     command = cell.bubblewrap(runtime, content.models, cell.INSIDE, 3)
     at = command.index("--tmpfs")
     assert command[at + 1] == str(packages / "grader")

@@ -1,4 +1,4 @@
-"""The jail for an ordinary user: the same programs, as nobody's friend and with nobody's rights.
+"""The jail for an ordinary user: the same programs, started by a user without any rights.
 
 When the suite itself runs as root it starts a second interpreter as an unprivileged user. That user may not be able
 to reach this interpreter (it may lie in root's home): then the system's own is taken, if it is of the same version.
@@ -13,9 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
+from sandbox import test_stepping
 from sandbox.conftest import ROOT, Content
+from sandbox.test_stepping import INPUTS, true_states
 
 USER = 65533  # neither root nor nobody, and needs no entry in /etc/passwd
 SCRIPT = """
@@ -28,11 +31,16 @@ models, allow_t2 = Path(sys.argv[1]), sys.argv[2] == "T2"
 if allow_t2:
     shutil.which = lambda name: None
 DRIVER = "def run(student, inputs, submit):\\n    submit('answer', [1.0])\\n"
-programs = json.load(sys.stdin)
+programs, stepping = json.load(sys.stdin)
 with Jail(models, workers=1, allow_t2=allow_t2) as jail:
     ended = {name: jail.run(Job(source, DRIVER, {}, Limits(cpu_s=1, wall_s=1, memory_mb=256))).status
              for name, source in programs.items()}
-    print(json.dumps({"uid": os.geteuid(), "tier": jail.tier, "held": len(jail.self_test.held), "ended": ended}))
+    for name, source in stepping["programs"].items():
+        report = jail.run(Job(source, stepping["driver"], stepping["inputs"], without_integrators=True))
+        states = report.results["states"].tolist() if "states" in report.results else None
+        stepping["ended"][name] = [report.stepped, states]
+    told = {"uid": os.geteuid(), "tier": jail.tier, "held": len(jail.self_test.held)}
+    print(json.dumps({**told, "ended": ended, "stepping": stepping["ended"]}))
 """
 # Those that need nothing of the suite's own driver; the rest is the same code in the kernel.
 PICKED = [
@@ -43,6 +51,9 @@ PICKED = [
     "timed_out__sleeps", "output_too_large__floods_stdout", "crashed__results_truncated", "returned__raw_clone",
     "returned__raises_its_limits", "returned__unknown_system_calls", "forbidden__becomes_root",
 ]  # fmt: skip
+
+# Those that depend on the library's file being out of reach, the plain way, and the honest one.
+STEPPING = ["loads_a_second_library", "maps_the_library_itself", "rewrites_the_library_file", "steps", "is_honest"]
 
 
 def interpreter() -> str | None:
@@ -78,14 +89,19 @@ def test_an_unprivileged_user_has_the_same_jail(tier: str, content: Content, tmp
     assert ended["held"] >= 10
     wrong = {name: status for name, status in ended["ended"].items() if status != name.split("__")[0]}
     assert not wrong
+    right = [name for name, (_, states) in ended["stepping"].items() if states and np.allclose(states, true_states())]
+    assert right == ["is_honest"]
+    assert ended["stepping"]["steps"][0] == INPUTS["steps"]
 
 
 def play(python: str, models: Path, tier: str) -> dict[str, Any]:
     programs = {name: (ROOT / "tests" / "hostile" / f"{name}.py").read_text() for name in PICKED}
+    stepping = {path.stem.split("__")[1]: path.read_text() for path in test_stepping.PROGRAMS}
+    tried = {"programs": {name: stepping[name] for name in STEPPING}, "driver": test_stepping.DRIVER, "inputs": INPUTS}
     packages = Path(mujoco.__file__).parents[1]
     done = subprocess.run(
         [python, "-B", "-c", SCRIPT, str(models), tier],
-        input=json.dumps(programs),
+        input=json.dumps([programs, {**tried, "ended": {}}]),
         capture_output=True,
         text=True,
         check=False,

@@ -1,4 +1,4 @@
-"""A child's locks, read from outside before it is given the first byte of a script."""
+"""Checks a child's locks from outside, before it receives the first byte of a script."""
 
 import os
 from collections.abc import Mapping
@@ -12,13 +12,13 @@ DESCRIPTORS = [0, 1, 2, 3, 4]  # /dev/null, stdout, stderr, results, job
 
 
 def proc(name: str) -> str:
-    """A file of /proc. Not by pathlib, which interns every part of a path: new pids would add up for ever."""
+    """Read a file of /proc. Not by pathlib, which interns every part of a path and would keep every pid in memory."""
     with open(f"/proc/{name}") as file:  # noqa: PTH123
         return file.read()
 
 
 def pid_of(pidfd: int) -> int:
-    """The process behind a pidfd, in our own numbering; -1 when it is gone."""
+    """The id of the process behind a pidfd, in our own pid namespace; -1 when it has ended."""
     lines = proc(f"self/fdinfo/{pidfd}").splitlines()
     return int(dict(line.split(":", 1) for line in lines)["Pid"])
 
@@ -29,10 +29,10 @@ def namespaces(pid: int) -> dict[str, str]:
 
 
 def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
-    """The names of the locks that the child lacks; empty when it may be given a script.
+    """List the locks that the child lacks; none may be missing when it receives a script.
 
-    `probed` is the child's own trial of what cannot be seen from outside (said before any script is in it), `zygote`
-    the namespaces of the zygote (None where there are none), `uid` the user it must run as.
+    `probed` is what the child itself found, before any script is in it, where nothing can be seen from outside;
+    `zygote` the namespaces of the zygote (None in tier T2); `uid` the user it must run as.
     """
     lines = proc(f"{pid}/status").splitlines()
     status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
@@ -47,7 +47,7 @@ def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | Non
         "limits": _limits(pid).get("Max core file size") == ["0", "0"],
     }
     if zygote is None:
-        faults = [name for name in faults if name != "CapBnd"]  # only a user namespace gives the power to empty it
+        faults = [name for name in faults if name != "CapBnd"]  # emptying it takes a user namespace
     else:
         held["pid 1"] = status["NSpid"].split()[-1] == "1"
         ours, its = namespaces(os.getpid()), namespaces(pid)

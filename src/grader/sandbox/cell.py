@@ -1,4 +1,4 @@
-"""The bubblewrap cell around the zygote: what of this machine is in it, found out and not assumed."""
+"""The bubblewrap cell around the zygote: finds what of this machine the cell needs, and builds its command."""
 
 import importlib.util
 import os
@@ -6,7 +6,7 @@ import re
 import shutil
 import sys
 import sysconfig
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,17 +22,20 @@ ISOLATED = ("-P", "-s", "-S", "-B")
 
 @dataclass(frozen=True)
 class Runtime:
-    """The interpreter of this process, as the cell needs it."""
+    """What the cell needs of this machine to run the interpreter of this process."""
 
     executable: Path
     binds: tuple[Path, ...]  # files and folders, readable
     links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr
     packages: tuple[Path, ...]  # folders for sys.path
+    private: tuple[Path, ...] = ()  # lies among the packages and is not for scripts: covered up in the cell
+    library: Path | None = None  # MuJoCo's: the zygote loads it, and no script may map it again
 
     @property
     def readable(self) -> tuple[Path, ...]:
-        """Everything a script may read of the runtime: what is bound, without our own package."""
-        return tuple(entry for path in self.binds for entry in _without_ours(path))
+        """What a script may read of the runtime: everything that is bound, except what is private and the library."""
+        hidden = {*self.private, *([self.library] if self.library else [])}
+        return tuple(entry for path in self.binds for entry in _without(path, hidden))
 
 
 def discover() -> Runtime:
@@ -49,14 +52,16 @@ def discover() -> Runtime:
     wanted = [executable, *_shared_python(), *library, *packages, *_system_libraries(), *_zone_data()]
     links = tuple((str(link.readlink()), link) for link in (Path("/lib"), Path("/lib64")) if link.is_symlink())
     binds = [path for path in wanted if path.exists() and not path.is_symlink()]
-    return Runtime(executable, _outermost(binds), links, packages)
+    private = [path for folder in packages for path in _private(folder)]
+    mujoco = next(_package_folder("mujoco").glob("mujoco/libmujoco.so*"), None)
+    return Runtime(executable, _outermost(binds), links, packages, tuple(private), mujoco)
 
 
 def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
     """The command that starts the zygote in its cell.
 
-    As root there is no user namespace around the cell: the zygote becomes nobody for real, and the two capabilities
-    for that are all it is given.
+    As root there is no user namespace around the cell: the zygote becomes the user nobody, for which it gets two
+    capabilities and no others.
 
     Raises:
         JailRefused: bubblewrap is not installed.
@@ -79,9 +84,9 @@ def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> li
     command += ["--dev-bind", str(NULL), str(NULL)]
     for path in runtime.binds:
         command += ["--ro-bind", str(path), str(path)]
-    for path in runtime.binds:
-        if OURS.is_relative_to(path):
-            command += ["--tmpfs", str(OURS)]  # installed among the packages: covered up
+    for path in runtime.private:
+        if any(path.is_relative_to(bound) for bound in runtime.binds):
+            command += ["--tmpfs", str(path)] if path.is_dir() else ["--ro-bind", str(NULL), str(path)]
     command += ["--ro-bind", str(models.resolve()), MODELS, "--ro-bind", str(inside.resolve()), "/cell/inside"]
     command += ["--remount-ro", "/", "--chdir", "/", "--clearenv"]
     for name, value in ENVIRONMENT.items():
@@ -125,7 +130,7 @@ def _zone_data() -> list[Path]:
 
 
 def _outermost(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Without what lies under another one, in the order in which they must be bound."""
+    """Leave out what lies under another path; the order is that of binding."""
     unique = sorted(set(paths))
     return tuple(p for p in unique if not any(p != other and p.is_relative_to(other) for other in unique))
 
@@ -135,7 +140,16 @@ def _parents(paths: Iterable[Path]) -> list[Path]:
     return sorted({folder for path in paths for folder in path.parents if folder != Path("/")})
 
 
-def _without_ours(path: Path) -> list[Path]:
-    if not OURS.is_relative_to(path):
+def _private(packages: Path) -> list[Path]:
+    """Our own package, and the files in which an installer wrote where packages came from."""
+    notes = [*packages.glob("*.pth"), *packages.glob("__editable__*"), *packages.glob("*.dist-info/direct_url.json")]
+    return [*([OURS] if OURS.is_relative_to(packages) else []), *notes]
+
+
+def _without(path: Path, hidden: Collection[Path]) -> list[Path]:
+    """The path itself, or, where something hidden lies beneath it, its entries without that."""
+    if path in hidden:
+        return []
+    if not any(other.is_relative_to(path) for other in hidden):
         return [path]
-    return [deeper for entry in path.iterdir() if entry != OURS for deeper in _without_ours(entry)]
+    return [deeper for entry in path.iterdir() for deeper in _without(entry, hidden)]

@@ -1,4 +1,4 @@
-"""Memory and process counts of one child, where cgroup v2 has been delegated to us (tier T0).
+"""Limits memory and processes of one child where cgroup v2 has been delegated to this service (tier T0).
 
 Used only where an administrator has made it ready, as systemd does with `Delegate=yes` and `DelegateSubgroup=`: we
 run in a leaf whose parent is ours and holds no process of its own. Nothing is ever moved that is not a child.
@@ -27,16 +27,16 @@ class Group:
     path: Path
 
     def limit(self, memory_bytes: int) -> None:
-        """Set the job's memory; the kernel's killer steps in a little above the child's own limit."""
+        """Set the job's memory limit, a little above the child's own RLIMIT_DATA."""
         (self.path / "memory.max").write_text(str(memory_bytes + CGROUP_MEMORY_EXTRA))
 
     def ran_out(self) -> bool:
-        """Did the kernel end a process here because memory was used up?"""
+        """Tell whether the kernel ended a process of this group because its memory was used up."""
         rows = dict(row.split() for row in (self.path / "memory.events").read_text().splitlines())
         return int(rows.get("oom_kill", 0)) > 0
 
     def remove(self) -> None:
-        """End whatever is left, and the group with it."""
+        """End every process that is left in the group, then delete it."""
         deadline = time.monotonic() + GONE_S_MAX
         with contextlib.suppress(OSError):
             (self.path / "cgroup.kill").write_text("1")
@@ -52,7 +52,7 @@ class Group:
 
 
 def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Callable[[int], Group] | None:
-    """A maker of groups, given a pid; None where nothing is delegated."""
+    """A function that puts a process into a new group; None where nothing is delegated."""
     parent = _parent(own, root)
     if parent is None:
         return None
@@ -70,7 +70,7 @@ def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Calla
 
 
 def _parent(own: Path, root: Path) -> Path | None:
-    """The group above our own, when it is ours to divide."""
+    """The parent of our own group, where it has been delegated to us."""
     rows = [row.split("::", 1)[1] for row in own.read_text().splitlines() if row.startswith("0::")]
     if not rows or rows[0] in ("", "/") or not (root / "cgroup.controllers").is_file():
         return None

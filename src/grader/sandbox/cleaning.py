@@ -1,4 +1,4 @@
-"""What a script printed, made safe to show: no terminal commands, no invisible or reordering characters."""
+"""Makes what a script printed safe to show: without terminal commands, invisible or reordering characters."""
 
 import re
 import unicodedata
@@ -14,12 +14,12 @@ REASON_CHARS_MAX = 300
 
 
 def clean(raw: bytes, bytes_max: int) -> str:
-    """The first `bytes_max` bytes as text; what cannot be shown becomes U+FFFD."""
+    """Decode the first `bytes_max` bytes; a character that cannot be shown becomes U+FFFD."""
     return _showable(raw[:bytes_max].decode("utf-8", "replace"))
 
 
 def one_line(text: str) -> str:
-    """A reason: one cleaned line, cut after 300 characters."""
+    """Clean a reason, put it on one line and cut it after 300 characters."""
     line = " ".join(_showable(text).split())
     return line if len(line) <= REASON_CHARS_MAX else line[: REASON_CHARS_MAX - 1] + "…"
 

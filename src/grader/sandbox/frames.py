@@ -1,10 +1,14 @@
-"""What the student's process sends back: named arrays of numbers, then one word on how it ended. Parsed strictly.
+"""Parses what the student's process sends back: named arrays of numbers, then one frame on how it ended.
 
+    want   "W"                                                         asks for the next part of the job
     array  "A"  length u8, name  dtype code  ndim u8, shape u32 each  length u32, payload
     end    "E"  kind u8  length u16, reason (UTF-8)                     the last frame, exactly once
 
-Little-endian. Whatever is not exactly that is refused; nothing is ever unpickled, and a parse takes no more memory
-than the bytes that arrived.
+The first want comes after the import of the student's module and asks for the inputs; a second asks for the hidden
+inputs. Arrays that follow the second are kept apart: only they can have been made with the hidden inputs.
+
+Little-endian. Anything else is refused. Nothing is unpickled, and parsing takes no more memory than the bytes that
+arrived.
 """
 
 import math
@@ -20,24 +24,30 @@ from grader.domain.run import RunStatus
 from grader.sandbox.policy import NAME_CHARS_MAX, NDIM_MAX, RESULT_ARRAYS_MAX
 
 DTYPES: Final = {b"d": "<f8", b"f": "<f4", b"q": "<i8", b"i": "<i4", b"B": "|u1", b"?": "|b1"}
+WANT: Final = b"W"
+WANTS_MAX: Final = 2
 KINDS: Final = (RunStatus.RETURNED, RunStatus.CRASHED, RunStatus.FORBIDDEN, RunStatus.OUT_OF_MEMORY)
 
 
 class Malformed(ValueError):
-    """Not a well-formed message; the text says why, in words for the student."""
+    """The message is not well formed; the text says why, in words for the student."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """All that a script sent; a claim. `end` is None when it was cut short."""
+    """All that a script sent: a claim. `end` is None when the message was cut short.
+
+    `hidden` are the arrays that came after the hidden inputs had been asked for.
+    """
 
     results: Mapping[str, NDArray[np.generic]]
+    hidden: Mapping[str, NDArray[np.generic]]
     end: RunStatus | None
     reason: str
 
 
 class _Reader:
-    """Takes bytes from the front, never more than there are."""
+    """Reads bytes in order and refuses to read beyond the end."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
@@ -57,6 +67,38 @@ class _Reader:
         return self._at == len(self._data)
 
 
+class Wants:
+    """Counts the wants in a message that is still arriving."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._at = 0
+
+    def scan(self, data: bytes | bytearray) -> int:
+        """Read on in `data`, all that has arrived so far; returns how many whole want frames it holds."""
+        while self._at < len(data):
+            size = _frame_size(data, self._at)
+            if size is None or self._at + size > len(data):
+                break
+            self.count += data[self._at] == WANT[0]
+            self._at += size
+        return self.count
+
+
+def _frame_size(data: bytes | bytearray, at: int) -> int | None:
+    """The size of the want or array frame at `at` [bytes]; None where it is another, or not yet known."""
+    if data[at] == WANT[0]:
+        return 1
+    if data[at] != ord("A"):
+        return None
+    try:
+        shape = at + 2 + data[at + 1] + 1  # tag, length, name, dtype
+        length = shape + 1 + 4 * data[shape]
+        return length + 4 + int(struct.unpack_from("<I", data, length)[0]) - at
+    except (IndexError, struct.error):
+        return None
+
+
 def parse(data: bytes) -> Message:
     """Read a whole message.
 
@@ -64,27 +106,32 @@ def parse(data: bytes) -> Message:
         Malformed: not well formed, a name twice, a number that is not finite.
     """
     reader, results = _Reader(data), dict[str, NDArray[np.generic]]()
+    hidden = dict[str, NDArray[np.generic]]()
+    wants = 0
     while not reader.done():
         tag = reader.take(1)
+        if tag == WANT and wants < WANTS_MAX:
+            wants += 1
+            continue
         if tag == b"E":
-            return _end(reader, results)
+            return Message(results, hidden, *_end(reader))
         if tag != b"A":
             raise Malformed("they are not in the expected form")
         name = _name(reader)
-        if name in results:
+        if name in results or name in hidden:
             raise Malformed(f"{name} is there twice")
-        results[name] = _array(reader, name)
-        if len(results) > RESULT_ARRAYS_MAX:
+        (hidden if wants == WANTS_MAX else results)[name] = _array(reader, name)
+        if len(results) + len(hidden) > RESULT_ARRAYS_MAX:
             raise Malformed(f"there are more than {RESULT_ARRAYS_MAX} arrays")
-    return Message(results, None, "")
+    return Message(results, hidden, None, "")
 
 
-def _end(reader: _Reader, results: Mapping[str, NDArray[np.generic]]) -> Message:
+def _end(reader: _Reader) -> tuple[RunStatus, str]:
     kind = reader.number("B")
     raw = reader.take(reader.number("H"))
     if kind >= len(KINDS) or not reader.done():
         raise Malformed("their end is not in the expected form")
-    return Message(results, KINDS[kind], raw.decode("utf-8", "replace"))
+    return KINDS[kind], raw.decode("utf-8", "replace")
 
 
 def _name(reader: _Reader) -> str:
@@ -117,7 +164,7 @@ def _array(reader: _Reader, name: str) -> NDArray[np.generic]:
 
 
 def _sized(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """An empty array of monstrous other dimensions is no array that NumPy can hold."""
+    """Refuse an empty array whose other dimensions are too large for NumPy."""
     if 0 in shape and math.prod(max(n, 1) for n in shape) > np.iinfo(np.int64).max // 8:
         raise Malformed("an array has an impossible shape")
     return shape

@@ -1,10 +1,10 @@
-"""The door of the sandbox: `Jail.run(job)`."""
+"""The jail's interface: `Jail.run(job)`, and the tier that this machine can hold."""
 
 import json
-import math
 import os
 import threading
 from collections.abc import Callable
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -13,18 +13,24 @@ from typing import Self
 from grader.domain.run import SOURCE_BYTES_MAX, Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault, JailRefused
 from grader.sandbox import cell, cgroup, selftest
-from grader.sandbox.child import Child
 from grader.sandbox.policy import MB
 from grader.sandbox.pool import Pool
 from grader.sandbox.report import report
-from grader.sandbox.tier import Tier
 from grader.sandbox.watch import Watch
-from grader.sandbox.zygote import Zygote
+from grader.sandbox.zygote import Child, Zygote
 
 QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0
 RECYCLE_AFTER = 2000
 TRIES = 8
+
+
+class Tier(StrEnum):
+    """How much of the jail this machine can hold: found at start, never lowered while running."""
+
+    T0 = "T0"  # every layer
+    T1 = "T1"  # without a delegated cgroup
+    T2 = "T2"  # without namespaces: limits, Landlock and seccomp alone, no scratch directory; only when asked for
 
 
 class Jail:
@@ -64,7 +70,7 @@ class Jail:
         for self.tier, start in tries:
             self._pool = Pool(start, spares or self.workers, recycle_after)
             try:
-                self.self_test = selftest.run(self.run)
+                self.self_test = selftest.run(self.run, lambda: self.keeps_integrators)
                 return
             except JailRefused:  # a hole: no lower tier will do instead
                 self.close()
@@ -90,29 +96,29 @@ class Jail:
             self._places.release()
 
     def _run(self, job: Job) -> RunReport:
-        # In ASCII escapes a lone surrogate travels too: what it means is for the student's interpreter to say.
-        packed = json.dumps(
-            {
-                "source": job.source,
-                "driver": job.driver,
-                "inputs": dict(job.inputs),
-                "filename": job.filename.rpartition("/")[2] or "submission.py",
-            }
-        ).encode()
+        # As an ASCII escape even a lone surrogate arrives, and the student's interpreter refuses it.
+        first = {
+            "source": job.source,
+            "driver": job.driver,
+            "filename": job.filename.rpartition("/")[2] or "submission.py",
+        }
+        parts = [json.dumps(part).encode() for part in (first, dict(job.inputs), dict(job.hidden_inputs))]
         child = self._limited_child(job.limits)
         try:
-            return report(Watch(child, job.limits, packed).run(), job.limits)
+            removes = job.without_integrators and not child.zygote.keeps_integrators
+            watch = Watch(child, job.limits, parts, without_integrators=removes)
+            return report(watch.run(), job.limits)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:
             self._pool.give_back(child)
 
     def _limited_child(self, limits: Limits) -> Child:
-        """A spare with this job's limits; one that has broken while it waited has seen no script: take the next."""
+        """Give a spare this job's limits; one that broke while it waited has seen no script, so the next is taken."""
         for _ in range(TRIES):
             child = self._pool.take(CHILD_S_MAX)
             try:
-                child.limit(limits.memory_mb * MB, math.ceil(limits.cpu_s))
+                child.limit(limits.memory_mb * MB, limits.cpu_s)
                 return child
             except JailFault as fault:
                 self._pool.give_back(child)
@@ -120,8 +126,13 @@ class Jail:
         raise broken
 
     @property
+    def keeps_integrators(self) -> str:
+        """Why MuJoCo's integrators cannot be removed from a job on this machine; empty where they can."""
+        return self._pool.keeps_integrators
+
+    @property
     def restarts(self) -> int:
-        """How often the zygote had to be started again because it had died."""
+        """How often the zygote was started again because it had died."""
         return self._pool.restarts
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What the jail allows, as data: nothing here does anything.
+"""What the jail allows, as data.
 
 Source of the limits: measured on MuJoCo 3.14.0; tighter AS or DATA hangs MuJoCo's thread pool.
 """
@@ -13,8 +13,8 @@ def _words(text: str) -> tuple[str, ...]:
 KB: Final = 1024
 MB: Final = 1024 * KB
 
-# Landlock ABI that a tier needs. Where namespaces hide the file system, Landlock is the second wall, and its first
-# version serves; where it is the only wall it must also scope signals and sockets (ABI 6).
+# Oldest Landlock ABI for a tier. Where namespaces hide the file system, Landlock is the second wall and ABI 1 will do;
+# where it is the only wall it must also scope signals and sockets (ABI 6).
 LANDLOCK_ABI_MIN: Final = 1
 LANDLOCK_ABI_MIN_ALONE: Final = 6
 
@@ -24,8 +24,8 @@ SCRATCH_BYTES: Final = 16 * MB
 SCRATCH_INODES: Final = 256
 MODELS: Final = "/models"
 
-# MuJoCo's pool waits for ever when a thread of it cannot be started: leave room for 32 workers, as its own tests take,
-# and let their stacks be small, as RLIMIT_DATA counts them whole.
+# MuJoCo's thread pool hangs when a thread cannot be started: leave room for 32 workers, as many as its own tests start,
+# and keep their stacks small, as RLIMIT_DATA counts them whole.
 THREADS_MAX: Final = 64
 THREAD_STACK_BYTES: Final = 2 * MB
 RESULT_BYTES_MAX: Final = 16 * MB
@@ -44,12 +44,17 @@ RLIMITS: Final = {
     "RLIMIT_NPROC": THREADS_MAX,
     "RLIMIT_STACK": 8 * MB,
 }
-# Address space beyond RLIMIT_DATA: libraries, thread stacks, shared memory (which DATA does not count).
+# Address space beyond RLIMIT_DATA: libraries and other read-only mappings, which DATA does not count.
 ADDRESS_SPACE_EXTRA: Final = 512 * MB
-# A cgroup's limit stands a little above RLIMIT_DATA: page tables, the scratch directory, pipes.
+# What a cgroup counts beyond RLIMIT_DATA: page tables, the scratch directory, pipes.
 CGROUP_MEMORY_EXTRA: Final = 64 * MB
-# RLIMIT_CPU counts whole seconds and only backs up the supervisor's own clock.
-CPU_BACKSTOP_S: Final = 1
+# RLIMIT_CPU only backs up the supervisor's exact clock. It counts scheduler ticks, which on a busy machine run up to
+# 20 % fast, so it is set well above the job's limit: this factor times the limit, plus these seconds.
+CPU_BACKSTOP_FACTOR: Final = 2
+CPU_BACKSTOP_S: Final = 5
+# Private memory beyond RLIMIT_DATA at which the supervisor ends a process: it leaves room for the main thread's stack
+# and for relocated libraries, which DATA does not count either.
+RESIDENT_EXTRA: Final = 32 * MB
 
 ENVIRONMENT: Final = {
     "PATH": "/usr/bin:/bin",
@@ -61,7 +66,7 @@ ENVIRONMENT: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MALLOC_ARENA_MAX": "2",
-    # A fixed threshold keeps glibc's own from growing: one MjData a step (13 MB each) would fragment the heap.
+    # A fixed threshold keeps glibc from raising its own: one MjData a step (13 MB each) would fragment the heap.
     "MALLOC_MMAP_THRESHOLD_": str(1 * MB),
 }
 
@@ -74,13 +79,14 @@ textwrap contextlib warnings traceback logging argparse inspect pprint bisect he
 encodings.idna encodings.ascii encodings.latin_1
 """)
 
-# -- seccomp: anything that is not named gets ENOSYS, so that the C library falls back --------------------------------
+# -- seccomp: a call that is not named fails with ENOSYS, so that the C library falls back -----------------------------
+# seccomp.py adds the calls whose arguments decide: mmap, mprotect, clone, fcntl, prctl, prlimit64, tgkill.
 
 ALLOWED: Final = _words("""
 read readv pread64 preadv write writev pwrite64 pwritev lseek close fstat newfstatat stat lstat statx
 access faccessat faccessat2 openat open creat readlink readlinkat getcwd chdir getdents64 getdents mkdir mkdirat rmdir
 unlink unlinkat rename renameat renameat2 ftruncate truncate fsync fdatasync dup dup2 dup3 pipe pipe2 umask fstatfs
-statfs close_range mmap munmap mremap mprotect brk madvise futex set_robust_list get_robust_list rseq set_tid_address
+statfs close_range munmap mremap brk madvise futex set_robust_list get_robust_list rseq set_tid_address
 exit exit_group gettid getpid getppid membarrier getuid geteuid getgid getegid getgroups getresuid getresgid getpgrp
 getpgid getsid rt_sigaction rt_sigprocmask rt_sigreturn rt_sigpending rt_sigtimedwait sigaltstack restart_syscall pause
 clock_gettime clock_getres clock_nanosleep nanosleep gettimeofday time times getrusage getitimer setitimer alarm
@@ -88,11 +94,11 @@ getrandom sched_yield sched_getaffinity sched_getscheduler sched_getparam sched_
 getcpu getpriority sysinfo uname getrlimit poll ppoll select pselect6
 """)
 
-# F_DUPFD F_GETFD F_SETFD F_GETFL F_SETFL F_DUPFD_CLOEXEC: no locks, leases, owners, pipe sizes or notifications.
+# F_DUPFD F_GETFD F_SETFD F_GETFL F_SETFL F_DUPFD_CLOEXEC; not locks, leases, owners, pipe sizes or notifications.
 FCNTL_COMMANDS: Final = (0, 1, 2, 3, 4, 1030)
 PR_SET_NAME: Final = 15
 
-# What ordinary programs may try: Python raises PermissionError, and the traceback says so.
+# Calls that ordinary programs may try: they fail with EPERM, and Python raises PermissionError.
 REFUSED: Final = _words("""
 fork vfork execve execveat socket socketpair connect bind listen accept accept4 sendto sendmsg
 sendmmsg recvfrom recvmsg recvmmsg getsockname getpeername setsockopt getsockopt shutdown kill tkill rt_sigqueueinfo
@@ -106,7 +112,7 @@ vmsplice copy_file_range inotify_init inotify_init1 inotify_add_watch fanotify_i
 signalfd signalfd4 eventfd eventfd2 epoll_create epoll_create1 personality
 """)
 
-# No honest script comes near these: the process ends with SIGSYS.
+# Calls that no honest script makes: the process ends with SIGSYS.
 KILLED: Final = _words("""
 ptrace process_vm_readv process_vm_writev process_madvise process_mrelease kcmp pidfd_getfd bpf
 io_uring_setup io_uring_enter io_uring_register userfaultfd perf_event_open add_key request_key keyctl init_module

@@ -1,4 +1,4 @@
-"""Children kept ready: one thread owns the zygote, refills, recycles and restarts it."""
+"""Keeps children ready: one thread owns the zygote, refills, recycles and restarts it."""
 
 import threading
 import time
@@ -6,15 +6,14 @@ from collections import deque
 from collections.abc import Callable
 
 from grader.errors import JailFault
-from grader.sandbox.child import Child
-from grader.sandbox.zygote import Zygote
+from grader.sandbox.zygote import Child, Zygote
 
 RETRY_S, RETRY_S_MAX = 0.2, 5.0
 RETRIES = 3
 
 
 class Pool:
-    """A zygote and its spare children. The keeper is one long-lived thread: the cell dies with the thread that made it.
+    """Holds a zygote and its spare children. One long-lived thread keeps them, as the cell dies with its thread.
 
     Raises:
         JailFault: the first zygote does not start.
@@ -29,11 +28,12 @@ class Pool:
         self._zygote: Zygote | None = None
         self._retired: list[Zygote] = []
         self.restarts = 0
+        self.keeps_integrators = ""
         self._keeper = threading.Thread(target=self._keep, name="jail-keeper", daemon=True)
         self._keeper.start()
 
     def take(self, patience_s: float) -> Child:
-        """A child that is ready; waits for one.
+        """Take a child that is ready, or wait for one.
 
         Raises:
             JailFault: none could be made.
@@ -55,13 +55,13 @@ class Pool:
                     raise JailFault("The jail had no room in time.")
 
     def give_back(self, child: Child) -> None:
-        """The child has died and has been read; its descriptors go."""
+        """Close a child that has died and has been read."""
         child.close()
         with self._change:
             self._change.notify_all()
 
     def close(self) -> None:
-        """End everything, and wait for it."""
+        """End every process, and wait until they have ended."""
         with self._change:
             self._closing = True
             self._change.notify_all()
@@ -106,6 +106,7 @@ class Pool:
             self._retire()
         if self._zygote is None:
             self._zygote = self._start()
+            self.keeps_integrators = self._zygote.keeps_integrators
         return self._zygote
 
     def _retire(self) -> None:

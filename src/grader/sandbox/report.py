@@ -1,35 +1,44 @@
-"""How a run ended, as a RunReport with one sentence; evidence from outside goes before the script's own words."""
+"""Turns the ending of a run into a RunReport; evidence from outside comes before what the script claims."""
 
 import os
 import signal
 
 from grader.domain.run import Limits, RunReport, RunStatus
+from grader.errors import JailFault
 from grader.sandbox.cleaning import clean, one_line
 from grader.sandbox.frames import Malformed, Message, parse
 from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
 from grader.sandbox.watch import Cause, Ending
 
-# When the script's own process gives no reason.
+# For an end without a reason from the script's own process.
 SILENT = {
     RunStatus.CRASHED: "The script ended with an error.",
     RunStatus.FORBIDDEN: "The script did something that scripts may not do.",
     RunStatus.OUT_OF_MEMORY: "The script ran out of memory.",
 }
+# An unexplained SIGKILL from this share of the CPU limit on is the limit's.
+NEARLY = 0.9
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
 
 
 def report(ending: Ending, limits: Limits) -> RunReport:
-    """Decide the status. Nothing that a script does can make this raise."""
+    """Decide the status. Nothing that a script does can make this raise.
+
+    Raises:
+        JailFault: something other than the jail or a limit killed the process.
+    """
     status, reason, message = _decide(ending, limits)
     cap = limits.output_kb * KB
     return RunReport(
         status=status,
         reason=one_line(reason),
         results=message.results if message and status is RunStatus.RETURNED else {},
+        hidden_results=message.hidden if message and status is RunStatus.RETURNED else {},
         stdout=clean(ending.stdout, cap),
         stderr=clean(ending.stderr, cap),
         cpu_s=ending.cpu_s,
         wall_s=ending.wall_s,
+        stepped=ending.stepped,
     )
 
 
@@ -46,34 +55,36 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
         return RunStatus.CRASHED, f"The results that the script sent back cannot be used: {error}.", None
     if message.end is None or code != 0:
         return RunStatus.CRASHED, f"The script ended its own process (exit code {code}) before it was graded.", None
-    return message.end, message.reason or SILENT.get(message.end, ""), message
+    reason = "" if ending.hidden_sent else message.reason  # it may tell of the hidden inputs
+    return message.end, reason or SILENT.get(message.end, ""), message
 
 
 def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
-    """We ended it, or the kernel did at a limit that we set."""
+    """The status where the supervisor ended it, or the kernel did at a limit; None where it ended by itself."""
     if ending.oom_killed:
-        return RunStatus.OUT_OF_MEMORY, "The script ran out of memory."
+        return RunStatus.OUT_OF_MEMORY, SILENT[RunStatus.OUT_OF_MEMORY]
     killed = os.WIFSIGNALED(ending.wait_status) and os.WTERMSIG(ending.wait_status) == signal.SIGKILL
-    out_of_time = killed and ending.cause is None and ending.cpu_s >= limits.cpu_s
+    out_of_time = killed and ending.cause is None and ending.cpu_s >= NEARLY * limits.cpu_s
     stops = {
         Cause.CPU: (RunStatus.TIMED_OUT, f"The script used up its CPU time of {limits.cpu_s:g} s."),
         Cause.WALL: (RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."),
         Cause.OUTPUT: (RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."),
+        Cause.MEMORY: (RunStatus.OUT_OF_MEMORY, f"The script used more than {limits.memory_mb} MB of memory."),
         Cause.RESULTS: (RunStatus.OUTPUT_TOO_LARGE, f"The script sent back more than {RESULT_BYTES_MAX // MB} MB."),
     }
     cause = Cause.CPU if out_of_time else ending.cause
     if cause is not None:
         return stops[cause]
     if killed:
-        return RunStatus.OUT_OF_MEMORY, "The machine ended the script because it took too much memory."
+        raise JailFault("A child of the jail was killed from outside.")
     return None
 
 
 def _signalled(number: int, ending: Ending) -> tuple[RunStatus, str]:
     if number == signal.SIGSYS:
         return RunStatus.FORBIDDEN, "The script made a system call that scripts may not make."
-    if any(words in ending.stderr for words in NO_MEMORY):
-        return RunStatus.OUT_OF_MEMORY, "The script ran out of memory."
+    if any(words in ending.stderr + ending.late_stderr for words in NO_MEMORY):
+        return RunStatus.OUT_OF_MEMORY, SILENT[RunStatus.OUT_OF_MEMORY]
     try:
         name = signal.Signals(number).name
     except ValueError:

@@ -1,8 +1,11 @@
-"""The policy as a kernel filter, built once on the trusted side and loaded by every child."""
+"""Compiles the policy into a kernel filter, once, on the trusted side; every child loads it."""
 
 import errno
+import mmap
 import os
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 from grader.errors import JailRefused
 from grader.sandbox.policy import ALLOWED, FCNTL_COMMANDS, KILLED, PR_SET_NAME, REFUSED
@@ -13,9 +16,14 @@ A_THREAD = CLONE_VM | CLONE_SIGHAND | CLONE_THREAD
 NEW_NAMESPACES = 0x20000 | 0x02000000 | 0x04000000 | 0x08000000 | 0x10000000 | 0x20000000 | 0x40000000 | 0x80
 
 
+# linux/mman.h
+SHARED, PRIVATE, KIND, ANONYMOUS, GROWS_DOWN = 0x01, 0x02, 0x0F, 0x20, 0x100
+WRITE, EXECUTE = mmap.PROT_WRITE, mmap.PROT_EXEC
+
+
 @cache
 def build(own_pid: int | None = 1) -> bytes:
-    """The filter as BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, None for nobody.
+    """Compile the filter to BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, or None.
 
     Raises:
         JailRefused: libseccomp is missing.
@@ -54,7 +62,33 @@ def build(own_pid: int | None = 1) -> bytes:
     else:
         add(sc.ALLOW, "tgkill", sc.Arg(0, sc.EQ, own_pid))
         add(eperm, "tgkill", sc.Arg(0, sc.NE, own_pid))
+    _add_memory_rules(sc, add)
     return _export(rules)
+
+
+def _add_memory_rules(sc: Any, add: Callable[..., None]) -> None:
+    """Refuse machine code that a script has written, and memory that RLIMIT_DATA does not count.
+
+    Executable memory must be a private, read-only mapping of a file, which is how libraries are loaded. RLIMIT_DATA
+    counts neither shared anonymous memory (ENOMEM) nor stacks that grow (ENOSYS).
+    """
+    eperm, enomem = sc.ERRNO(errno.EPERM), sc.ERRNO(errno.ENOMEM)
+
+    def protection(mask: int, value: int) -> object:
+        return sc.Arg(2, sc.MASKED_EQ, mask, value)
+
+    def flags(mask: int, value: int) -> object:
+        return sc.Arg(3, sc.MASKED_EQ, mask, value)
+
+    of_file = KIND | ANONYMOUS | GROWS_DOWN
+    add(sc.ALLOW, "mmap", protection(EXECUTE, 0), flags(KIND | GROWS_DOWN, PRIVATE))
+    add(sc.ALLOW, "mmap", protection(EXECUTE, 0), flags(of_file, SHARED))
+    add(enomem, "mmap", protection(EXECUTE, 0), flags(of_file, SHARED | ANONYMOUS))
+    add(sc.ALLOW, "mmap", protection(EXECUTE | WRITE, EXECUTE), flags(of_file, PRIVATE))
+    add(eperm, "mmap", protection(EXECUTE | WRITE, EXECUTE | WRITE))
+    add(eperm, "mmap", protection(EXECUTE | WRITE, EXECUTE), flags(ANONYMOUS, ANONYMOUS))
+    add(sc.ALLOW, "mprotect", protection(EXECUTE, 0))
+    add(eperm, "mprotect", protection(EXECUTE, EXECUTE))
 
 
 def _export(rules: object) -> bytes:

@@ -31,9 +31,29 @@ def run(student, inputs, submit):
 LIMITS = Limits(cpu_s=5.0, wall_s=30.0)
 
 
+INTEGRATORS, TIMESTEP_S = "MuJoCo's integrators", 0.002  # MuJoCo's default
+STEPS = """
+import mujoco
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1'/></body></worldbody></mujoco>"
+)
+data = mujoco.MjData(model)
+mujoco.mj_step(model, data)
+before = data.time
+mujoco.mj_resetData(model, data)
+"""
+STEPPING = """
+import mujoco
+
+def run(student, inputs, submit):
+    mujoco.mj_step(student.model, student.data)
+    submit("times", [student.before, student.data.time])
+"""
+
+
 @dataclass(frozen=True)
 class SelfTest:
-    """What was tried and what held."""
+    """The attacks that were tried; all of them failed."""
 
     held: tuple[str, ...]
 
@@ -41,8 +61,11 @@ class SelfTest:
         return f"{len(self.held)} of {len(self.held)} attacks held"
 
 
-def run(play: Callable[[Job], RunReport]) -> SelfTest:
-    """Play every attack, and one honest script.
+def run(play: Callable[[Job], RunReport], keeps_integrators: Callable[[], str]) -> SelfTest:
+    """Run every attack, and one honest script.
+
+    `keeps_integrators` gives, once a job has run, the reason why MuJoCo's integrators cannot be removed here.
+    Where it is empty, a script must be able to step while it is imported, and must not be able to afterwards.
 
     Raises:
         JailRefused: naming what got through.
@@ -54,4 +77,9 @@ def run(play: Callable[[Job], RunReport]) -> SelfTest:
     through = [f"{name} ({r.status}: {r.reason})" for name, r in reports.items() if r.status is not RunStatus.FORBIDDEN]
     if through:
         raise JailRefused(f"The jail's self-test failed: {'; '.join(through)}")
-    return SelfTest(tuple(reports))
+    if keeps_integrators():
+        return SelfTest(tuple(reports))
+    report = play(Job(STEPS, STEPPING, {}, LIMITS, without_integrators=True))
+    if report.stepped != 1 or "times" not in report.results or report.results["times"].tolist() != [TIMESTEP_S, 0.0]:
+        raise JailRefused(f"The jail's self-test failed: {INTEGRATORS} remain ({report.status}: {report.reason})")
+    return SelfTest((*reports, f"uses {INTEGRATORS}"))

@@ -1,37 +1,44 @@
-"""One run, watched from outside: its pipes, its CPU and wall clocks, and the kill when a limit is reached."""
+"""Watches one run from outside: serves its pipes, checks its limits, and kills it when one is reached."""
 
 import json
 import os
 import selectors
+import signal
 import struct
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from grader.domain.run import Limits
 from grader.errors import JailFault
-from grader.sandbox.attest import proc
-from grader.sandbox.child import Child
-from grader.sandbox.policy import KB, RESULT_BYTES_MAX
+from grader.sandbox.frames import WANTS_MAX, Wants
+from grader.sandbox.policy import KB, MB, RESIDENT_EXTRA, RESULT_BYTES_MAX
+from grader.sandbox.usage import Usage, machine_oom_kills
+from grader.sandbox.zygote import Child
 
 READ_BYTES = 1 << 16
-POLL_S_MIN = 0.005
+POLL_S_MIN, POLL_S_MAX = 0.005, 0.1
 DEATH_S_MAX = 20.0
-CLOCK_PROF_OF_PROCESS = 2  # CPUCLOCK_SCHED; the clock's number is made from the pid, see clock_getcpuclockid(3)
 
 
 class Cause(StrEnum):
-    """Why we ended it."""
+    """The limit at which the supervisor ended a run."""
 
     CPU = "cpu"
     WALL = "wall"
+    MEMORY = "memory"
     OUTPUT = "output"
     RESULTS = "results"
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended, by what was seen from outside; the three streams are the script's own words."""
+    """How a run ended, seen from outside; only the streams come from the script.
+
+    `late_stderr` was written after the hidden inputs had been asked for; what was written to stdout then is dropped.
+    """
 
     cause: Cause | None
     wait_status: int
@@ -41,14 +48,29 @@ class Ending:
     stderr: bytes
     results: bytes
     oom_killed: bool = False
+    stepped: int = 0
+    late_stderr: bytes = b""
+    hidden_sent: bool = False
 
 
 class Watch:
-    """Feeds one job to a child and stays until the child is dead."""
+    """Feeds one job to a child and stays until the child is dead.
 
-    def __init__(self, child: Child, limits: Limits, job: bytes) -> None:
+    `parts` are the job, its inputs and, if there are any, its hidden inputs. The job is sent at once, each further part
+    when the child asks for it. The inputs of a job `without_integrators` are sent after these have been removed: a
+    script that knew its inputs earlier could still step them. Before the hidden inputs are sent, what was printed is
+    read; what is printed after that is not kept, as it may tell of them.
+    """
+
+    def __init__(self, child: Child, limits: Limits, parts: Sequence[bytes], *, without_integrators: bool) -> None:
         self._child, self._limits = child, limits
-        self._unsent = memoryview(struct.pack("<I", len(job)) + job)
+        job, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
+        self._unsent = memoryview(job)
+        self._wants, self._answered = Wants(), 0
+        self._without_integrators = without_integrators
+        self._late = {child.stdout: bytearray(), child.stderr: bytearray()}
+        self._hidden_sent = False
+        self._last = b""
         self._read = {child.stdout: bytearray(), child.stderr: bytearray(), child.results: bytearray()}
         self._caps = {
             child.stdout: (limits.output_kb * KB, Cause.OUTPUT),
@@ -64,59 +86,64 @@ class Watch:
         Raises:
             JailFault: it cannot be killed, or the keeper that must tell how it ended is gone.
         """
-        child = self._child
-        self._cpu_before, self._busy_before, self._began = _cpu_s(child.pid), _busy_s(child.pid), time.monotonic()
-        for descriptor in self._read:
+        child, killed_before = self._child, machine_oom_kills()
+        self._usage = Usage(child.pid)
+        for descriptor in (*self._read, child.status.fileno(), child.pidfd):
             self._selector.register(descriptor, selectors.EVENT_READ)
         self._selector.register(child.job, selectors.EVENT_WRITE)
-        self._selector.register(child.pidfd, selectors.EVENT_READ)
         with self._selector:
             self._until_dead()
             self._drain()
-        wall_s = time.monotonic() - self._began
-        wait_status, cpu_s = self._last_word()
-        stdout, stderr, results = (bytes(buffer) for buffer in self._read.values())
-        oom_killed = child.group is not None and child.group.ran_out()
-        return Ending(
-            self._cause, wait_status, max(0.0, cpu_s - self._cpu_before), wall_s, stdout, stderr, results, oom_killed
+        wall_s = self._usage.wall_s
+        last = self._last_word()
+        killed = os.WIFSIGNALED(last["ended"]) and os.WTERMSIG(last["ended"]) == signal.SIGKILL
+        oom_killed = (child.group is not None and child.group.ran_out()) or (
+            killed and self._cause is None and machine_oom_kills() > killed_before
         )
+        stdout, stderr, results = (bytes(buffer) for buffer in self._read.values())
+        cpu_s = max(0.0, last["cpu_s"] - self._usage.cpu_before_s)
+        return Ending(
+            self._cause, last["ended"], cpu_s, wall_s, stdout, stderr, results, oom_killed, int(last["stepped"]),
+            bytes(self._late[child.stderr]), self._hidden_sent,
+        )  # fmt: skip
 
     def _until_dead(self) -> None:
         killed_at: float | None = None
         while True:
             if self._cause is None:
-                self._check_clocks()
+                self._check_limits()
             if self._cause is not None and killed_at is None:
                 self._child.kill()
                 killed_at = time.monotonic()
             if killed_at is not None and time.monotonic() > killed_at + DEATH_S_MAX:
                 raise JailFault("A child of the jail does not die.")
             for key, _ in self._selector.select(self._patience()):
-                descriptor = int(key.fd)
-                if descriptor == self._child.pidfd:
+                if key.fd == self._child.pidfd:
                     return
-                if descriptor == self._child.job:
+                if key.fd == self._child.job:
                     self._feed()
+                elif key.fd == self._child.status.fileno():
+                    self._hear()
                 else:
-                    self._take(descriptor)
+                    self._take(key.fd)
 
     def _patience(self) -> float:
-        """How long no limit can be reached: with every core at work, CPU time runs that much faster than the clock."""
+        """Time to wait before the limits are checked again [s]; CPU time passes faster by the number of cores."""
         if self._cause is not None:
             return 1.0
-        wall_left = self._limits.wall_s - self._waited_s()
-        cpu_left = self._limits.cpu_s - (_cpu_s(self._child.pid) - self._cpu_before)
-        return max(POLL_S_MIN, min(wall_left, cpu_left / (os.cpu_count() or 1)))
+        wall_left = self._limits.wall_s - self._usage.waited_s
+        cpu_left = self._limits.cpu_s - self._usage.cpu_s
+        return max(POLL_S_MIN, min(POLL_S_MAX, wall_left, cpu_left / (os.cpu_count() or 1)))
 
-    def _check_clocks(self) -> None:
-        if _cpu_s(self._child.pid) - self._cpu_before >= self._limits.cpu_s:
+    def _check_limits(self) -> None:
+        usage, limits = self._usage, self._limits
+        usage.refresh()
+        if usage.cpu_s >= limits.cpu_s:
             self._cause = Cause.CPU
-        elif self._waited_s() >= self._limits.wall_s:
+        elif usage.waited_s >= limits.wall_s:
             self._cause = Cause.WALL
-
-    def _waited_s(self) -> float:
-        """How long the script neither worked nor wanted to [s]. What a hypervisor takes away looks the same."""
-        return time.monotonic() - self._began - (_busy_s(self._child.pid) - self._busy_before)
+        elif usage.private_bytes > limits.memory_mb * MB + RESIDENT_EXTRA:
+            self._cause = Cause.MEMORY
 
     def _feed(self) -> None:
         try:
@@ -127,7 +154,40 @@ class Watch:
             self._unsent = self._unsent[:0]
         if not self._unsent:
             self._selector.unregister(self._child.job)
-            self._child.hang_up()
+            if not self._withheld:
+                self._child.hang_up()
+
+    def _send_next(self) -> None:
+        """Send the next part that was withheld."""
+        if not self._withheld or self._child.job < 0:
+            return
+        self._unsent = memoryview(bytes(self._unsent) + self._withheld.pop(0))
+        if self._child.job not in self._selector.get_map():
+            self._selector.register(self._child.job, selectors.EVENT_WRITE)
+
+    def _answer(self) -> None:
+        """Answer the wants that have arrived: the first with the inputs, the second with the hidden inputs."""
+        wants = min(self._wants.scan(self._read[self._child.results]), WANTS_MAX)
+        while self._answered < wants:
+            self._answered += 1
+            if self._answered == 1 and self._without_integrators:
+                self._child.ask_for_removal()
+                continue
+            if self._answered == WANTS_MAX:
+                for descriptor in self._late:
+                    while self._take(descriptor):
+                        pass
+                self._hidden_sent = True
+            self._send_next()
+
+    def _hear(self) -> None:
+        """Take a message of the keeper: the integrators are removed, or the child has died."""
+        message = self._child.status.recv(READ_BYTES)
+        if message == b"removed":
+            self._send_next()
+        else:
+            self._last = message
+            self._selector.unregister(self._child.status.fileno())
 
     def _take(self, descriptor: int) -> bool:
         """Read once; True when there may be more."""
@@ -140,39 +200,29 @@ class Watch:
             if descriptor in self._selector.get_map():
                 self._selector.unregister(descriptor)
             return False
-        room = cap - len(buffer)
-        buffer += chunk[:room]
+        late = self._late.get(descriptor) if self._hidden_sent else None
+        room = cap - len(buffer) - (len(late) if late is not None else 0)
+        target = buffer if late is None else late
+        target += chunk[:room]
         if len(chunk) > room and self._cause is None:
             self._cause = cause
+        if descriptor == self._child.results:
+            self._answer()
         return len(chunk) <= room
 
     def _drain(self) -> None:
-        """What is still in the pipes of the dead; a flood stops at its cap."""
+        """Read what is left in the pipes of the dead child, up to each cap."""
         for descriptor in self._read:
             while self._take(descriptor):
                 pass
 
-    def _last_word(self) -> tuple[int, float]:
-        """Wait status and CPU time, from the keeper in the cell that never ran a student's code."""
+    def _last_word(self) -> dict[str, Any]:
+        """What the keeper tells at the end; it never ran a student's code."""
         try:
             self._child.status.settimeout(DEATH_S_MAX)
-            wait_status, cpu_s, _ = json.loads(self._child.status.recv(READ_BYTES))
-        except (OSError, ValueError, TypeError) as error:
+            last: dict[str, Any] = json.loads(self._last or self._child.status.recv(READ_BYTES))
+            if last.keys() >= {"ended", "cpu_s", "stepped"}:
+                return last
+        except (OSError, ValueError, AttributeError) as error:
             raise JailFault("The jail was lost while a script ran.") from error
-        return int(wait_status), float(cpu_s)
-
-
-def _cpu_s(pid: int) -> float:
-    """CPU time of all threads of a process [s]; 0 when it is gone."""
-    try:
-        return time.clock_gettime((~pid << 3) | CLOCK_PROF_OF_PROCESS)
-    except OSError:
-        return 0.0
-
-
-def _busy_s(pid: int) -> float:
-    """How long its main thread was at work, or ready to work and had no core [s]: the machine's time, not its own."""
-    try:
-        return sum(map(int, proc(f"{pid}/schedstat").split()[:2])) / 1e9
-    except OSError:
-        return 0.0
+        raise JailFault("The jail was lost while a script ran.")

@@ -1,30 +1,125 @@
-"""The supervisor's end of the zygote: start it in its cell, ask it for children, end it."""
+"""The supervisor's end of the zygote and of its children: starts the cell, asks for children, ends both."""
 
 import base64
+import contextlib
 import json
+import math
 import os
 import select
+import signal
 import socket
 import subprocess
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from grader.errors import JailFault
 from grader.sandbox import attest, cell, policy, seccomp
 from grader.sandbox.cgroup import Group
-from grader.sandbox.child import PACKET_BYTES_MAX, Child
 
+PACKET_BYTES_MAX = 1 << 16
 START_S_MAX = 60.0
 CHILD_S_MAX = 20.0
 
 
+@dataclass(eq=False)
+class Child:
+    """A single-use child as the supervisor holds it: locked down, waiting for its job; -1 is a closed descriptor."""
+
+    zygote: "Zygote"
+    job: int
+    stdout: int
+    stderr: int
+    results: int
+    status: socket.socket
+    pidfd: int = -1
+    pid: int = -1
+    group: Group | None = None
+
+    @classmethod
+    def open(cls, zygote: "Zygote") -> "tuple[Child, list[int]]":
+        """Make the pipes of a new child: our ends, and the child's in the order in which the zygote expects them."""
+        with contextlib.ExitStack() as on_error:
+            pipes = []
+            for _ in range(4):
+                pipe = os.pipe()
+                on_error.callback(os.close, pipe[0])
+                on_error.callback(os.close, pipe[1])
+                pipes.append(pipe)
+            (its_job, job), (stdout, its_out), (stderr, its_err), (results, its_results) = pipes
+            status, its_status = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            on_error.pop_all()
+        child = cls(zygote, job, stdout, stderr, results, status)
+        return child, [its_job, its_out, its_err, its_results, its_status.detach()]
+
+    def alive(self) -> bool:
+        """Whether it has not ended yet."""
+        return self.zygote.alive() and not select.select([self.pidfd], [], [], 0)[0]
+
+    def limit(self, memory_bytes: int, cpu_s: float) -> None:
+        """Have its keeper set the job's own resource limits.
+
+        Raises:
+            JailFault: the keeper does not, or is gone.
+        """
+        limits = {
+            "RLIMIT_DATA": memory_bytes,
+            "RLIMIT_AS": memory_bytes + policy.ADDRESS_SPACE_EXTRA,
+            "RLIMIT_CPU": math.ceil(cpu_s * policy.CPU_BACKSTOP_FACTOR) + policy.CPU_BACKSTOP_S,
+        }
+        try:
+            if self.group is not None:
+                self.group.limit(memory_bytes)
+            self.status.send(json.dumps({"limits": limits}).encode())
+            answer = self.status.recv(PACKET_BYTES_MAX)
+        except OSError as error:
+            raise JailFault(f"The limits of a child cannot be set: {error}") from error
+        if answer != b"limited":
+            raise JailFault(f"The limits of a child cannot be set: {answer.decode(errors='replace')}")
+
+    def ask_for_removal(self) -> None:
+        """Ask its keeper to remove MuJoCo's integrators; the answer, b"removed", comes on `status`.
+
+        Raises:
+            OSError: the keeper is gone.
+        """
+        self.status.send(json.dumps({"remove": "integrators"}).encode())
+
+    def kill(self) -> None:
+        """End it, and every process in its pid namespace."""
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
+
+    def hang_up(self) -> None:
+        """Close the job's channel: all of it has been written."""
+        if self.job >= 0:
+            os.close(self.job)
+            self.job = -1
+
+    def close(self) -> None:
+        """End it if need be, and release everything it holds."""
+        if self not in self.zygote.children:
+            return
+        self.zygote.children.discard(self)
+        if self.pidfd >= 0:
+            self.kill()
+            os.close(self.pidfd)
+        self.hang_up()
+        for descriptor in (self.stdout, self.stderr, self.results):
+            os.close(descriptor)
+        self.status.close()
+        if self.group is not None:
+            self.group.remove()
+
+
 class Zygote:
-    """One warm process in its cell. One thread starts it, asks it and ends it, and must live as long: bubblewrap's
+    """One warm process in its cell. The thread that starts it must also use and end it, and live as long: bubblewrap's
     --die-with-parent follows the thread.
 
     `alone` leaves out the cell and the namespaces (tier T2). `group` makes a cgroup for a child, where delegated.
+    `keeps_integrators` says why MuJoCo's integrators cannot be removed from a child here; it is empty where they can.
 
     Raises:
         JailFault: it does not start.
@@ -77,7 +172,7 @@ class Zygote:
         )
 
     def _configuration(self, runtime: cell.Runtime, models: Path) -> dict[str, Any]:
-        """What the zygote must know; its form is in inside/zygote.py."""
+        """The zygote's configuration, as inside/zygote.py reads it."""
         models_inside = str(models.resolve()) if self._alone else policy.MODELS
         scratch = {"scratch": policy.SCRATCH, "size": policy.SCRATCH_BYTES, "inodes": policy.SCRATCH_INODES}
         # Without a user namespace of its own, NPROC would count all processes of the user.
@@ -91,7 +186,8 @@ class Zygote:
             "namespaces": None if self._alone else scratch,
             "rlimits": {name: value for name, value in policy.RLIMITS.items() if name not in without},
             "landlock": {
-                "read": [*map(str, runtime.readable), models_inside],
+                # In the cell mounts hide what scripts may not read. Alone, Landlock must name all the rest.
+                "read": [*map(str, runtime.readable if self._alone else runtime.binds), models_inside],
                 "read_write": [str(cell.NULL), *([] if self._alone else [policy.SCRATCH])],
                 "abi_min": policy.LANDLOCK_ABI_MIN_ALONE if self._alone else policy.LANDLOCK_ABI_MIN,
             },
@@ -105,26 +201,27 @@ class Zygote:
             message, descriptors, _, _ = socket.recv_fds(self._control, PACKET_BYTES_MAX, 1)
         except OSError as error:
             raise JailFault(f"The zygote did not start ({error}): {self._complaint()}") from error
-        if message != b"ready" or len(descriptors) != 1:
+        if not message or len(descriptors) != 1:
             raise JailFault(f"The zygote did not start: {self._complaint()}")
+        self.keeps_integrators = str(json.loads(message)["keeps_integrators"])
         self._pidfd = descriptors[0]
         if not self._alone:
             self._namespaces = attest.namespaces(attest.pid_of(self._pidfd))
 
     def _complaint(self) -> str:
-        """The last line that bubblewrap or the zygote wrote before it gave up."""
+        """The last line that bubblewrap or the zygote wrote before it ended."""
         self._process.kill()
         assert self._process.stderr is not None
         lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "it said nothing"
+        return lines[-1] if lines else "no message"
 
     @property
     def pid(self) -> int:
-        """Its process, in our own numbering."""
+        """Its process id in our own pid namespace."""
         return attest.pid_of(self._pidfd)
 
     def alive(self) -> bool:
-        """Is it still there?"""
+        """Whether it still runs."""
         return self._process.poll() is None
 
     def child(self) -> Child:
@@ -155,7 +252,7 @@ class Zygote:
         child.status.settimeout(CHILD_S_MAX)
         message, descriptors, _, _ = socket.recv_fds(child.status, PACKET_BYTES_MAX, 1)
         if message != b"child" or len(descriptors) != 1:
-            raise JailFault(f"The zygote made no child: {message.decode(errors='replace') or 'it is gone'}")
+            raise JailFault(f"The zygote made no child: {message.decode(errors='replace') or 'it has ended'}")
         child.pidfd = descriptors[0]
         probed = json.loads(_first_line(child))
         child.pid = attest.pid_of(child.pidfd)

@@ -1,12 +1,14 @@
 """Runs one job in a child that is already locked down: our driver around the student's module.
 
-Everything after the first byte of the student's source happens in a process that may be the student's in all but
-name: what it sends is a claim. Order: the driver is executed, its `prepare(inputs)` called if it has one, the
-student's source imported as a module (never as `__main__`), the driver's `run(student, inputs, submit)` called.
+From the first byte of the student's source on, this process may be under the student's control: what it sends is a
+claim. Order: the driver is executed, the student's source imported as a module (never as `__main__`), the driver's
+`run(student, inputs, submit)` called. The inputs arrive after the import. The driver finds `hidden_inputs()` among its
+names: it asks for the hidden inputs, and what is printed after that is not kept.
 """
 
 import builtins
 import contextlib
+import ctypes
 import errno
 import io
 import json
@@ -33,16 +35,17 @@ REFUSALS = {errno.EPERM, errno.EACCES, errno.ENOSYS, errno.EROFS}
 REASON_BYTES_MAX = 2000
 COURSE = "mjcourse"
 FORBIDDEN = "scripts may not start processes, use the network, or reach for files that are not theirs"
-OWN_FOLDERS: list[str] = []  # set by prepare(): where a missing file is simply missing
+WANT = b"W"  # asks for the next part of the job
+OWN_FOLDERS: list[str] = []  # set by prepare(): a file missing here is not a refusal of the jail
 
 
 def prepare(models: str, directory: str) -> None:
-    """In the zygote: the course's own module, and the names that `site` would have added."""
+    """Add the course's own module, and the names that `site` would have added; called in the zygote."""
     OWN_FOLDERS[:] = [f"{models}/", f"{directory}/"]
     course = ModuleType(COURSE, "The course's helpers: where the lesson's models are.")
 
     def model_path(name: str) -> Path:
-        """Path of the lesson's model of that name, e.g. model_path("pendulum")."""
+        """Path of a model of the lesson, by its name, e.g. model_path("pendulum")."""
         path = Path(models) / f"{Path(str(name)).name.removesuffix('.xml')}.xml"
         if not path.is_file():
             known = ", ".join(sorted(p.stem for p in Path(models).glob("*.xml")))
@@ -55,25 +58,47 @@ def prepare(models: str, directory: str) -> None:
         setattr(builtins, name, sys.exit)
 
 
+def refuse_callbacks() -> None:
+    """Make ctypes refuse a Python function that C could call back, with a sentence: libffi has no memory for it."""
+    plain: Any = ctypes._CFuncPtr  # type: ignore[attr-defined]
+
+    class Function(plain):  # type: ignore[misc]
+        _flags_ = 1  # FUNCFLAG_CDECL; every subclass sets its own
+
+        def __new__(cls, *values: Any) -> Any:
+            if values and callable(values[0]):
+                raise PermissionError(errno.EPERM, "ctypes callbacks into Python are not available")
+            return super().__new__(cls, *values)
+
+    ctypes._CFuncPtr = Function  # type: ignore[attr-defined]
+
+
 def reseed() -> None:
-    """Every job starts from the same random state, so that a script graded twice does the same."""
+    """Give every job the same random state, so that a script that is graded twice does the same."""
     random.seed(0)
     np.random.seed(0)
 
 
 def say_ready(probed: dict[str, Any]) -> None:
-    """One line on the results channel: locked down."""
+    """Say on the results channel, in one line, that this process is locked down."""
     _write(RESULTS, json.dumps(probed).encode() + b"\n")
 
 
-def read_job() -> dict[str, Any]:
-    """Block until the job is here, all of it, then close its channel."""
-    with open(JOB, "rb") as channel:
-        size = channel.read(4)
-        if len(size) < 4:
+def receive() -> dict[str, Any]:
+    """Block until the next part of the job has arrived."""
+    (size,) = struct.unpack("<I", _read(4))
+    part: dict[str, Any] = json.loads(_read(size))
+    return part
+
+
+def _read(size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        chunk = os.read(JOB, size - len(data))
+        if not chunk:
             os._exit(0)  # a spare that is no longer needed
-        work: dict[str, Any] = json.loads(channel.read(struct.unpack("<I", size)[0]))
-    return work
+        data += chunk
+    return data
 
 
 def play(work: dict[str, Any]) -> NoReturn:
@@ -115,15 +140,30 @@ def submit(name: str, value: Any) -> None:
 
 def _run(work: dict[str, Any], filename: str) -> None:
     driver: dict[str, Any] = {"__name__": "driver", "__builtins__": builtins}
+    driver.update(kind_of=_kind, hidden_inputs=hidden_inputs)
     exec(compile(work["driver"], "<driver>", "exec"), driver)  # noqa: S102
-    if "prepare" in driver:
-        driver["prepare"](work["inputs"])
     student = _import(work["source"], filename)
-    driver["run"](student, work["inputs"], submit)
+    driver["run"](student, _next_part(), submit)
+
+
+def hidden_inputs() -> dict[str, Any]:
+    """Ask for the hidden inputs, once; what is printed from here on is not kept."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(BaseException):  # the student's own stream, and its own loss
+            stream.flush()
+    libc.fflush(None)
+    inputs = _next_part()
+    os.close(JOB)
+    return inputs
+
+
+def _next_part() -> dict[str, Any]:
+    _write(RESULTS, WANT)
+    return receive()
 
 
 def _import(source: str, filename: str) -> ModuleType:
-    """The student's source as a module named for its file; dataclasses and pickle look for it in sys.modules."""
+    """Run the student's source as a module named for its file, in sys.modules for dataclasses and pickle."""
     name = re.sub(r"\W", "_", Path(filename).stem)
     if name in sys.modules or name in sys.stdlib_module_names or name == "__main__":
         name = "submission"
@@ -173,12 +213,12 @@ def _kind(error: BaseException) -> str:
 
 
 def _is_refusal(error: BaseException) -> bool:
-    """Did the jail say no? Also by hiding: a file outside what a script may read is simply not there."""
+    """Tell whether the jail refused something; a file outside what a script may read is refused by being absent."""
     if not isinstance(error, OSError):
         return False
     if error.errno == errno.ENOENT:
         if not isinstance(error.filename, str):
-            return True  # no file was asked for: it is semaphores or shared memory that are not there
+            return True  # not a file: semaphores or shared memory
         path = os.path.abspath(error.filename)  # noqa: PTH100 - resolve() would ask the disk
         return not path.startswith(tuple(OWN_FOLDERS))
     return error.errno in REFUSALS or type(error).__name__ == "gaierror"

@@ -1,4 +1,4 @@
-"""System calls that Python does not offer, by way of the C library."""
+"""Makes system calls that Python does not offer, through the C library."""
 
 import ctypes
 import os

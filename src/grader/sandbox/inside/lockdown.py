@@ -1,12 +1,16 @@
-"""The locks that a child puts on itself: limits, no new privileges, Landlock, seccomp; in that order, for good."""
+"""The locks that a child puts on itself, in this order: limits, no new privileges, Landlock, seccomp."""
 
+import _ctypes
 import ctypes
+import mmap
 import os
+import re
 import resource
 import select
 import stat
 import struct
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from .kernel import (
@@ -17,6 +21,7 @@ from .kernel import (
     PR_SET_NO_NEW_PRIVS,
     SECCOMP,
     fail,
+    libc,
     prctl,
     syscall,
 )
@@ -34,13 +39,13 @@ SCOPE_ABSTRACT_SOCKETS_AND_SIGNALS = 3
 
 
 def limit(rlimits: Mapping[str, int]) -> None:
-    """Soft and hard resource limits, by their names in `resource`."""
+    """Set soft and hard resource limits, by their names in `resource`."""
     for name, value in rlimits.items():
         resource.setrlimit(getattr(resource, name), (value, value))
 
 
 def no_new_privileges() -> None:
-    """No set-user-id program gives anything, and nobody of the same user may look into this process."""
+    """Give up set-user-id programs, and shut this process to others of the same user."""
     if prctl(PR_SET_NO_NEW_PRIVS, 1):
         raise fail("NO_NEW_PRIVS")
     if prctl(PR_SET_DUMPABLE, 0):
@@ -48,7 +53,7 @@ def no_new_privileges() -> None:
 
 
 def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> None:
-    """Only `read` and `read_write` can be reached from now on; no TCP, abstract sockets or signals to others.
+    """Restrict this process to the paths `read` and `read_write`; refuse TCP, abstract sockets and signals to others.
 
     Raises:
         OSError: this kernel's Landlock is missing or older than `abi_min`.
@@ -71,7 +76,7 @@ def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> No
 
 
 def seccomp(program: bytes) -> None:
-    """Load the filter on every thread; last, for it forbids everything above."""
+    """Load the filter on every thread; last, as it forbids everything above."""
 
     class Program(ctypes.Structure):
         _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
@@ -83,7 +88,7 @@ def seccomp(program: bytes) -> None:
 
 
 def probe(outside: str) -> dict[str, Any]:
-    """What attestation cannot see from outside, tried for itself: does Landlock hold, what is still open?"""
+    """Try what attestation cannot see from outside: whether Landlock holds, and which descriptors are open."""
     try:
         os.close(os.open(outside, os.O_RDONLY))
         reads_outside = True
@@ -95,6 +100,30 @@ def probe(outside: str) -> dict[str, Any]:
         poll.register(descriptor, 0)
     closed = {descriptor for descriptor, event in poll.poll(0) if event & select.POLLNVAL}
     return {"reads_outside": reads_outside, "descriptors": [d for d in everything if d not in closed]}
+
+
+def no_writable_code() -> bool:
+    """Make memory that is both writable and executable read-only, here and in every child; False where there is none.
+
+    libffi keeps such memory for callbacks from C, unless it was built with static trampolines. Its free part is used up
+    first, so that a later request for a callback fails and does not write to it.
+    """
+    found = re.findall(r"^(\w+)-(\w+) rwx", Path("/proc/self/maps").read_text(), re.M)
+    if not found:
+        return False
+    allocate, code = ctypes.CDLL(_ctypes.__file__).ffi_closure_alloc, ctypes.c_void_p()
+    allocate.restype, allocate.argtypes = ctypes.c_void_p, [ctypes.c_size_t, ctypes.c_void_p]
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (1, hard))  # libffi cannot ask for more
+    try:
+        while allocate(1, ctypes.addressof(code)):
+            pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    for low, high in ((int(low, 16), int(high, 16)) for low, high in found):
+        if libc.mprotect(ctypes.c_void_p(low), ctypes.c_size_t(high - low), mmap.PROT_READ | mmap.PROT_EXEC):
+            raise fail("mprotect")
+    return True
 
 
 def _handled(abi: int) -> int:

@@ -1,25 +1,27 @@
-"""Namespaces, mounts and capabilities of one child: a world with nobody and nothing else in it."""
+"""Gives one child namespaces, mounts and capabilities of its own: no other process, no network, no privilege."""
 
 import ctypes
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from .kernel import PR_CAP_AMBIENT, PR_CAPBSET_DROP, PR_SET_PDEATHSIG, fail, libc, prctl
 
 NEWNS, NEWUTS, NEWIPC, NEWUSER, NEWPID, NEWNET = 0x20000, 0x04000000, 0x08000000, 0x10000000, 0x20000000, 0x40000000
-RDONLY, NOSUID, NODEV, NOEXEC, REC, PRIVATE = 1, 2, 4, 8, 0x4000, 0x40000
+RDONLY, NOSUID, NODEV, NOEXEC, BIND, REC, PRIVATE = 1, 2, 4, 8, 0x1000, 0x4000, 0x40000
 CAPABILITY_VERSION_3 = 0x20080522
 CAP_AMBIENT_CLEAR_ALL = 4
 SIGKILL = 9
 
 
-def enter(scratch: str, size: int, inodes: int) -> None:
-    """New user, pid, mount, network, IPC and UTS namespaces; an empty scratch directory; nothing in /proc.
+def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
+    """Enter new user, pid, mount, network, IPC and UTS namespaces.
 
-    The pid namespace begins with the next fork.
+    The scratch directory and /proc are empty, and the files `hidden` read as /dev/null. The pid namespace begins with
+    the next fork.
     """
     uid, gid = os.getuid(), os.getgid()
-    # A process of its own making is what the kernel ends first when memory is short, never the zygote.
+    # When memory is short the kernel must end this process, never the zygote.
     Path("/proc/self/oom_score_adj").write_text("1000")
     if libc.unshare(NEWUSER | NEWPID | NEWNS | NEWNET | NEWIPC | NEWUTS):
         raise fail("unshare")
@@ -30,17 +32,19 @@ def enter(scratch: str, size: int, inodes: int) -> None:
     limits = f"size={size},nr_inodes={inodes},mode=0700"
     _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, limits)
     _mount("tmpfs", "/proc", "tmpfs", RDONLY | NOSUID | NODEV | NOEXEC, "size=4k,nr_inodes=2")
+    for path in hidden:
+        _mount("/dev/null", path, None, BIND, "")
 
 
 def begin() -> None:
-    """First acts of pid 1: die with the parent, and a session without a terminal."""
+    """Set up pid 1: it dies with its parent, and its session has no terminal."""
     if prctl(PR_SET_PDEATHSIG, SIGKILL):
         raise fail("PDEATHSIG")
     os.setsid()
 
 
 def drop_capabilities() -> None:
-    """Empty every capability set, the bounding set first: it takes a capability to drop it."""
+    """Empty every capability set; the bounding set first, as dropping it needs a capability."""
     for capability in range(64):
         if prctl(PR_CAPBSET_DROP, capability):
             break

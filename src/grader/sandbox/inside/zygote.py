@@ -3,9 +3,13 @@
 Control messages (one packet each, on the socket whose number is `argv[1]`):
     in   the configuration, once, as JSON;  then per child any byte with five descriptors:
          job, stdout, stderr, results, status
-    out  "ready" with a pidfd of this process
-On a child's status socket: out "child" with its pidfd; in its job's own resource limits as JSON, or nothing when it
-is no longer needed; out "limited"; and when the child has died, out [wait status, CPU seconds, peak KiB].
+    out  JSON {"keeps_integrators": why they cannot be removed here, or ""} with a pidfd of this process
+On a child's status socket, between the supervisor and the child's keeper:
+    out  "child" with the child's pidfd
+    in   {"limits": resource limits of its job}           out  "limited"
+    in   {"remove": "integrators"}                        out  "removed"
+    out  {"ended": wait status, "cpu_s": CPU time, "stepped": calls of removed integrators}, when the child has died
+A keeper whose supervisor hangs up ends the child.
 """
 
 import base64
@@ -17,13 +21,15 @@ import importlib
 import json
 import os
 import resource
+import select
 import signal
 import socket
+import struct
 import sys
 import traceback
 from typing import Any
 
-from . import guest, lockdown, namespaces
+from . import guest, integrators, lockdown, namespaces
 from .kernel import PR_SET_DUMPABLE, libc, prctl
 
 PACKET_BYTES_MAX = 1 << 18
@@ -36,33 +42,44 @@ def main() -> None:
     """Warm up, then serve until the control socket closes."""
     control = socket.socket(fileno=int(sys.argv[1]))
     config = json.loads(control.recv(PACKET_BYTES_MAX))
+    config["filter"] = base64.b64decode(config["filter"])
     _become(config["user"])
     for name in config["preload"]:
         with contextlib.suppress(ImportError):  # the viewer, say, where there is no graphics library to bind to
             importlib.import_module(name)
     guest.prepare(config["models"], config["directory"])
+    if lockdown.no_writable_code():
+        guest.refuse_callbacks()
+    pages, why_not = _find_integrators()
     _quiet_mujoco()
     _unbuffer_c_stdio()
     _shrink_thread_stacks(config["thread_stack"])
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     gc.collect()
     gc.freeze()
-    config["filter"] = base64.b64decode(config["filter"])
     myself = os.pidfd_open(os.getpid())
-    socket.send_fds(control, [b"ready"], [myself])
+    socket.send_fds(control, [json.dumps({"keeps_integrators": why_not}).encode()], [myself])
     os.close(myself)
     while True:
         message, descriptors, _, _ = socket.recv_fds(control, 16, 5)
         if not message:
             os._exit(0)
         if os.fork() == 0:
-            _keep(config, control, descriptors)
+            _keep(config, control, descriptors, pages)
         for descriptor in descriptors:
             os.close(descriptor)
 
 
+def _find_integrators() -> tuple[integrators.Pages | None, str]:
+    """The pages that hold MuJoCo's integrators, or None and the reason."""
+    try:
+        return integrators.find(), ""
+    except (integrators.Unavailable, OSError, ValueError, struct.error) as error:
+        return None, str(error)
+
+
 def _become(user: int | None) -> None:
-    """From root to nobody, before anything is imported; dumpable again, as /proc/self/uid_map must be ours."""
+    """Turn from root into nobody before anything is imported; dumpable, so that /proc/self/uid_map can be written."""
     if user is None:
         return
     os.setgroups([])
@@ -72,7 +89,7 @@ def _become(user: int | None) -> None:
 
 
 def _quiet_mujoco() -> None:
-    """No text for each warning, in no file either: an honest scan over unstable timesteps raises thousands."""
+    """Turn off the text and log file of warnings: an honest scan over unstable timesteps raises thousands."""
     mujoco: Any = sys.modules["mujoco"]
     log = mujoco.MjLogConfig.get()
     log.logto_console = log.logto_file = False
@@ -80,13 +97,13 @@ def _quiet_mujoco() -> None:
 
 
 def _unbuffer_c_stdio() -> None:
-    """What MuJoCo prints from C must not be lost when the child is killed."""
+    """Keep what MuJoCo prints from C from being lost when the child is killed."""
     for name in ("stdout", "stderr"):
         libc.setvbuf(ctypes.c_void_p.in_dll(libc, name), None, STDIO_UNBUFFERED, 0)
 
 
 def _shrink_thread_stacks(size: int) -> None:
-    """The default of every thread to come; the interpreter took its own from RLIMIT_STACK when it started."""
+    """Set the default stack size of new threads; the interpreter took its own from RLIMIT_STACK when it started."""
     attributes = ctypes.create_string_buffer(THREAD_ATTRIBUTES_BYTES)
     libc.pthread_attr_init(attributes)
     libc.pthread_attr_setstacksize(attributes, ctypes.c_size_t(size))
@@ -95,44 +112,63 @@ def _shrink_thread_stacks(size: int) -> None:
     libc.pthread_attr_destroy(attributes)
 
 
-def _keep(config: dict[str, Any], control: socket.socket, descriptors: list[int]) -> None:
-    """In the keeper: enter the namespaces, fork the child as their pid 1, wait for it, tell how it ended."""
+def _keep(
+    config: dict[str, Any], control: socket.socket, descriptors: list[int], pages: integrators.Pages | None
+) -> None:
+    """In the keeper: enter the namespaces, fork the child as their pid 1, serve it until it dies, tell how it ended."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     control.close()
     status = socket.socket(fileno=descriptors.pop())
     try:
+        code = pages.open() if pages else None
         if config["namespaces"]:
-            namespaces.enter(**config["namespaces"])
+            namespaces.enter(**config["namespaces"], hidden=[pages.library] if pages else [])
         child = os.fork()
         if child == 0:
             status.close()
-            _child(config, descriptors)
+            _child(config, descriptors, pages, code)
         for descriptor in descriptors:
             os.close(descriptor)
         handle = os.pidfd_open(child)
         socket.send_fds(status, [b"child"], [handle])
-        _limit(child, status)
+        _serve(status, child, handle, pages, code)
         _, ended, usage = os.wait4(child, 0)
-        status.send(json.dumps([ended, usage.ru_utime + usage.ru_stime, usage.ru_maxrss]).encode())
+        stepped = pages.count() if pages else 0
+        last = {"ended": ended, "cpu_s": usage.ru_utime + usage.ru_stime, "stepped": stepped}
+        status.send(json.dumps(last).encode())
     except BaseException as error:
-        status.send(f"fault {error!r}"[:2000].encode())
+        with contextlib.suppress(OSError):
+            status.send(f"fault {error!r}"[:2000].encode())
     os._exit(0)
 
 
-def _limit(child: int, status: socket.socket) -> None:
-    """Set the job's own limits on the waiting child: only this process may, being of its user and above it."""
-    message = status.recv(PACKET_BYTES_MAX)
-    if not message:
-        os.kill(child, signal.SIGKILL)
-        return
-    for name, value in json.loads(message).items():
-        resource.prlimit(child, getattr(resource, name), (value, value))
-    status.send(b"limited")
+def _serve(
+    status: socket.socket, child: int, handle: int, pages: integrators.Pages | None, code: tuple[int, int] | None
+) -> None:
+    """Do what the supervisor asks, until the child has died."""
+    waiting: list[int | socket.socket] = [status, handle]
+    while handle not in select.select(waiting, [], [])[0]:
+        message = status.recv(PACKET_BYTES_MAX)
+        if not message:
+            os.kill(child, signal.SIGKILL)
+            return
+        asked = json.loads(message)
+        if "limits" in asked:  # only this process may set them, being of the child's user and its parent
+            for name, value in asked["limits"].items():
+                resource.prlimit(child, getattr(resource, name), (value, value))
+            status.send(b"limited")
+        elif pages and code:
+            pages.remove(code[0])
+            status.send(b"removed")
 
 
-def _child(config: dict[str, Any], descriptors: list[int]) -> None:
-    """In the child: every lock, then the word that it is ready, then the job. Never returns."""
+def _child(
+    config: dict[str, Any], descriptors: list[int], pages: integrators.Pages | None, code: tuple[int, int] | None
+) -> None:
+    """In the child: put on every lock, say that it is ready, run the job. Never returns."""
     try:
+        if pages and code:
+            pages.lay_over(code[1])
         # First out of the way of the targets, then onto them.
         high = [fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, ABOVE_ALL_TARGETS) for descriptor in descriptors]
         for descriptor, target in zip(high, (guest.JOB, guest.STDOUT, guest.STDERR, guest.RESULTS), strict=True):
@@ -148,7 +184,7 @@ def _child(config: dict[str, Any], descriptors: list[int]) -> None:
         lockdown.landlock(**config["landlock"])
         lockdown.seccomp(config["filter"])
         guest.say_ready(lockdown.probe(__file__))
-        work = guest.read_job()
+        work = guest.receive()
     except BaseException:
         os.write(guest.STDERR, traceback.format_exc()[-2000:].encode())
         os._exit(111)

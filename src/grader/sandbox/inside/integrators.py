@@ -1,0 +1,189 @@
+"""MuJoCo's integrators, taken out of one child's memory from outside.
+
+In each child the pages of machine code that hold the integrators are replaced by a shared mapping of a memory file
+with the same bytes. The child can only read and execute it; its keeper holds the one descriptor that writes. While
+the student's module is imported everything works. Then the keeper rewrites the file: every integrator becomes a few
+instructions that count the call and return, and the rest of its body becomes traps, for a thread that was halfway
+through it. Every route ends there: the Python bindings, ctypes, mujoco.rollout, a callback, a pointer saved earlier.
+
+The original bytes do not come back: the policy refuses executable memory that is anonymous, shared or writable, and
+the library's file is out of reach (lockdown.landlock, namespaces.hide). Calls from within MuJoCo itself are not
+counted, as compiling a model steps it once. A script can write to the counter: it only chooses the sentence.
+"""
+
+import ctypes
+import mmap
+import os
+import platform
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from .kernel import fail, libc
+
+PAGE = mmap.PAGESIZE
+MAP_SHARED, MAP_PRIVATE, MAP_FIXED, MAP_ANONYMOUS = 0x01, 0x02, 0x10, 0x20
+READ_WRITE, READ_EXECUTE = mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ | mmap.PROT_EXEC
+# Every function of MuJoCo 3.14.0 that moves a state by a timestep, or that writes such a state into its workspace.
+NAMES = frozenset(
+    {"mj_step", "mj_step1", "mj_step2", "mj_stepSkip", "mj_Euler", "mj_EulerSkip", "mj_RungeKutta", "mj_implicit"}
+    | {"mj_implicitSkip", "mj_advance", "mjd_transitionFD"}
+)
+SECTION, SYMBOL = struct.Struct("<IIQQQQIIQQ"), struct.Struct("<IBBHQQ")  # Elf64_Shdr, Elf64_Sym
+SYMTAB, FUNCTION = 2, 2
+
+libc.mmap.restype = ctypes.c_void_p
+libc.mmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long]
+
+
+class Unavailable(Exception):
+    """The integrators cannot be removed on this machine; the text says why."""
+
+
+@dataclass(frozen=True)
+class Pages:
+    """The pages that hold the integrators, as they are and without them; `counter` is the address of the count."""
+
+    address: int
+    original: bytes
+    removed: bytes
+    counter: int
+    library: str
+
+    def open(self) -> tuple[int, int]:
+        """A memory file with the original bytes, and a zeroed counter: a descriptor to write it, one to read it."""
+        map_at(self.counter, PAGE, READ_WRITE, MAP_SHARED | MAP_ANONYMOUS)
+        writable = os.memfd_create("code")
+        os.write(writable, self.original)
+        # Opened again for reading, the file can never be mapped writable.
+        return writable, os.open(f"/proc/self/fd/{writable}", os.O_RDONLY | os.O_CLOEXEC)
+
+    def lay_over(self, readable: int) -> None:
+        """Replace the pages of this process by the memory file."""
+        map_at(self.address, len(self.original), READ_EXECUTE, MAP_SHARED, readable)
+
+    def remove(self, writable: int) -> None:
+        """Remove the integrators from every process that maps the file.
+
+        Truncation drops the pages that are mapped, so that the kernel brings the instruction caches up to date.
+        """
+        os.ftruncate(writable, 0)
+        os.pwrite(writable, self.removed, 0)
+
+    def count(self) -> int:
+        """Calls of an integrator since it was removed, in the child of this keeper."""
+        return ctypes.c_uint64.from_address(self.counter).value
+
+
+def map_at(address: int, size: int, protection: int, flags: int, descriptor: int = -1) -> None:
+    """Map memory at exactly this address."""
+    if libc.mmap(address, size, protection, flags | MAP_FIXED, descriptor, 0) != address:
+        raise fail("mmap")
+
+
+def find() -> Pages:
+    """Locate the integrators in the MuJoCo that this process has loaded.
+
+    Raises:
+        Unavailable: another machine than x86-64 and aarch64, or another build of MuJoCo.
+    """
+    stub_for = STUBS.get(platform.machine())
+    if stub_for is None:
+        raise Unavailable(f"the machine code of {platform.machine()} is not known")
+    low, high, path = _library()
+    symbols = _functions(Path(path))
+    if missing := NAMES - symbols.keys():
+        raise Unavailable(f"MuJoCo's library has no symbols {', '.join(sorted(missing))}")
+    base = _address("mj_step") - symbols["mj_step"][0]
+    if _address("mj_RungeKutta") != base + symbols["mj_RungeKutta"][0]:
+        raise Unavailable("MuJoCo's library does not lie where its symbols say")
+    counter = libc.mmap(None, PAGE, READ_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
+    stub, trap = stub_for(low, high - low, counter)
+    spans = [(base + symbols[name][0], symbols[name][1]) for name in NAMES]
+    first = min(start for start, _ in spans) & -PAGE
+    end = (max(start + size for start, size in spans) + PAGE - 1) & -PAGE
+    if not low <= first < end <= high:
+        raise Unavailable("MuJoCo's integrators do not lie in its code")
+    original = ctypes.string_at(first, end - first)
+    removed = bytearray(original)
+    for start, size in spans:
+        if size < len(stub):  # too short for a stub: it only jumps to another one of these functions
+            continue
+        body = stub + trap * ((size - len(stub)) // len(trap))
+        removed[start - first : start - first + len(body)] = body
+    return Pages(first, original, bytes(removed), counter, path)
+
+
+def _x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
+    """The stub (return at once; count the call first unless it came from within `size` bytes at `low`) and a trap."""
+    instructions = (
+        b"\x48\x8b\x04\x24",  # mov rax, [rsp]
+        b"\x48\xb9" + struct.pack("<Q", low),  # mov rcx, low
+        b"\x48\x29\xc8",  # sub rax, rcx
+        b"\x48\x3d" + struct.pack("<I", size),  # cmp rax, size
+        b"\x72\x0e",  # jb to the ret
+        b"\x48\xb8" + struct.pack("<Q", counter),  # mov rax, counter
+        b"\xf0\x48\xff\x00",  # lock inc qword [rax]
+        b"\xc3",  # ret
+    )
+    return b"".join(instructions), b"\xcc"  # int3
+
+
+def _aarch64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
+    """The same in the other machine's code; a lost increment of two threads at once does no harm."""
+    instructions = (
+        0x58000149,  # ldr x9, low
+        0x5800016A,  # ldr x10, size
+        0xCB0903C9,  # sub x9, x30, x9
+        0xEB0A013F,  # cmp x9, x10
+        0x540000A3,  # b.lo to the ret
+        0x58000129,  # ldr x9, counter
+        0xF940012A,  # ldr x10, [x9]
+        0x9100054A,  # add x10, x10, #1
+        0xF900012A,  # str x10, [x9]
+        0xD65F03C0,  # ret
+    )
+    code = struct.pack("<10I", *instructions) + struct.pack("<3Q", low, size, counter)
+    return code, struct.pack("<I", 0xD4200000)  # brk #0
+
+
+STUBS: dict[str, Callable[[int, int, int], tuple[bytes, bytes]]] = {"x86_64": _x86_64, "aarch64": _aarch64}
+
+
+def _library() -> tuple[int, int, str]:
+    """Where MuJoCo's code is mapped: first address, end, the library's file."""
+    mapped = re.findall(
+        r"^(\w+)-(\w+) r-xp \S+ \S+ \S+ +(/\S*/libmujoco\.so\S*)$", Path("/proc/self/maps").read_text(), re.M
+    )
+    if len(mapped) != 1:
+        raise Unavailable("MuJoCo's library is not mapped as one piece")
+    low, high, path = mapped[0]
+    return int(low, 16), int(high, 16), path
+
+
+def _address(name: str) -> int:
+    """Of an exported function of MuJoCo."""
+    library = ctypes.CDLL(_library()[2])
+    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+
+
+def _functions(path: Path) -> dict[str, tuple[int, int]]:
+    """Offset and size of our functions in a library, from its symbol table (ELF, 64 bits, little-endian)."""
+    data = path.read_bytes()
+    (table,) = struct.unpack_from("<Q", data, 0x28)
+    (count,) = struct.unpack_from("<H", data, 0x3C)
+    sections = [SECTION.unpack_from(data, table + n * SECTION.size) for n in range(count)]
+    found = {}
+    for section in sections:
+        if section[1] != SYMTAB:
+            continue
+        _, _, _, _, offset, size, strings, *_ = section
+        names = sections[strings][4]
+        for name, info, _, _, value, length in SYMBOL.iter_unpack(data[offset : offset + size]):
+            start = names + name
+            text = data[start : data.index(b"\0", start)].decode("ascii", "replace") if info & 0xF == FUNCTION else ""
+            if text in NAMES:
+                found[text] = (value, length)
+    return found

@@ -1,0 +1,86 @@
+"""What a child uses, read from outside while it runs: CPU time, time spent waiting, memory.
+
+A child is one process (the filter refuses others), but its main thread may end before the rest. So CPU time comes from
+the clock of the whole process, which counts threads that have ended, and everything else from its living threads.
+"""
+
+import os
+import time
+from dataclasses import dataclass
+
+from grader.sandbox.attest import proc
+
+CLOCK_OF_PROCESS = 2  # CPUCLOCK_SCHED; the clock's number is made from the pid, see clock_getcpuclockid(3)
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+@dataclass(frozen=True)
+class Thread:
+    """One living thread: how long it has worked or waited for a core [s], and the process's private memory."""
+
+    wanted_s: float
+    private_bytes: int
+
+
+class Usage:
+    """What a process has used since this object was made; `refresh` reads it again."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self.cpu_s, self.waited_s, self.private_bytes = 0.0, 0.0, 0
+        self._began = self._at = time.monotonic()
+        self.cpu_before_s = cpu_clock_s(pid) or 0.0
+        self._wanted = {tid: thread.wanted_s for tid, thread in threads(pid).items()}
+
+    def refresh(self) -> None:
+        """Read the clocks.
+
+        Wall time in which some thread worked, or was ready to and had no core, is the machine's and not counted as
+        waited. (What a hypervisor takes away cannot be told from waiting.)
+        """
+        now = time.monotonic()
+        clock_s = cpu_clock_s(self._pid)
+        if clock_s is None:  # it has ended
+            return
+        living = threads(self._pid)
+        passed_s, worked_s = now - self._at, clock_s - self.cpu_before_s - self.cpu_s
+        wanted_s = [thread.wanted_s - self._wanted.get(tid, 0.0) for tid, thread in living.items()]
+        self.waited_s += passed_s - max(min(worked_s, passed_s), *wanted_s, 0.0)
+        self._at, self.cpu_s = now, clock_s - self.cpu_before_s
+        self._wanted = {tid: thread.wanted_s for tid, thread in living.items()}
+        self.private_bytes = max((thread.private_bytes for thread in living.values()), default=0)
+
+    @property
+    def wall_s(self) -> float:
+        """Time since the beginning [s]."""
+        return time.monotonic() - self._began
+
+
+def cpu_clock_s(pid: int) -> float | None:
+    """CPU time of a process [s], all its threads, living and ended; None when it is gone."""
+    try:
+        return time.clock_gettime((~pid << 3) | CLOCK_OF_PROCESS)
+    except OSError:
+        return None
+
+
+def threads(pid: int) -> dict[int, Thread]:
+    """The living threads of a process."""
+    found = {}
+    try:
+        for name in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
+            try:
+                wanted_ns = sum(map(int, proc(f"{pid}/task/{name}/schedstat").split()[:2]))
+                resident, shared = map(int, proc(f"{pid}/task/{name}/statm").split()[1:3])
+            except (OSError, ValueError):
+                continue  # it has ended since
+            found[int(name)] = Thread(wanted_ns / 1e9, (resident - shared) * PAGE_BYTES)
+    except OSError:
+        pass
+    return found
+
+
+def machine_oom_kills() -> int:
+    """How many processes the kernel has ended on this machine because memory ran out."""
+    rows = proc("vmstat").splitlines()
+    return next((int(row.split()[1]) for row in rows if row.startswith("oom_kill ")), 0)
