@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from grader.domain.lab import LabConfig
-from grader.labs.lab import check_lab
+from grader.labs import check_lab
 
 PENDULUM = (Path(__file__).parents[2] / "models/pendulum.xml").read_text()
 
@@ -113,11 +113,17 @@ HOSTILE = [
 
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_a_hostile_text_is_refused_when_content_is_loaded(text: str) -> None:
-    began = time.process_time()
     faults = check_lab(LabConfig(model="pendulum", setup=text), PENDULUM, "q.sim")
     assert [fault.key for fault in faults] == ["q.sim.setup"]
     assert "line" in faults[0].why
     assert "column" in faults[0].why
+
+
+@pytest.mark.cost
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_a_hostile_text_is_refused_within_2_s_of_cpu(text: str) -> None:
+    began = time.process_time()
+    check_lab(LabConfig(model="pendulum", setup=text), PENDULUM, "q.sim")
     assert time.process_time() - began < 2.0
 
 
@@ -126,7 +132,7 @@ def test_there_are_at_least_forty() -> None:
 
 
 @pytest.mark.parametrize("place", ["controller", "readouts", "traces", "button", "slider", "trail", "stopAt"])
-def test_a_hostile_text_is_refused_wherever_it_stands(place: str) -> None:
+def test_a_hostile_text_is_refused_at_every_place(place: str) -> None:
     loop = "[1].map(x => { while (true) { } })"
     configs: dict[str, dict[str, Any]] = {
         "controller": {"controller": loop},

@@ -12,8 +12,8 @@ import pytest
 
 from grader.domain.lab import LabConfig
 from grader.domain.quiz import PredictQuestion, Quiz
-from grader.errors import LabError, Unprocessable
-from grader.labs.lab import LabRun, check_lab, run_lab
+from grader.errors import LabError, LabRefused
+from grader.labs import LabRun, check_lab, run_lab
 
 ROOT = Path(__file__).parents[2]
 PENDULUM = (ROOT / "models/pendulum.xml").read_text()
@@ -88,14 +88,15 @@ def test_a_lab_without_controls_shows_a_tumbling_box() -> None:
     assert min(up) < -0.5 < 0.9 < max(up)
 
 
+@pytest.mark.cost
 def test_a_lab_run_costs_a_few_milliseconds() -> None:
     config = question_3()
     best = math.inf
     for _ in range(10):
-        began = time.perf_counter()
+        began = time.process_time()
         text = json.dumps(run_lab(config, SERVO).to_json())
         packed = gzip.compress(text.encode(), 5)
-        best = min(best, time.perf_counter() - began)
+        best = min(best, time.process_time() - began)
     assert len(packed) < 5_000
     assert best < 0.02
 
@@ -231,16 +232,16 @@ def test_energy_of_the_library_is_mujoco_s() -> None:
     ],
 )
 def test_control_values_that_are_not_allowed_are_refused(controls: dict[str, Any], why: str) -> None:
-    with pytest.raises(Unprocessable, match=why.replace(".", r"\.")):
+    with pytest.raises(LabRefused, match=why.replace(".", r"\.")):
         run_lab(question_3(), SERVO, controls)
 
 
 def test_events_and_lengths_that_are_not_allowed_are_refused() -> None:
     config = lab(controls=[{"type": "button", "label": "kick", "run": "data.qvel[0] = 1"}])
     for events, seconds in [([(0.1, "push")], 1.0), ([(2.0, "kick")], 1.0), ([(-1.0, "kick")], 1.0), ([], 0.0)]:
-        with pytest.raises(Unprocessable):
+        with pytest.raises(LabRefused):
             run_lab(config, PENDULUM, events=events, seconds=seconds)
-    with pytest.raises(Unprocessable):
+    with pytest.raises(LabRefused):
         run_lab(config, PENDULUM, seconds=1e9)
 
 
@@ -251,7 +252,7 @@ def test_events_and_lengths_that_are_not_allowed_are_refused() -> None:
         ({"setup": "data.qpos[0] = 1;\ndata.qpos[9] = 1"}, "q.sim.setup", "line 2, column 1: index 9 is outside"),
         ({"controller": "data.ctrll[0] = 1"}, "q.sim.controller", "column 1: data.ctrll cannot be read"),
         ({"controls": [slider(set="model.opt.timestp")]}, "q.sim.controls.0.set", "cannot be assigned"),
-        ({"controls": [slider(set="2")]}, "q.sim.controls.0.set", "is no path"),
+        ({"controls": [slider(set="2")]}, "q.sim.controls.0.set", "is not a path"),
         ({"controls": [slider()]}, "q.sim.controls.0", "changes nothing"),
         ({"controls": [slider(param="k", value=11)]}, "q.sim.controls.0.value", "11 is outside 0..10"),
         ({"controls": [slider(param="k", min=20)]}, "q.sim.controls.0.min", "min must be below max"),

@@ -4,29 +4,34 @@ from collections.abc import Iterator, Mapping
 from math import isfinite
 
 from grader.domain.lab import Button, LabConfig, OptionValue, Select, Slider
-from grader.errors import Fault, Unprocessable
-from grader.labs.values import Value, in_units, number_to_string
+from grader.errors import Fault, LabRefused
+from grader.expressions import Value, in_units, number_to_string
 
 Given = float | str | bool
 STEP_TOLERANCE = 1e-6
 """How far off the grid of a slider a value may be, in steps: decimal steps are not exact in binary."""
 
 
+def settable(config: LabConfig) -> list[Slider | Select]:
+    """The controls that have a value."""
+    return [control for control in config.controls if not isinstance(control, Button)]
+
+
 def chosen_values(config: LabConfig, given: Mapping[str, Given]) -> dict[str, OptionValue]:
     """The value of every slider and select by label: the learner's where given, else the author's.
 
-    Raises Unprocessable naming the control and its range, step or options.
+    Raises LabRefused naming the control and its range, step or options.
     """
-    settable = {control.label: control for control in config.controls if not isinstance(control, Button)}
+    controls = {control.label: control for control in settable(config)}
     for label in given:
-        if label not in settable:
-            known = ", ".join(settable) or "none"
-            raise Unprocessable(f"There is no control {label[:80]!r} here; the controls are: {known}.")
+        if label not in controls:
+            known = ", ".join(controls) or "none"
+            raise LabRefused(f"There is no control {label[:80]!r} here; the controls are: {known}.")
     return {
         label: (_slider(control, given[label]) if isinstance(control, Slider) else _select(control, given[label]))
         if label in given
         else default_value(control)
-        for label, control in settable.items()
+        for label, control in controls.items()
     }
 
 
@@ -48,10 +53,10 @@ def extreme_values(control: Slider | Select) -> list[Given]:
 def _slider(control: Slider, given: Given) -> float:
     text = f"{control.label} must be a number from {_text(control.min)} to {_text(control.max)}"
     if isinstance(given, bool) or not isinstance(given, int | float) or not control.min <= given <= control.max:
-        raise Unprocessable(f"{text}.")
+        raise LabRefused(f"{text}.")
     steps = (given - control.min) / control.step
     if abs(steps - round(steps)) > STEP_TOLERANCE and given not in (control.value, control.max):
-        raise Unprocessable(f"{text}, in steps of {_text(control.step)}.")
+        raise LabRefused(f"{text}, in steps of {_text(control.step)}.")
     return float(given)
 
 
@@ -60,7 +65,7 @@ def _select(control: Select, given: Given) -> OptionValue:
         if given == text or (given == value and isinstance(given, bool) == isinstance(value, bool)):
             return value
     options = ", ".join(text for text, _ in control.options)
-    raise Unprocessable(f"{control.label} must be one of: {options}.")
+    raise LabRefused(f"{control.label} must be one of: {options}.")
 
 
 def _text(number: float) -> str:

@@ -2,13 +2,14 @@
 
 import re
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
 from grader.domain.lab import Button, LabConfig, Select, Slider
 from grader.errors import ContentError, Fault
-from grader.labs.expressions import Kind, Program, compile_expression
+from grader.expressions import Program, ProgramKind, compile_program
 
 PATH = re.compile(r"(model|data|ctx)(\.[A-Za-z_][A-Za-z0-9_]*)+(\[[0-9]+\])?")
 PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -25,17 +26,15 @@ class Setter:
 
 @dataclass(frozen=True)
 class LabPrograms:
-    """Everything of a lab that runs."""
+    """Everything of a lab that runs. `shown` are the readouts, the traces of the plots and the trail, in this order."""
 
     setup: Program | None
     setters: tuple[Setter, ...]
     buttons: dict[str, Program]
     controller: Program | None
     stop: Program | None
-    readouts: tuple[Program, ...]
-    traces: tuple[tuple[Program, ...], ...]
+    shown: tuple[Program, ...]
     reference_lines: tuple[tuple[Program | None, ...], ...]
-    trail: Program | None
 
 
 class _Compiler:
@@ -44,38 +43,26 @@ class _Compiler:
     def __init__(self) -> None:
         self.faults: list[Fault] = []
 
-    def program(self, text: str | None, kind: Kind, *place: str | int) -> Program | None:
+    def program(self, text: str | None, kind: ProgramKind, *place: str | int) -> Program | None:
         if text is None:
             return None
         try:
-            return compile_expression(text, kind, ".".join(map(str, place)))
+            return compile_program(text, kind, ".".join(map(str, place)))
         except ContentError as error:
             self.faults.extend(error.faults)
             return None
 
-    def expression(self, text: str, *place: str | int) -> Program:
-        """A program in any case; one that has a fault never runs, since the lab is refused."""
-        return self.program(text, "expression", *place) or compile_expression("undefined", "expression", "")
-
     def setter(self, control: Slider | Select, *place: str | int) -> Setter:
         texts = [("apply", control.apply)]
         if control.set is not None:
-            self._demand(PATH.fullmatch(control.set), "is no path such as model.opt.timestep", *place, "set")
+            self._demand(PATH.fullmatch(control.set), "is not a path such as model.opt.timestep", *place, "set")
             texts.append(("set", f"{control.set} = value"))
         if control.param is not None:
-            self._demand(PARAMETER.fullmatch(control.param), "is no name such as kp", *place, "param")
+            self._demand(PARAMETER.fullmatch(control.param), "is not a name such as kp", *place, "param")
             texts.append(("param", f"ctx.{control.param} = value"))
         found = [self.program(text, "statement", *place, key) for key, text in texts if text is not None]
         self._demand(found, "changes nothing: give it set, apply or param", *place)
         return Setter(control, tuple(program for program in found if program is not None))
-
-    def buttons(self, config: LabConfig, where: str) -> dict[str, Program]:
-        found = {
-            control.label: self.program(control.run, "statement", where, "controls", i, "run")
-            for i, control in enumerate(config.controls)
-            if isinstance(control, Button)
-        }
-        return {label: program for label, program in found.items() if program is not None}
 
     def _demand(self, held: object, why: str, *place: str | int) -> None:
         if not held:
@@ -120,20 +107,24 @@ def _compile(config: LabConfig, where: str) -> LabPrograms:
         },
         controller=c.program(config.controller, "statement", where, "controller"),
         stop=c.program(config.stopAt, "expression", where, "stopAt") if isinstance(config.stopAt, str) else None,
-        readouts=tuple(c.expression(r.expr, where, "readouts", i, "expr") for i, r in enumerate(config.readouts)),
-        traces=tuple(
-            tuple(c.expression(t.expr, where, "plots", i, "traces", j, "expr") for j, t in enumerate(plot.traces))
-            for i, plot in enumerate(config.plots)
-        ),
+        shown=tuple(program for program in _shown(c, config, where) if program is not None),
         reference_lines=tuple(
             tuple(_reference_line(c, line, where, "plots", i, "refLines", j) for j, line in enumerate(plot.refLines))
             for i, plot in enumerate(config.plots)
         ),
-        trail=_trail(c, config.trail, where, "trail"),
     )
     if c.faults:
         raise ContentError(c.faults)
     return made
+
+
+def _shown(c: _Compiler, config: LabConfig, where: str) -> Iterator[Program | None]:
+    for i, readout in enumerate(config.readouts):
+        yield c.program(readout.expr, "expression", where, "readouts", i, "expr")
+    for i, plot in enumerate(config.plots):
+        for j, trace in enumerate(plot.traces):
+            yield c.program(trace.expr, "expression", where, "plots", i, "traces", j, "expr")
+    yield _trail(c, config.trail, where, "trail")
 
 
 def _reference_line(c: _Compiler, line: Any, *place: str | int) -> Program | None:
@@ -148,7 +139,7 @@ def _trail(c: _Compiler, trail: Any, *place: str | int) -> Program | None:
     named = {"site": trail} if isinstance(trail, str) else trail
     if not isinstance(named, dict):
         if trail not in (None, True, False):
-            c.faults.append(Fault("", ".".join(map(str, place)), 'is no trail such as {"site": "tip"}'))
+            c.faults.append(Fault("", ".".join(map(str, place)), 'is not a trail such as {"site": "tip"}'))
         return None
     for kind in ("site", "body", "geom"):
         if isinstance(named.get(kind), str):

@@ -1,15 +1,15 @@
-"""LabRun: what a run of a lab showed, frame by frame, as the page plays it."""
+"""LabRun: the recorded frames of a run, with the geoms that a viewer draws, as the page plays them."""
 
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.domain.lab import LabConfig
-from grader.labs.number_text import to_fixed
-from grader.labs.values import Trouble, Value, from_units, to_string
+from grader.domain.lab import LabConfig, Plot, Readout
+from grader.expressions import Trouble, Value, from_units, to_fixed, to_string
 
 Floats = NDArray[np.float64]
 DIGITS_DEFAULT = 3
@@ -23,6 +23,19 @@ class Warned:
 
     kind: str
     time_s: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        return {"kind": self.kind, "time": number_or_none(self.time_s)}
+
+
+def noted(counts: NDArray[np.int32], time_s: float) -> list[Warned]:
+    """What MuJoCo has counted since the last call; clears the counters, which it leaves at 1 after a reset."""
+    if not counts.any():
+        return []
+    kinds = [mujoco.mjtWarning(int(kind)) for kind in np.flatnonzero(counts)]
+    counts[:] = 0
+    return [Warned(kind.name.removeprefix("mjWARN_"), time_s) for kind in kinds]
 
 
 @dataclass(frozen=True)
@@ -56,40 +69,35 @@ class LabRun:
     def to_json(self) -> dict[str, Any]:
         """Plain JSON: numbers that JSON does not have are null."""
         return {
-            "duration": _number(self.duration_s),
+            "duration": number_or_none(self.duration_s),
             "steps": self.steps,
             "controls": self.controls,
             "times": _rounded(self.time_s, NUMBER_DIGITS),
             "geoms": list(self.geoms),
             "frames": _rounded(np.concatenate([self.positions, self.orientations], axis=2), POSITION_DIGITS),
-            "readouts": [self._readout(i) for i in range(len(self.readouts))],
-            "plots": [self._plot(i) for i in range(len(self.traces))],
+            "readouts": list(map(_readout, self.config.readouts, self.readouts)),
+            "plots": list(map(_plot, self.config.plots, self.traces, self.reference_lines)),
             "trail": None if self.trail is None else [_point(value) for value in self.trail],
-            "warnings": [{"kind": w.kind, "time": _number(w.time_s)} for w in self.warnings],
+            "warnings": [warning.to_json() for warning in self.warnings],
             "stable": self.stable,
             "timing_ms": {name: round(ms, 3) for name, ms in self.timing_ms.items()},
         }
 
-    def _readout(self, index: int) -> dict[str, Any]:
-        readout, values = self.config.readouts[index], self.readouts[index]
-        texts = [readout_text(value, readout.digits) for value in values]
-        numbers = [_number(value) for value in values]
-        return {
-            "label": readout.label,
-            "unit": readout.unit,
-            "texts": texts,
-            "values": numbers,
-            "final": {"text": texts[-1], "value": numbers[-1]},
-        }
 
-    def _plot(self, index: int) -> dict[str, Any]:
-        plot = self.config.plots[index]
-        shown = plot.model_dump(mode="json", include={"ylabel", "window", "ymin", "ymax"})
-        traces = [
-            {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": [_number(v) for v in values]}
-            for trace, values in zip(plot.traces, self.traces[index], strict=True)
-        ]
-        return {**shown, "refLines": list(self.reference_lines[index]), "traces": traces}
+def _readout(readout: Readout, values: tuple[Value, ...]) -> dict[str, Any]:
+    texts = [readout_text(value, readout.digits) for value in values]
+    numbers = [number_or_none(value) for value in values]
+    final = {"text": texts[-1], "value": numbers[-1]}
+    return {"label": readout.label, "unit": readout.unit, "texts": texts, "values": numbers, "final": final}
+
+
+def _plot(plot: Plot, traces: tuple[tuple[Value, ...], ...], lines: tuple[Any, ...]) -> dict[str, Any]:
+    shown = plot.model_dump(mode="json", include={"ylabel", "window", "ymin", "ymax"})
+    drawn = [
+        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, values))}
+        for trace, values in zip(plot.traces, traces, strict=True)
+    ]
+    return {**shown, "refLines": list(lines), "traces": drawn}
 
 
 def readout_text(value: Value, digits: int | None) -> str:
@@ -102,14 +110,15 @@ def readout_text(value: Value, digits: int | None) -> str:
         return "?"
 
 
-def _number(value: Value) -> float | None:
+def number_or_none(value: Value) -> float | None:
+    """A number as JSON has it, to NUMBER_DIGITS digits; None for everything else."""
     if isinstance(value, bool) or not isinstance(value, float) or not isfinite(value):
         return float(value) if isinstance(value, bool) else None
     return float(f"{value:.{NUMBER_DIGITS}g}")
 
 
 def _point(value: Value) -> list[float | None]:
-    return [_number(x) for x in value[:3]] if isinstance(value, list) else [None, None, None]
+    return [number_or_none(x) for x in value[:3]] if isinstance(value, list) else [None, None, None]
 
 
 def _rounded(array: Floats, digits: int) -> Any:
@@ -120,3 +129,60 @@ def _rounded(array: Floats, digits: int) -> Any:
     plain = rounded.astype(object)
     plain[~np.isfinite(rounded)] = None
     return plain.tolist()
+
+
+GROUP_MAX = 2
+"""Geoms of higher groups are hidden. Source: the default of mjvOption.geomgroup."""
+
+DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+
+
+def drawn_geoms(model: mujoco.MjModel) -> list[int]:
+    """The geoms that are shown: in a visible group and not fully transparent."""
+    return [g for g in range(model.ngeom) if model.geom_group[g] <= GROUP_MAX and _rgba(model, g)[3] > 0]
+
+
+def describe_geom(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
+    """Name, type, size and colour; a mesh or height field has the half sizes of its bounding box."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    boxed = kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+    size = model.geom_aabb[geom, 3:] if boxed else model.geom_size[geom]
+    return {
+        "name": mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom),
+        "type": kind.name.removeprefix("mjGEOM_").lower(),
+        "size": [round(float(x), 6) for x in size],
+        "rgba": [round(float(x), 3) for x in _rgba(model, geom)],
+    }
+
+
+def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
+    """A material colours a geom that has no colour of its own. Source: mjv_updateScene."""
+    material = int(model.geom_matid[geom])
+    own: NDArray[np.float32] = model.geom_rgba[geom]
+    if material >= 0 and bool(np.all(own == DEFAULT_RGBA)):
+        colour: NDArray[np.float32] = model.mat_rgba[material]
+        return colour
+    return own
+
+
+def quaternions(matrices: Floats) -> Floats:
+    """Unit quaternions (n, 4), w first and not negative, of rotation matrices (n, 9).
+
+    Source: the quaternion's outer product with itself is linear in the matrix; its largest row is best conditioned.
+    """
+    a, b, c, d, e, f, g, h, i = matrices.T
+    outer = np.array(
+        [
+            [1 + a + e + i, h - f, c - g, d - b],
+            [h - f, 1 + a - e - i, b + d, c + g],
+            [c - g, b + d, 1 - a + e - i, f + h],
+            [d - b, c + g, f + h, 1 - a - e + i],
+        ]
+    )
+    squares = outer[range(4), range(4)]
+    best = np.argmax(np.nan_to_num(squares), axis=0)
+    rows = outer[best, :, np.arange(len(matrices))]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    result: Floats = np.where(rows[:, :1] < 0, -rows, rows)
+    return result

@@ -1,0 +1,169 @@
+"""The functions that a program may call by name: those of Math, Number, Array, mj and lib."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from grader.expressions import lib, mathematics
+from grader.expressions.fields import names
+from grader.expressions.machine import Machine, lenient
+from grader.expressions.values import (
+    DECIMAL,
+    UNDEFINED,
+    WHITESPACE,
+    Trouble,
+    Value,
+    Vector,
+    bounded_list,
+    from_units,
+    in_units,
+    items_of,
+    to_boolean,
+    to_index,
+    to_int32,
+    to_number,
+    to_string,
+    weight,
+)
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Function:
+    """A callable of the host, called with the machine and the arguments.
+
+    `takes` names its first arguments that must be written literally `model` or `data`; `gives` is the type of its
+    result where that is always the same. A function of numbers alone has `numeric`, which takes `arity` floats (None:
+    any number of them).
+    """
+
+    call: Callable[..., Value]
+    takes: tuple[str, ...] = ()
+    cost: int = 1
+    gives: type[float] | type[bool] | None = None
+    numeric: Callable[..., float] | None = None
+    arity: int | None = None
+
+
+def _mathematics(arity: int | None, numeric: Callable[..., float]) -> Function:
+    def call(_: Machine, *args: Value) -> Value:
+        numbers = [to_number(arg) for arg in args[:arity]]
+        return numeric(*numbers, *[math.nan] * ((arity or 0) - len(numbers)))
+
+    return Function(call, gives=float, numeric=numeric, arity=arity)
+
+
+def _first(
+    function: Callable[[Value], Value],
+    default: Value = UNDEFINED,
+    gives: type[float] | type[bool] | None = None,
+) -> Function:
+    return Function(lenient(lambda m, value=default: function(value)), gives=gives)
+
+
+def _parse_float(value: Value) -> float:
+    """The longest prefix that is a number."""
+    found = DECIMAL.match(to_string(value).lstrip(WHITESPACE))
+    return float(found.group().replace("Infinity", "inf")) if found else math.nan
+
+
+def _array_from(m: Machine, source: Value = UNDEFINED) -> Value:
+    if not isinstance(source, list | Vector | str):
+        raise Trouble("Array.from needs an array")
+    m.tick(1 + weight(source))
+    return list(source if isinstance(source, str) else items_of(source))
+
+
+def typed_array(m: Machine, args: list[Value]) -> Value:
+    """`new Float64Array(size)` or `new Float64Array(array)`."""
+    source = args[0] if args else 0.0
+    if isinstance(source, list | Vector):
+        return Vector(np.zeros(0)).like(bounded_list(items_of(source)))
+    size = to_index(source)
+    if not 0 <= size <= 10_000:
+        raise Trouble("a typed array has from 0 to 10000 elements")
+    m.tick(1 + size // 16)
+    return Vector(np.zeros(size))
+
+
+GLOBAL: dict[Path, Function] = {
+    **{("Math", name): _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
+    ("Number",): _first(to_number, 0.0, float),
+    ("String",): _first(to_string, ""),
+    ("Boolean",): _first(to_boolean, gives=bool),
+    ("isNaN",): _first(lambda v: math.isnan(to_number(v)), gives=bool),
+    ("isFinite",): _first(lambda v: math.isfinite(to_number(v)), gives=bool),
+    ("parseFloat",): _first(_parse_float, gives=float),
+    ("Number", "isNaN"): _first(lambda v: isinstance(v, float) and math.isnan(v), gives=bool),
+    ("Number", "isFinite"): _first(lambda v: isinstance(v, float) and math.isfinite(v), gives=bool),
+    ("Number", "isInteger"): _first(lambda v: isinstance(v, float) and v.is_integer(), gives=bool),
+    ("Number", "parseFloat"): _first(_parse_float, gives=float),
+    ("Array", "isArray"): _first(lambda v: isinstance(v, list), gives=bool),
+    ("Array", "from"): Function(lenient(_array_from)),
+    ("Array", "of"): Function(lambda m, *args: list(args)),
+}
+
+
+PHYSICS = names("""
+    mj_resetData mj_forward mj_step mj_step1 mj_step2 mj_inverse mj_setConst mj_kinematics mj_comPos mj_comVel
+    mj_fwdPosition mj_fwdVelocity mj_fwdActuation mj_fwdAcceleration mj_fwdConstraint mj_energyPos mj_energyVel
+    mj_subtreeVel mj_rnePostConstraint mj_camlight mj_collision mj_sensorPos mj_sensorVel mj_sensorAcc
+""")
+"""Functions of MuJoCo that take the model and the data and nothing else."""
+
+
+def _on_model(function: Callable[..., Value], *takes: str, cost: int = 1) -> Function:
+    return Function(lenient(function), takes or ("model",), cost)
+
+
+def _physics(name: str) -> Function:
+    call = getattr(mujoco, name)
+
+    def called(m: Machine) -> Value:
+        call(m.model, m.data)
+        return UNDEFINED
+
+    return _on_model(called, "model", "data", cost=10)
+
+
+def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
+    key = to_index(number)
+    if not 0 <= key < m.model.nkey:
+        raise Trouble(f"the model has no keyframe {key}")
+    mujoco.mj_resetDataKeyframe(m.model, m.data, key)
+    return UNDEFINED
+
+
+def _set_total_mass(m: Machine, value: Value = UNDEFINED) -> Value:
+    mass = to_number(value)
+    if not 0 < mass < 1e9:
+        raise Trouble("the total mass must be positive")
+    mujoco.mj_setTotalmass(m.model, mass)
+    return UNDEFINED
+
+
+def _name_to_id(m: Machine, kind: Value = UNDEFINED, name: Value = UNDEFINED) -> Value:
+    return float(mujoco.mj_name2id(m.model, to_int32(kind), from_units(to_string(name))))
+
+
+def _id_to_name(m: Machine, kind: Value = UNDEFINED, number: Value = UNDEFINED) -> Value:
+    return in_units(mujoco.mj_id2name(m.model, to_int32(kind), to_int32(number)) or "")
+
+
+FUNCTIONS: dict[Path, Function] = {
+    **GLOBAL,
+    **{("mj", name): _physics(name) for name in PHYSICS},
+    ("mj", "mj_resetDataKeyframe"): _on_model(_reset_keyframe, "model", "data", cost=10),
+    ("mj", "mj_setTotalmass"): _on_model(_set_total_mass, cost=10),
+    ("mj", "mj_getTotalmass"): _on_model(lambda m: float(mujoco.mj_getTotalmass(m.model))),
+    ("mj", "mj_name2id"): _on_model(_name_to_id),
+    ("mj", "mj_id2name"): _on_model(_id_to_name),
+    **{
+        ("lib", name): Function(lenient(function), gives=float if name in lib.NUMBERS else None)
+        for name, function in lib.FUNCTIONS.items()
+    },
+}

@@ -1,0 +1,149 @@
+"""`lib`: what the course's widget offers beside MuJoCo itself.
+
+| call | gives |
+|---|---|
+| `lib.energy()` | `{total, kinetic, potential}` [J], of the start of the last step, as MuJoCo computes it |
+| `lib.bodyPos(name)`, `lib.sitePos(name)`, `lib.geomPos(name)` | world position `[x, y, z]` [m] |
+| `lib.bodyVel(name)` | linear velocity of the body's centre of mass `[x, y, z]` [m/s] |
+| `lib.qpos(name)`, `lib.qvel(name)` | a joint's position and velocity: a number for hinge and slide, else an array |
+| `lib.sensor(name)` | a sensor's reading: a number, or an array where it has several |
+| `lib.normalForce(geom?)` | sum of the normal contact forces [N], of one geom's contacts where it is named |
+| `lib.contacts(geom?)` | number of contacts, of one geom where it is named |
+| `lib.com()` | centre of mass of the whole model `[x, y, z]` [m] |
+| `lib.norm(array)`, `lib.dot(a, b)`, `lib.cross(a, b)` | Euclidean length, scalar product, vector product |
+| `lib.deg(x)`, `lib.rad(x)` | radians to degrees, degrees to radians |
+| `lib.clamp(x, low, high)` | x within low..high |
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.expressions.machine import Machine
+from grader.expressions.mathematics import largest, smallest
+from grader.expressions.values import (
+    UNDEFINED,
+    Record,
+    Trouble,
+    Value,
+    Vector,
+    from_units,
+    items_of,
+    to_number,
+    to_string,
+)
+
+
+def _identity(m: Machine, kind: str, name: Value) -> int:
+    """The index of a named object. Raises Trouble where the model has none of that name."""
+    text = from_units(to_string(name))
+    found: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
+    if found < 0:
+        raise Trouble(f"the model has no {kind} named {text!r}")
+    return found
+
+
+def _numbers(row: NDArray[np.float64]) -> list[Value]:
+    return [float(x) for x in row]
+
+
+def _one_or_all(row: NDArray[np.float64]) -> Value:
+    return float(row[0]) if row.size == 1 else _numbers(row)
+
+
+def _energy(m: Machine) -> Value:
+    potential, kinetic = (float(x) for x in m.data.energy)
+    return Record(total=potential + kinetic, kinetic=kinetic, potential=potential)
+
+
+def _body_velocity(m: Machine, name: Value = UNDEFINED) -> Value:
+    result = np.zeros(6)
+    mujoco.mj_objectVelocity(m.model, m.data, mujoco.mjtObj.mjOBJ_BODY, _identity(m, "body", name), result, 0)
+    return _numbers(result[3:])
+
+
+def _joint(m: Machine, name: Value = UNDEFINED) -> tuple[slice, slice]:
+    """Where a joint's position and velocity are in qpos and qvel."""
+    joint = _identity(m, "joint", name)
+    at, start = int(m.model.jnt_qposadr[joint]), int(m.model.jnt_dofadr[joint])
+    kind = mujoco.mjtJoint(int(m.model.jnt_type[joint]))
+    widths = {mujoco.mjtJoint.mjJNT_FREE: (7, 6), mujoco.mjtJoint.mjJNT_BALL: (4, 3)}.get(kind, (1, 1))
+    return slice(at, at + widths[0]), slice(start, start + widths[1])
+
+
+def _sensor(m: Machine, name: Value = UNDEFINED) -> Value:
+    sensor = _identity(m, "sensor", name)
+    first, width = int(m.model.sensor_adr[sensor]), int(m.model.sensor_dim[sensor])
+    return _one_or_all(m.data.sensordata[first : first + width])
+
+
+def _touching(m: Machine, geom: Value) -> list[int]:
+    """The contacts of a geom (by name or number), or all of them."""
+    wanted: int | None = None
+    if isinstance(geom, float):
+        wanted = int(geom) if geom.is_integer() else -1
+    elif geom is not UNDEFINED and geom is not None:
+        wanted = _identity(m, "geom", geom)
+    pairs: Any = m.data.contact.geom
+    return [i for i in range(m.data.ncon) if wanted is None or wanted in pairs[i]]
+
+
+def _normal_force(m: Machine, geom: Value = UNDEFINED) -> Value:
+    force, total = np.zeros(6), 0.0
+    for i in _touching(m, geom):
+        mujoco.mj_contactForce(m.model, m.data, i, force)
+        total += float(force[0])
+    return total
+
+
+def _array(value: Value) -> list[float]:
+    if isinstance(value, list | Vector):
+        return [to_number(x) for x in items_of(value)]
+    raise Trouble("an array is needed here")
+
+
+def _dot(m: Machine, a: Value = UNDEFINED, b: Value = UNDEFINED) -> Value:
+    left, right = _array(a), _array(b)
+    if len(left) != len(right):
+        raise Trouble("two arrays of one length are needed here")
+    return float(sum(x * y for x, y in zip(left, right, strict=True)))
+
+
+def _cross(m: Machine, a: Value = UNDEFINED, b: Value = UNDEFINED) -> Value:
+    left, right = _array(a), _array(b)
+    if not len(left) == len(right) == 3:
+        raise Trouble("two arrays of three numbers are needed here")
+    return _numbers(np.cross(left, right))
+
+
+def _clamp(m: Machine, x: Value = UNDEFINED, low: Value = UNDEFINED, high: Value = UNDEFINED) -> Value:
+    return smallest(largest(to_number(x), to_number(low)), to_number(high))
+
+
+FUNCTIONS: dict[str, Callable[..., Value]] = {
+    "energy": _energy,
+    "bodyPos": lambda m, name=UNDEFINED: _numbers(m.data.xpos[_identity(m, "body", name)]),
+    "sitePos": lambda m, name=UNDEFINED: _numbers(m.data.site_xpos[_identity(m, "site", name)]),
+    "geomPos": lambda m, name=UNDEFINED: _numbers(m.data.geom_xpos[_identity(m, "geom", name)]),
+    "bodyVel": _body_velocity,
+    "qpos": lambda m, name=UNDEFINED: _one_or_all(m.data.qpos[_joint(m, name)[0]]),
+    "qvel": lambda m, name=UNDEFINED: _one_or_all(m.data.qvel[_joint(m, name)[1]]),
+    "sensor": _sensor,
+    "normalForce": _normal_force,
+    "contacts": lambda m, geom=UNDEFINED: float(len(_touching(m, geom))),
+    "com": lambda m: _numbers(m.data.subtree_com[0]),
+    "norm": lambda m, array=UNDEFINED: math.hypot(*_array(array)),
+    "dot": _dot,
+    "cross": _cross,
+    "deg": lambda m, x=UNDEFINED: to_number(x) * 180 / math.pi,
+    "rad": lambda m, x=UNDEFINED: to_number(x) * math.pi / 180,
+    "clamp": _clamp,
+}
+NUMBERS = frozenset(("normalForce", "contacts", "norm", "dot", "deg", "rad", "clamp"))
+"""The functions whose result is always a number."""
+
+RECORD_PARTS = frozenset(("total", "kinetic", "potential"))

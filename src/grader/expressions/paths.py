@@ -1,0 +1,165 @@
+"""Dotted names that begin at `model`, `data`, `mj`, `lib`, `Math`, `Number` or `ctx`, and what each one means."""
+
+from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
+
+import mujoco
+from tree_sitter import Node
+
+from grader.expressions import fields, mathematics
+from grader.expressions.functions import FUNCTIONS, Path
+from grader.expressions.machine import Machine
+from grader.expressions.scope import ROOTS, Scope
+from grader.expressions.syntax import field, text_of
+from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index
+
+NUMBER_CONSTANTS = {
+    "EPSILON": 2.0**-52,
+    "MAX_SAFE_INTEGER": 2.0**53 - 1,
+    "MIN_SAFE_INTEGER": 1 - 2.0**53,
+    "MAX_VALUE": 1.7976931348623157e308,
+    "MIN_VALUE": 5e-324,
+    "POSITIVE_INFINITY": float("inf"),
+    "NEGATIVE_INFINITY": float("-inf"),
+    "NaN": float("nan"),
+}
+ENUMS = {
+    name: getattr(mujoco, name).__members__
+    for name in fields.names("""
+        mjtObj mjtJoint mjtGeom mjtIntegrator mjtSolver mjtCone mjtJacobian mjtDisableBit mjtEnableBit mjtTrn mjtEq
+        mjtSensor mjtWarning
+    """)
+}
+CTX_FORBIDDEN = fields.names("""
+    constructor prototype toString valueOf hasOwnProperty isPrototypeOf propertyIsEnumerable toLocaleString caller
+    callee arguments
+""")
+
+
+def path_of(node: Node) -> Path | None:
+    """("model", "opt", "timestep") for `model.opt.timestep`; None for anything that is not such a name."""
+    names: list[str] = []
+    while node.type == "member_expression" and node.child_by_field_name("optional_chain") is None:
+        names.append(text_of(field(node, "property")))
+        node = field(node, "object")
+    if node.type != "identifier" or text_of(node) not in ROOTS:
+        return None
+    return (text_of(node), *reversed(names))
+
+
+WRITABLE: dict[Path | None, bool] = {
+    (*owner, name): writable
+    for owner, names, writable in (
+        (("model",), fields.MODEL_PARAMETERS, True),
+        (("model",), fields.MODEL_FIXED, False),
+        (("model", "opt"), fields.OPTION_VECTORS, True),
+        (("data",), fields.DATA_STATE, True),
+        (("data",), fields.DATA_RESULTS, False),
+    )
+    for name in names
+}
+"""The arrays that programs reach, by path, and whether they may be changed."""
+
+CONSTANTS: dict[Path, float] = {
+    **{("Math", name): number for name, number in mathematics.CONSTANTS.items()},
+    **{("Number", name): number for name, number in NUMBER_CONSTANTS.items()},
+    **{
+        ("mj", enum, member, "value"): float(int(value))
+        for enum, members in ENUMS.items()
+        for member, value in members.items()
+    },
+}
+"""The numbers that a path always means."""
+
+SCALARS: frozenset[Path] = frozenset(
+    [("data", name) for name in ("time", *fields.DATA_COUNTS)]
+    + [("model", "opt", name) for name in fields.OPTION_SCALARS]
+)
+"""The numbers of the options and the data, which may change in a run."""
+
+
+def ctx_name(scope: Scope, node: Node, name: str) -> str:
+    """The name of a ctx value. Raises Refused for those that mean something else in JavaScript."""
+    if name.startswith("__") or name in CTX_FORBIDDEN:
+        raise scope.refuse(node, f"ctx.{name} is not available")
+    return name
+
+
+_EMPTY = mujoco.MjModel.from_xml_string("<mujoco/>")
+_BLANK = Machine(_EMPTY, mujoco.MjData(_EMPTY))
+
+
+def holds_floats(path: Path) -> bool:
+    """Whether the elements of the array at an allowed path are floats."""
+    return not _BLANK.vector(path).whole
+
+
+def _option(m: Machine, path: Path) -> Callable[[Value], Value]:
+    """Writes an option within the range that MuJoCo survives; whole numbers where the option is one."""
+    name = path[-1]
+    (low, high), convert = fields.OPTION_SCALARS[name], int if name in fields.OPTION_INTEGERS else float
+
+    def write(value: Value) -> Value:
+        number = to_number(value)
+        if not low <= number <= high:
+            raise Trouble(f"model.opt.{name} must be from {low:g} to {high:g}")
+        setattr(m.model.opt, name, convert(number))
+        return value
+
+    return write
+
+
+def _time(m: Machine, _: Path) -> Callable[[Value], Value]:
+    def write(value: Value) -> Value:
+        m.data.time = to_number(value)
+        return value
+
+    return write
+
+
+def _scalar(m: Machine, path: Path) -> Callable[[], float]:
+    owner, name = attrgetter(".".join(path[:-1]))(m), path[-1]
+    return lambda: float(getattr(owner, name))
+
+
+def _vector(m: Machine, path: Path) -> Vector:
+    return m.vector(path, WRITABLE[path])
+
+
+def _positions(m: Machine, path: Path) -> dict[float, int]:
+    """The index in Python of each index in JavaScript."""
+    return {float(i): i for i in range(len(_vector(m, path)))}
+
+
+def _write(m: Machine, path: Path) -> Callable[[Value, Value], Value]:
+    """Writes an element of a field; what is no float, or not in range, takes the general way."""
+    vector, positions = _vector(m, path), _positions(m, path) if holds_floats(path) else {}
+    view = vector.view
+
+    def write(index: Value, value: Value) -> Value:
+        if type(index) is type(value) is float and index in positions:
+            view[positions[index]] = value
+            return value
+        m.tick(weight(value))
+        return write_index(vector, index, value)
+
+    return write
+
+
+BINDERS: dict[str, Callable[[Machine, Path], object]] = {
+    "vector": _vector,
+    "view": lambda m, path: _vector(m, path).view,
+    "size": lambda m, path: float(len(_vector(m, path))),
+    "positions": _positions,
+    "write": _write,
+    "count": lambda m, path: float(getattr(m.model, path[-1])),
+    "scalar": _scalar,
+    "option": _option,
+    "time": _time,
+    "function": lambda m, path: FUNCTIONS[path],
+    "numeric": lambda m, path: FUNCTIONS[path].numeric,
+    "callback": lambda m, path: partial(FUNCTIONS[path].call, m),
+    "ctx": lambda m, path: m.ctx.setdefault(path[0], UNDEFINED),
+}
+"""What a compiled program asks of a machine before it runs, by kind; each makes the value for one path."""

@@ -1,0 +1,86 @@
+"""Programs: a text is parsed and compiled once, bound to a machine, and then called like a Python function."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import mujoco
+
+from grader.errors import ContentError, Fault, LabError
+from grader.expressions.code import UNPLACED, Kind, finish
+from grader.expressions.machine import Machine
+from grader.expressions.paths import BINDERS
+from grader.expressions.runtime import NAMES
+from grader.expressions.scope import Frame, Scope
+from grader.expressions.statements import Compiler
+from grader.expressions.syntax import Refused, parse
+from grader.expressions.values import UNDEFINED, Trouble, Value
+
+FILE = "<expression>"
+PASSES_MAX = 4
+"""After so many attempts to learn what is known of the variables, nothing is taken to be known."""
+
+FAILURES = (Trouble, mujoco.FatalError, RecursionError)
+
+ProgramKind = Literal["expression", "statement"]
+Run = Callable[..., Value]
+
+
+class Program:
+    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`."""
+
+    def __init__(self, text: str, kind: ProgramKind, where: str) -> None:
+        self.text, self.kind, self.where = text, kind, where
+        self.source = parse(text, kind)
+        kinds: dict[str, Kind] | None = {}
+        for attempt in range(PASSES_MAX + 1):
+            compiler = Compiler(self.source, kinds if attempt < PASSES_MAX else None)
+            module = compiler.program(Scope(self.source, Frame()), kind)
+            if kinds == compiler.found:
+                break
+            kinds = compiler.found
+        finish(module)
+        space: dict[str, Any] = {"__builtins__": {}, **NAMES}
+        exec(compile(module, FILE, "exec"), space)  # noqa: S102  nodes and names of our own only, see code.finish
+        self.make = space["make"]
+        self.needs, self.places = tuple(compiler.needs), compiler.places
+
+    def bind(self, machine: Machine) -> Run:
+        """The function `(value=undefined) -> value` that evaluates the program on this machine.
+
+        A statement gives undefined, or what it returns. The function raises LabError with line and column.
+        """
+        found: Run | None = machine.bound.get(self)
+        if found is None:
+            values = [BINDERS[kind](machine, path) for kind, path in self.needs]
+            found = self.make(machine, machine.budget, machine.ctx, FAILURES, self._failed, *values)
+            machine.bound[self] = found
+        return found
+
+    def run(self, machine: Machine, value: Value = UNDEFINED) -> Value:
+        """Evaluate the program once."""
+        return self.bind(machine)(value)
+
+    def _failed(self, error: Exception) -> LabError:
+        """The error as it leaves the program, with the innermost place that its traceback names."""
+        line, column, trace = 1, 1, error.__traceback__
+        while trace is not None:
+            if trace.tb_frame.f_code.co_filename == FILE and trace.tb_lineno > UNPLACED:
+                line, column = self.source.place(self.places[trace.tb_lineno - UNPLACED - 1])
+            trace = trace.tb_next
+        why = "nested too deep" if isinstance(error, RecursionError) else str(error)
+        if isinstance(error, mujoco.FatalError):
+            why = f"MuJoCo: {error}"
+        made = LabError(self.where, f"line {line}, column {column}: {why}")
+        made.__cause__ = error
+        return made
+
+
+def compile_program(text: str, kind: ProgramKind, where: str) -> Program:
+    """Compile an expression or a list of statements.
+
+    Raises ContentError with a fault whose key is `where` and whose reason begins with line and column.
+    """
+    try:
+        return Program(text, kind, where)
+    except Refused as refused:
+        raise ContentError([Fault("", where, str(refused))]) from refused

@@ -1,0 +1,92 @@
+"""Which names are visible where, and what each is called in the compiled code.
+
+No function can call itself and none outlives its call, so a declared name is one variable of one Python function. An
+author's identifier never becomes a Python name: variables are numbered.
+"""
+
+import ast
+from dataclasses import dataclass, field
+
+from tree_sitter import Node
+
+from grader.expressions.fields import names
+from grader.expressions.syntax import Refused, Source, text_of
+
+CONSTANTS = ("undefined", "NaN", "Infinity")
+ROOTS = frozenset(["model", "data", "mj", "lib", "Math", "ctx", "Number"])
+HOSTS = ROOTS | frozenset(CONSTANTS) | {"value", "Array", "Float64Array", "String", "Boolean", "isNaN", "isFinite"}
+RESERVED = names("""
+    break case catch class const continue debugger default delete do else enum export extends false finally for
+    function if import in instanceof new null return super switch this throw true try typeof var void while with
+    yield let static implements interface package private protected public await eval arguments async of get set
+    globalThis window self document process require Object Function Symbol Reflect Proxy
+""")
+
+
+@dataclass
+class Frame:
+    """One Python function of the compiled code: its functions inside, and the outer variables that it assigns."""
+
+    functions: list[ast.stmt] = field(default_factory=list)
+    outer: set[str] = field(default_factory=set)
+
+
+@dataclass
+class Binding:
+    """A declared name: a variable of a frame, or a function. `ready` once its declaration is past."""
+
+    kind: str
+    name: str
+    frame: Frame
+    ready: bool = False
+
+
+@dataclass
+class Scope:
+    """The names of one block, inside those of another."""
+
+    source: Source
+    frame: Frame
+    outer: "Scope | None" = None
+    counter: list[int] = field(default_factory=lambda: [0])
+    names: dict[str, Binding] = field(default_factory=dict)
+    in_loop: bool = False
+
+    def inner(self, *, in_loop: bool | None = None) -> "Scope":
+        """A block inside this one."""
+        loop = self.in_loop if in_loop is None else in_loop
+        return Scope(self.source, self.frame, self, self.counter, in_loop=loop)
+
+    def function(self) -> "Scope":
+        """The scope of a function inside this one."""
+        return Scope(self.source, Frame(), self, self.counter)
+
+    def declare(self, node: Node, kind: str, ready: bool = False) -> Binding:
+        """Give a name of this block a variable. Raises Refused for names that are taken."""
+        name = text_of(node)
+        if name in HOSTS or name in RESERVED or not name.isascii():
+            raise self.refuse(node, f"{name} cannot be the name of a variable")
+        known = self.names.get(name)
+        if known is not None and not (kind == known.kind == "var"):
+            raise self.refuse(node, f"{name} is declared twice")
+        if known is None:
+            known = self.names[name] = Binding(kind, f"v{self.counter[0]}", self.frame, ready)
+            self.counter[0] += 1
+        return known
+
+    def find(self, node: Node) -> Binding:
+        """The binding of a name that is used. Raises Refused where it is unknown, or declared further down."""
+        name = text_of(node)
+        scope: Scope | None = self
+        while scope is not None:
+            binding = scope.names.get(name)
+            if binding is not None:
+                if not binding.ready:
+                    raise self.refuse(node, f"{name} is used before it is declared")
+                return binding
+            scope = scope.outer
+        raise self.refuse(node, f"{name} is not known here")
+
+    def refuse(self, node: Node, why: str) -> Refused:
+        """The error with the node's place."""
+        return self.source.refuse(node, why)

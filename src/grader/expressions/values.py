@@ -1,0 +1,285 @@
+"""The values of the language, and JavaScript's rules for converting them.
+
+A number is a float, null is None, a text is a str with one character per UTF-16 code unit; arrays are lists, typed
+arrays are Vectors, results with named parts are Records.
+"""
+
+import math
+import re
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.expressions.texts import number_to_string
+
+STRING_MAX = 10_000
+ARRAY_MAX = 10_000
+
+
+class Trouble(Exception):
+    """Evaluating an expression failed. The source position is added when the error leaves the program."""
+
+
+class Undefined:
+    """The type of `undefined`, which has one value."""
+
+    def __repr__(self) -> str:
+        return "undefined"
+
+
+UNDEFINED = Undefined()
+
+
+class Vector:
+    """A typed array: a flat view of one field of the model or the data, or a copy (from slice and map).
+
+    The elements of `view` are Python floats; integers or booleans where `whole`.
+    """
+
+    __slots__ = ("name", "view", "whole", "writable")
+
+    def __init__(self, array: NDArray[Any], name: str = "", writable: bool = True) -> None:
+        flat = array.reshape(-1)
+        assert flat.size == 0 or np.shares_memory(flat, array), f"{name} is not contiguous"
+        self.view: memoryview[Any] = memoryview(cast(Any, flat))
+        self.whole = self.view.format not in ("d", "f")
+        self.name = name
+        self.writable = writable
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    def read(self, index: int) -> "Value":
+        """The element, or undefined out of range."""
+        return float(self.view[index]) if 0 <= index < len(self.view) else UNDEFINED
+
+    def write(self, index: int, value: "Value") -> None:
+        """Store a number as the array's type does. Raises Trouble out of range, where a browser would ignore it."""
+        if not self.writable:
+            raise Trouble(f"{self.name or 'this array'} cannot be changed")
+        if not 0 <= index < len(self.view):
+            where = f"{self.name or 'the array'}, which has {len(self.view)} elements"
+            raise Trouble(f"index {index} is outside {where}")
+        self.view[index] = element(self.view, to_number(value))
+
+    def values(self) -> list["Value"]:
+        """All elements as numbers."""
+        elements: list[Any] = self.view.tolist()
+        return list(map(float, elements)) if self.whole else elements
+
+    def part(self, start: int, end: int) -> "Vector":
+        """A view of some elements, which shares their memory."""
+        return Vector(np.asarray(self.view)[start:end], self.name, self.writable)
+
+    def like(self, values: list["Value"]) -> "Vector":
+        """A new typed array of the same type."""
+        made = Vector(np.empty(len(values), np.asarray(self.view).dtype))
+        for i, value in enumerate(values):
+            made.view[i] = element(self.view, to_number(value))
+        return made
+
+
+class Record:
+    """A read-only result with named parts, such as lib.energy()."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, **parts: "Value") -> None:
+        self.parts = parts
+
+
+Object = (list, Vector, Record)
+"""The types of values that are equal only to themselves."""
+
+Value = float | bool | str | None | Undefined | list[Any] | Vector | Record
+
+
+def items_of(array: Value) -> list[Any]:
+    """The elements of an array (the array itself) or of a typed array (a copy); none of anything else."""
+    return array.values() if isinstance(array, Vector) else array if isinstance(array, list) else []
+
+
+def element(view: "memoryview[Any]", number: float) -> float | int:
+    """A number as a typed array of this type stores it (integers wrap). Source: ECMA-262, ToInt32 and kin."""
+    if view.format in ("d", "f"):
+        return number
+    if not math.isfinite(number):
+        return 0
+    bits = 8 * view.itemsize
+    whole = math.trunc(number) % (1 << bits)
+    if view.format == "?":
+        return bool(whole)
+    return whole - (1 << bits) if view.format in ("b", "h", "i", "l", "q") and whole >= 1 << (bits - 1) else whole
+
+
+def type_name(value: Value) -> str:
+    """The result of `typeof`."""
+    if isinstance(value, bool):
+        return "boolean"
+    if isinstance(value, float):
+        return "number"
+    if isinstance(value, str):
+        return "string"
+    return "undefined" if value is UNDEFINED else "object"
+
+
+def to_boolean(value: Value) -> bool:
+    """Truthiness: 0, NaN, '', null and undefined are false; arrays are true even when empty."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, float):
+        return value != 0 and not math.isnan(value)
+    if isinstance(value, str):
+        return value != ""
+    return value is not None and value is not UNDEFINED
+
+
+WHITESPACE = "\t\n\v\f\r \u00a0\u1680\u2028\u2029\u202f\u205f\u3000\ufeff" + "".join(map(chr, range(0x2000, 0x200B)))
+DECIMAL = re.compile(r"[+-]?(?:Infinity|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)", re.ASCII)
+RADIX = re.compile(r"0(?:[xX][0-9a-fA-F]+|[oO][0-7]+|[bB][01]+)", re.ASCII)
+
+
+def text_to_number(text: str) -> float:
+    """`Number(text)`: NaN where the text is not a number."""
+    text = text.strip(WHITESPACE)
+    if not text:
+        return 0.0
+    if DECIMAL.fullmatch(text):
+        return float(text.replace("Infinity", "inf"))
+    if RADIX.fullmatch(text):
+        return float(int(text, 0))
+    return math.nan
+
+
+def to_number(value: Value) -> float:
+    """`Number(value)`."""
+    if isinstance(value, bool):
+        return 1.0 if value else 0.0
+    if isinstance(value, float):
+        return value
+    if isinstance(value, str):
+        return text_to_number(value)
+    if value is None:
+        return 0.0
+    return math.nan if value is UNDEFINED else text_to_number(to_string(value))
+
+
+def to_string(value: Value) -> str:
+    """`String(value)`; arrays are joined with commas."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return number_to_string(value)
+    if isinstance(value, list | Vector):
+        return join(items_of(value), ",", 0)
+    return {Record: "[object Object]", Undefined: "undefined"}.get(type(value), "null")
+
+
+def join(items: list[Value], separator: str, depth: int) -> str:
+    """`items.join(separator)`: null and undefined are empty. A list inside itself ends here with an error."""
+    if depth > 20:
+        raise Trouble("an array that holds itself has no text")
+    text = ""
+    for i, item in enumerate(items):
+        if i:
+            text += separator
+        if isinstance(item, list):
+            text += join(item, ",", depth + 1)
+        elif item is not None and item is not UNDEFINED:
+            text += to_string(item)
+        bounded(text)
+    return text
+
+
+def weight(value: Value) -> int:
+    """The cost of going through a whole value once, in ticks."""
+    return len(value) // 16 if isinstance(value, str | list | Vector) else 0
+
+
+def bounded(text: str) -> str:
+    """The text, unless it has grown past STRING_MAX."""
+    if len(text) > STRING_MAX:
+        raise Trouble(f"a text grew past {STRING_MAX} characters")
+    return text
+
+
+def bounded_list(items: list[Value]) -> list[Value]:
+    """The array, unless it has grown past ARRAY_MAX."""
+    if len(items) > ARRAY_MAX:
+        raise Trouble(f"an array grew past {ARRAY_MAX} elements")
+    return items
+
+
+def to_primitive(value: Value) -> Value:
+    """Arrays and records become text; the rest stays."""
+    return to_string(value) if isinstance(value, Object) else value
+
+
+def to_int32(value: Value) -> int:
+    """The signed 32-bit integer that bitwise operators work on."""
+    number = to_number(value)
+    if not math.isfinite(number):
+        return 0
+    whole = math.trunc(number) & 0xFFFFFFFF
+    return whole - 0x100000000 if whole >= 0x80000000 else whole
+
+
+def to_index(value: Value, fallback: int = 0) -> int:
+    """`ToIntegerOrInfinity`, as an int (infinities become very large); undefined gives `fallback`."""
+    if value is UNDEFINED:
+        return fallback
+    number = to_number(value)
+    if math.isnan(number):
+        return 0
+    return int(max(-1e18, min(1e18, number)))
+
+
+def in_units(text: str) -> str:
+    """The text with one character per UTF-16 code unit, which is how JavaScript counts and how programs hold it."""
+    if text.isascii():
+        return text
+    units = text.encode("utf-16-le", "surrogatepass")
+    return "".join(chr(units[i] | units[i + 1] << 8) for i in range(0, len(units), 2))
+
+
+def from_units(text: str) -> str:
+    """The inverse of `in_units`: pairs of code units become one character, a lone half becomes U+FFFD."""
+    return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+
+
+def _position(index: Value) -> int | None:
+    """The element that an index means; None for numbers that mean none, such as 0.5 or NaN."""
+    if isinstance(index, str) and index.isascii() and index.isdigit() and str(int(index[:9])) == index:
+        return int(index)
+    if not isinstance(index, float):
+        raise Trouble(f"an element is named by a whole number, not by {to_string(index)[:40]}")
+    return int(index) if index.is_integer() else None
+
+
+def read_index(value: Value, index: Value) -> Value:
+    """`value[index]`: undefined out of range."""
+    if value is None or value is UNDEFINED:
+        raise Trouble(f"{to_string(value)} has no elements")
+    position = _position(index)
+    if position is None or not isinstance(value, str | list | Vector):
+        return UNDEFINED
+    if isinstance(value, Vector):
+        return value.read(position)
+    return value[position] if 0 <= position < len(value) else UNDEFINED
+
+
+def write_index(value: Value, index: Value, new: Value) -> Value:
+    """`value[index] = new`: past the end is an error, for arrays too."""
+    position = _position(index) if isinstance(value, list | Vector) else None
+    if isinstance(value, Vector):
+        value.write(-1 if position is None else position, new)
+    elif not isinstance(value, list):
+        raise Trouble(f"elements of {to_string(value)[:40]} cannot be assigned")
+    elif position is None or not 0 <= position < len(value):
+        raise Trouble(f"index {to_string(index)} is outside the array, which has {len(value)} elements")
+    else:
+        value[position] = new
+    return new

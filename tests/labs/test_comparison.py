@@ -1,0 +1,80 @@
+"""The lesson's other lab: one scene under all five integrators."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grader.domain.lab import IntegratorsLab
+from grader.domain.quiz import Quiz
+from grader.errors import LabRefused
+from grader.labs import check_integrators, run_integrators
+
+ROOT = Path(__file__).parents[2]
+XML = {name: (ROOT / f"models/{name}.xml").read_text() for name in ("double_pendulum", "pendulum")}
+
+
+def lesson_lab() -> IntegratorsLab:
+    found = Quiz.model_validate(json.loads((ROOT / "quizzes/1.3-labs.json").read_text())).labs[0]
+    assert isinstance(found, IntegratorsLab)
+    return found
+
+
+def test_all_five_run_from_one_state_and_the_single_step_methods_agree_bitwise() -> None:
+    shown = run_integrators(lesson_lab(), XML["double_pendulum"], seconds=5)
+    runs = {run.integrator: run for run in shown.runs}
+    assert list(runs) == ["Euler", "RK4", "implicit", "implicitfast", "discrete"]
+    euler = runs["Euler"].energy_error.tobytes()
+    assert runs["implicitfast"].energy_error.tobytes() == runs["discrete"].energy_error.tobytes() == euler
+    assert abs(runs["RK4"].energy_error[-1]) < 0.01
+    assert all(run.cost_us > 0 and run.energy_error[0] == 0 for run in shown.runs)
+
+
+def test_the_lesson_s_table_comes_out_within_the_band_that_chaos_leaves() -> None:
+    shown = run_integrators(lesson_lab(), XML["double_pendulum"]).to_json()
+    final = {run["name"]: run["final_error_percent"] for run in shown["integrators"]}
+    # Source: the spread of the 20 s figures under nudges of 1e-15 rad.
+    assert -13.5 < final["Euler"] < -8.7
+    assert 12.4 < final["implicit"] < 39.1
+    assert abs(final["RK4"]) < 0.01
+
+
+def test_model_key_and_timestep_can_be_changed() -> None:
+    lab = lesson_lab()
+    pendulum = run_integrators(lab, XML["pendulum"], model="pendulum", key="horizontal", timestep=0.01, seconds=2)
+    assert pendulum.energy_j == pytest.approx(9.81, abs=1e-9)
+    assert pendulum.runs[0].steps == 200
+    finer = run_integrators(lab, XML["double_pendulum"], timestep=0.0005, seconds=2)
+    coarse = run_integrators(lab, XML["double_pendulum"], seconds=2)
+    assert abs(finer.runs[0].energy_error[-1]) < abs(coarse.runs[0].energy_error[-1])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"model": "humanoid"},
+        *({"timestep": value} for value in (1.0, 1e-9, 0.0)),
+        *({"seconds": value} for value in (1e6, 0.0, 1e-4)),
+    ],
+)
+def test_what_the_lab_does_not_offer_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(LabRefused):
+        run_integrators(lesson_lab(), XML["double_pendulum"], **wrong)  # type: ignore[arg-type]
+
+
+def test_the_lab_of_the_lesson_has_no_fault() -> None:
+    lab = lesson_lab()
+    assert check_integrators(lab, XML["double_pendulum"], "energy-drift") == []
+    assert check_integrators(lab.model_copy(update={"key": 9}), XML["double_pendulum"], "x")[0].key == "x.key"
+    assert check_integrators(lab.model_copy(update={"timestep": 5.0}), XML["double_pendulum"], "x")
+
+
+def test_another_keyframe_starts_from_another_state() -> None:
+    lab = lesson_lab()
+    own = run_integrators(lab, XML["double_pendulum"], seconds=1).to_json()
+    none = run_integrators(lab, XML["double_pendulum"], key="", seconds=1).to_json()
+    assert (own["key"], own["keys"]) == ("release", ["release"])
+    assert none["key"] is None
+    assert none["energy"] != own["energy"]
+    with pytest.raises(KeyError, match="release"):
+        run_integrators(lab, XML["double_pendulum"], key="nowhere")
