@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from grader.certify import Certificate, certify_question
 from grader.domain.quiz import Question
+from grader.errors import NotFound
 
 ROOT = Path(__file__).parents[2]
 QUESTION: TypeAdapter[Question] = TypeAdapter(Question)
@@ -52,12 +53,18 @@ SELECT_SPEED = {
 PUSHED = {"model": "pendulum", "controls": [SELECT_SPEED], "setup": "data.qvel[0] = ctx.push"}
 
 
-def test_the_three_decidable_keys_of_the_lesson_are_certified_in_under_5_s() -> None:
-    began = time.perf_counter()
+def test_the_three_decidable_keys_of_the_lesson_are_certified() -> None:
     certificates = [certify_question(lesson(n), model_xml) for n in (1, 2, 3, 4)]
     assert [c.ok if c else None for c in certificates] == [True, True, True, None]
-    assert time.perf_counter() - began < 5
     assert all(c.cost_ms > 0 for c in certificates if c)
+
+
+@pytest.mark.cost
+def test_the_lessons_keys_are_certified_within_5_s_of_cpu() -> None:
+    began = time.process_time()
+    for n in (1, 2, 3, 4):
+        certify_question(lesson(n), model_xml)
+    assert time.process_time() - began < 5
 
 
 def test_question_1_by_the_stage_that_fills_the_contacts() -> None:
@@ -162,7 +169,9 @@ def test_a_threshold_of_a_model_in_the_folder() -> None:
 
 @pytest.mark.parametrize("start", [{"qpos": [1.0]}, {"key": 0}, {"qvel": [1.0]}, {"qpos": [0.5], "qvel": [-1.0]}])
 @pytest.mark.parametrize(("integrator", "limit_ms"), [("Euler", 20.004), ("implicitfast", 25.004), ("RK4", 33.05)])
-def test_a_threshold_for_ever_from_any_start(start: dict[str, Any], integrator: str, limit_ms: float) -> None:
+def test_the_linear_stability_limit_does_not_depend_on_the_start(
+    start: dict[str, Any], integrator: str, limit_ms: float
+) -> None:
     fields = {"model.actuator_gainprm[0]": 2000, "model.actuator_biasprm[1]": -2000, "model.actuator_biasprm[2]": -5}
     weightless = {**fields, "model.opt.gravity[2]": 0}
     verify = {"by": "threshold", "model": "pendulum_servo", "set": weightless, "integrator": integrator, **start}
@@ -256,7 +265,7 @@ def test_a_closed_form_and_the_fields_of_a_model() -> None:
 def test_a_verify_that_cannot_work_is_refused_and_says_where_and_why(key: str, verify: dict[str, Any]) -> None:
     def only_known(name: str) -> str:
         if name == "nothing":
-            raise KeyError("no model 'nothing'")
+            raise NotFound("There is no model 'nothing'.")
         return model_xml(name)
 
     certificate = certify_question(numeric(1, 0.1, "s", **verify), only_known)
@@ -284,3 +293,32 @@ def test_a_question_about_another_field_of_the_data() -> None:
     }
     assert certify(QUESTION.validate_python(raw)).ok
     assert not certify(QUESTION.validate_python({**raw, "answer": 0})).ok
+
+
+PUSH = {"by": "options", "settings": [{"push": 1}, {"push": 4}, {"push": 12}]}
+CLAIMS = ["data.qpos[0] > 3", "data.qpos[0] < 3", "data.timee"]
+
+
+@pytest.mark.parametrize(
+    ("key", "sim", "verify"),
+    [
+        ("verify.criterion", {}, PUSH | {"criterion": "data.qpos[0"}),
+        ("verify.criterion", {}, PUSH | {"criterion": "data.qpos[9].x > 1"}),
+        ("verify.claims", {}, {"by": "outcome", "claims": CLAIMS}),
+        ("verify", {"setup": "data.qpos[9].x = 1"}, PUSH),
+        ("verify", {"setup": "data."}, PUSH),
+        ("verify", {}, PUSH | {"settings": [{"push": 1}, {"push": 4}, {"pull": 12}]}),
+        ("verify", {"model": "nothing"}, PUSH),
+    ],
+)
+def test_a_lab_that_fails_names_the_key_from_which_the_failing_part_was_taken(
+    key: str, sim: dict[str, Any], verify: dict[str, Any]
+) -> None:
+    def only_known(name: str) -> str:
+        if name == "nothing":
+            raise NotFound("There is no model 'nothing'.")
+        return model_xml(name)
+
+    certificate = certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED | sim, verify), only_known)
+    assert certificate is not None
+    assert (certificate.ok, certificate.key) == (False, key)

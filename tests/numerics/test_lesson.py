@@ -5,10 +5,10 @@ import hashlib
 import mujoco
 import pytest
 
-from grader.numerics.measures import energy
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.threshold import Outcome, try_timestep
+from grader.numerics.trials import Stability, try_timestep
+from numerics.measuring import energy
 from numerics.models import LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
@@ -103,4 +103,4 @@ UNSTABLE_CELLS = {(100, 60, EULER, h) for h in (0.01, 0.02)} | {
 def test_the_18_cells_of_the_servo_table(kp: float, kv: float, timestep_s: float, integrator: int) -> None:
     unstable = (kp, kv, integrator, timestep_s) in UNSTABLE_CELLS
     trial = try_timestep(servo(kp, kv), timestep_s, 3.0, integrator=integrator)
-    assert trial.outcome is (Outcome.UNSTABLE if unstable else Outcome.STABLE)
+    assert trial.stability is (Stability.UNSTABLE if unstable else Stability.STABLE)

@@ -4,11 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.measures import energy, measure
+from grader.numerics.measures import measure
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import CHUNK, STEPS_MAX
 from grader.numerics.workspace import BARE_AFTER
+from numerics.measuring import energy
 from numerics.models import ALL, LESSON, SENSORS
 
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")

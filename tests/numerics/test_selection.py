@@ -3,11 +3,13 @@
 import mujoco
 import pytest
 
+from grader.numerics.integrators import EULER, IMPLICITFAST, RK4
 from grader.numerics.scene import Scene
 from grader.numerics.selection import TIMESTEPS_S, Quantity, named, select
 from numerics.models import ALL, DELAY, LESSON, RUNAWAY, hinge
 
-EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
+pytestmark = pytest.mark.slow
+
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
 
 

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from grader.numerics.bisection import Found, find_threshold
+from grader.numerics.linear import spectral_limit
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.search import find_threshold, spectral_limit
 from grader.numerics.servo import Servo
 from grader.numerics.stepping import STEPS_MAX
-from grader.numerics.threshold import Found, Outcome, certify, try_timestep
+from grader.numerics.trials import Stability, check_bracket, try_timestep
 from numerics.models import LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
@@ -71,8 +72,10 @@ def test_closed_form_spectral_radius_and_simulation_agree(
     assert found == pytest.approx(limit, rel=1e-4)
     below = try_timestep(scene, 0.98 * limit, 0.98 * limit * 4000, integrator=integrator)
     above = try_timestep(scene, 1.02 * limit, 1.02 * limit * 4000, integrator=integrator)
-    assert below.outcome is Outcome.STABLE
-    assert above.outcome is Outcome.UNSTABLE or (kp < 50 * GRAVITY_ARM * mass and "small motions grow" in above.reason)
+    assert below.stability is Stability.STABLE
+    assert above.stability is Stability.UNSTABLE or (
+        kp < 50 * GRAVITY_ARM * mass and "small motions grow" in above.reason
+    )
 
 
 @thorough
@@ -97,53 +100,53 @@ def test_every_verdict_is_decided_or_says_why_not(
     assert trial.reason
     limit = closed_form(integrator, 10**kp, 10**kv, 10**mass)
     run = simulate(scene, seconds=max(h * 300, 0.003), timestep_s=h, integrator=integrator, skip=False, every=STEPS_MAX)
-    if h > 2 * limit and abs(q0) > 1e-2 and trial.outcome is Outcome.STABLE:
+    if h > 2 * limit and abs(q0) > 1e-2 and trial.stability is Stability.STABLE:
         assert 10**kp < GRAVITY_ARM * 10**mass
         assert abs(run.qvel[-1, 0]) < 1e-3 * abs(run.qpos[-1, 0])
-    assert (trial.outcome is Outcome.UNSTABLE) <= (run.diverged_at_step is not None)
+    assert (trial.stability is Stability.UNSTABLE) <= (run.diverged_at_step is not None)
 
 
 @pytest.mark.parametrize("low", [nan, inf, -inf, 0.0, -0.01, 1e-300])
 @pytest.mark.parametrize("high", [nan, inf, 0.0, -1.0])
 def test_meaningless_claims_are_undecided(low: float, high: float) -> None:
-    certificate = certify(servo_scene(2000, 5), low, high, integrator=EULER)
+    certificate = check_bracket(servo_scene(2000, 5), low, high, integrator=EULER)
     assert certificate.holds is None
     assert certificate.low.reason and certificate.high.reason
 
 
 @pytest.mark.parametrize("horizon_s", [nan, inf, 0.0, -3.0])
 def test_meaningless_horizons_are_undecided(horizon_s: float) -> None:
-    certificate = certify(servo_scene(2000, 5), 0.02, 0.0204, horizon_s, integrator=EULER)
+    certificate = check_bracket(servo_scene(2000, 5), 0.02, 0.0204, horizon_s, integrator=EULER)
     assert certificate.holds is None
     assert "horizon" in certificate.low.reason
 
 
 @pytest.mark.parametrize(
     ("start", "phrase"),
-    [(nan, "refuses the start"), (inf, "refuses the start"), (1e9, "refuses the start"), (0.0, "at rest")],
+    [(nan, "warns of the start"), (inf, "warns of the start"), (1e9, "warns of the start"), (0.0, "at rest")],
 )
 def test_a_start_that_says_nothing_is_undecided(start: float, phrase: str) -> None:
     for integrator in range(5):
         for h in (0.001, 0.02, 0.1):
             trial = try_timestep(servo_scene(2000, 5, q0=start), h, 3.0, integrator=integrator)
-            assert trial.outcome is Outcome.UNDECIDED
+            assert trial.stability is Stability.UNDECIDED
             assert phrase in trial.reason
 
 
 def test_a_model_full_of_nan_is_undecided() -> None:
     trial = try_timestep(servo_scene(nan, 5), 0.01, 3.0, integrator=EULER)
-    assert trial.outcome is Outcome.UNDECIDED
+    assert trial.stability is Stability.UNDECIDED
 
 
 def test_a_horizon_of_too_many_steps_is_undecided_at_once() -> None:
     trial = try_timestep(servo_scene(2000, 5), 1e-9, 3.0, integrator=EULER)
-    assert (trial.outcome, "more than" in trial.reason) == (Outcome.UNDECIDED, True)
+    assert (trial.stability, "more than" in trial.reason) == (Stability.UNDECIDED, True)
 
 
 @pytest.mark.parametrize("timestep_s", [0.3, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("integrator", [EULER, RK4, IMPLICIT, IMPLICITFAST])
 def test_a_horizon_of_three_steps_makes_nothing_stable(timestep_s: float, integrator: int) -> None:
-    assert try_timestep(servo_scene(2000, 5), timestep_s, 3.0, integrator=integrator).outcome is not Outcome.STABLE
+    assert try_timestep(servo_scene(2000, 5), timestep_s, 3.0, integrator=integrator).stability is not Stability.STABLE
 
 
 @pytest.mark.parametrize("integrator", [EULER, RK4, IMPLICITFAST])
@@ -154,9 +157,9 @@ def test_near_the_limit_from_both_sides(kp: float, integrator: int) -> None:
     scene = servo_scene(kp, 0.0, q0=1e-3)
     below = try_timestep(scene, 0.999 * limit, 10_000 * limit, integrator=integrator)
     above = try_timestep(scene, 1.001 * limit, 10_000 * limit, integrator=integrator)
-    assert below.outcome is Outcome.STABLE
+    assert below.stability is Stability.STABLE
     if kp > GRAVITY_ARM:
-        assert above.outcome is Outcome.UNSTABLE
+        assert above.stability is Stability.UNSTABLE
     else:
         assert "small motions grow" in above.reason
 

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.linear import differenced_map, equilibrium, one_step_map
+from grader.numerics.bisection import Found, find_threshold
+from grader.numerics.linear import differenced_map, equilibrium, one_step_map, spectral_limit
 from grader.numerics.scene import Scene
-from grader.numerics.search import find_threshold, spectral_limit
 from grader.numerics.servo import Servo
-from grader.numerics.threshold import Criterion, Found, Outcome, certify, try_timestep
+from grader.numerics.trials import Criterion, Stability, check_bracket, try_timestep
 from numerics.models import ALL, DELAY, LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
@@ -50,12 +50,12 @@ def test_table_of_simulated_limits(integrator: int, column: int, horizon_s: floa
     low, high = threshold.bracket_s
     assert high - low <= 1 * US
     assert abs(0.5 * (low + high) - limit_s) <= 1 * US
-    assert threshold.low is not None and threshold.low.outcome is Outcome.STABLE
-    assert threshold.high is not None and threshold.high.outcome is Outcome.UNSTABLE
+    assert threshold.low is not None and threshold.low.stability is Stability.STABLE
+    assert threshold.high is not None and threshold.high.stability is Stability.UNSTABLE
 
 
 @pytest.mark.parametrize("integrator", TABLE_MS)
-def test_table_of_limits_for_ever(integrator: int) -> None:
+def test_table_of_linear_stability_limits(integrator: int) -> None:
     limit = spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=integrator)
     assert limit == pytest.approx(TABLE_MS[integrator][3] / 1000, abs=1 * US)
 
@@ -92,11 +92,11 @@ def test_closed_forms_of_the_lessons_servo() -> None:
     assert 1000 * bare.bound_s == pytest.approx(22.365, abs=1e-3)
 
 
-def test_a_claim_is_certified_by_two_simulations() -> None:
-    assert certify(SERVO, 0.0200, 0.0204, integrator=EULER).holds is True
-    assert certify(SERVO, 0.0190, 0.0195, integrator=EULER).holds is False
-    assert certify(SERVO, 0.0210, 0.0215, integrator=EULER).holds is False
-    assert certify(SERVO, 0.0200, 0.0204, integrator=DISCRETE).holds is False
+def test_a_claim_is_checked_by_two_simulations() -> None:
+    assert check_bracket(SERVO, 0.0200, 0.0204, integrator=EULER).holds is True
+    assert check_bracket(SERVO, 0.0190, 0.0195, integrator=EULER).holds is False
+    assert check_bracket(SERVO, 0.0210, 0.0215, integrator=EULER).holds is False
+    assert check_bracket(SERVO, 0.0200, 0.0204, integrator=DISCRETE).holds is False
 
 
 @pytest.mark.parametrize("integrator", TABLE_MS)
@@ -151,7 +151,7 @@ def scene(bodies: str, actuators: str) -> Scene:
 
 
 SOFT = "<position joint='a' kp='20' kv='0'/>"
-"""Its limit for ever is 0.2004 s; beyond, gravity bounds the motion, and MuJoCo never warns."""
+"""Its linear stability limit is 0.2004 s; beyond it gravity bounds the motion, and MuJoCo never warns."""
 WHIRL = scene(pendulum("a"), SOFT)
 DAMPED = scene(pendulum("a") + pendulum("b", joint="damping='1e4'"), SOFT)
 FREE = "<body pos='5 0 1'><freejoint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></body>"
@@ -173,9 +173,9 @@ UPRIGHT = scene(pendulum("a", z=0.5), BRAKE)
     ],
     ids=["pushed", "nudged", "far out", "beside a larger motion", "beside a fall", "upright", "far beyond the limit"],
 )
-def test_what_only_something_bounds_is_not_stable(moving: Scene, timestep_s: float) -> None:
+def test_numerical_growth_that_is_bounded_is_undecided(moving: Scene, timestep_s: float) -> None:
     trial = try_timestep(moving, timestep_s, 4000 * timestep_s, integrator=EULER)
-    assert trial.outcome is Outcome.UNDECIDED
+    assert trial.stability is Stability.UNDECIDED
     assert "large ones are bounded" in trial.reason
 
 
@@ -189,18 +189,18 @@ def test_what_only_something_bounds_is_not_stable(moving: Scene, timestep_s: flo
     ],
     ids=["pushed", "beside a larger motion", "upright", "upright and long steps"],
 )
-def test_what_moves_on_as_it_does_in_truth_is_stable(moving: Scene, timestep_s: float, integrator: int) -> None:
-    assert try_timestep(moving, timestep_s, 30, integrator=integrator).outcome is Outcome.STABLE
+def test_growth_of_the_exact_motion_is_stable(moving: Scene, timestep_s: float, integrator: int) -> None:
+    assert try_timestep(moving, timestep_s, 30, integrator=integrator).stability is Stability.STABLE
 
 
-def test_what_mujoco_cannot_do_is_undecided() -> None:
+def test_a_delay_is_undecided() -> None:
     delayed = try_timestep(Scene.from_xml(DELAY).at(qpos=[1]), 0.002, 3)
-    assert (delayed.outcome, "delays are not supported" in delayed.reason) == (Outcome.UNDECIDED, True)
+    assert (delayed.stability, "delays are not supported" in delayed.reason) == (Stability.UNDECIDED, True)
 
 
-def test_a_bracket_that_goes_down_is_refused() -> None:
-    with pytest.raises(ValueError, match="goes up"):
-        certify(SERVO, 0.0204, 0.02)
+def test_a_bracket_that_descends_is_refused() -> None:
+    with pytest.raises(ValueError, match="must ascend"):
+        check_bracket(SERVO, 0.0204, 0.02)
 
 
 @pytest.mark.parametrize("scan_step_s", [0.0, -1.0, float("nan")])

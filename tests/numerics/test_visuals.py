@@ -6,7 +6,7 @@ import pytest
 
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.visuals import moves_alike, shown, without_visuals
+from grader.numerics.visuals import moves_alike, visual_count, without_visuals
 from grader.numerics.workspace import BARE_AFTER
 from numerics.models import ALL, LESSON, MODELS
 
@@ -31,7 +31,7 @@ def bare(xml: str) -> mujoco.MjModel | None:
 def test_nothing_that_only_shows_is_left(xml: str) -> None:
     model = bare(xml)
     assert model is not None
-    assert shown(model) == 0
+    assert visual_count(model) == 0
 
 
 @pytest.mark.parametrize("name", ["sprung_body", "tendon_limit"])

@@ -1,4 +1,4 @@
-"""Certificate: an answer key re-derived by simulation, with what was measured."""
+"""Certificate: the result of deriving an answer key again by simulation, with the measurements."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,16 +7,17 @@ from typing import Any
 from grader.domain.quiz import NumericQuestion
 
 UNCERTAINTY_SHARE = 0.2
-"""A key is refused where the numerical uncertainty is more than this share of the tolerance."""
+"""Largest numerical uncertainty of a certified key, as a share of the tolerance."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """`ok`, and `why` in a sentence; `answer` is what was derived: an option's index, a number, or None.
+    """Whether the key holds, and why, in a sentence.
 
-    `uncertainty` and `tolerance` are in the question's unit, None where the criterion is a yes or no. `measured` is
-    plain JSON. `remarks` are no faults, but an author should read them. `key` is where a refusal stands in the
-    question: at its `answer`, or inside `verify` where that cannot work. `cost_ms` is measured and decides nothing.
+    `answer` is the derived option index or number, or None. `uncertainty` and `tolerance` are in the question's unit,
+    None for options. `measured` is plain JSON. `remarks` are notes for the author, not faults. `key` is the key of the
+    question to which a refusal belongs: `answer`, or one of `verify` if that cannot be carried out. `cost_ms` is
+    informative only.
     """
 
     ok: bool
@@ -48,14 +49,14 @@ class Certificate:
 
 
 def refused(method: str, expected: int | float, why: str, key: str = "verify") -> Certificate:
-    """A key that could not be re-derived at all."""
+    """A certificate for a key that could not be derived again."""
     return Certificate(False, " ".join(why.split()), method, None, expected, key=key)
 
 
 def of_number(
     method: str, question: NumericQuestion, derived: float, uncertainty: float, measured: Mapping[str, Any]
 ) -> Certificate:
-    """The certificate of a numeric key: within the tolerance, and known to a fifth of it."""
+    """Certify a number: the derived value is within the tolerance, and its uncertainty below a fifth of it."""
     expected, tolerance = question.answer, question.tolerance
     values = f"derived {derived:.9g} with an uncertainty of {uncertainty:.2g}"
     off = abs(derived - expected)
@@ -66,14 +67,16 @@ def of_number(
     else:
         why, ok = f"{values}; the key {expected:g} is within {tolerance:g}", True
     why = why if ok else f"{why}; measured: {evidence(measured)}"
-    remarks = (f"The key is {off:.3g} off what was derived, {derived:.9g}.",) if ok and off > tolerance / 2 else ()
+    remarks = (
+        (f"The key differs by {off:.3g} from the derived value, {derived:.9g}.",) if ok and off > tolerance / 2 else ()
+    )
     return Certificate(ok, why, method, derived, expected, measured, remarks, uncertainty, tolerance)
 
 
 def of_choice(
     method: str, right: list[int], expected: int, options: tuple[str, ...], measured: Mapping[str, Any]
 ) -> Certificate:
-    """The certificate of an option: exactly one is right, and it is the key."""
+    """Certify an option: exactly one is right, and it is the key."""
     answer = right[0] if len(right) == 1 else None
     ok = answer == expected
     if answer is None:
@@ -88,5 +91,5 @@ def of_choice(
 
 
 def evidence(measured: Mapping[str, Any]) -> str:
-    """The measurements in one line."""
+    """The measurements as one line of text."""
     return "; ".join(f"{name}: {value}" for name, value in measured.items())

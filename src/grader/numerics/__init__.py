@@ -1,1 +1,1 @@
-"""MuJoCo measurements: scenes, rollouts, thresholds, references. Pure: no I/O beyond MJCF text."""
+"""Measures MuJoCo models: scenes, rollouts, thresholds, reference solutions. Does no I/O."""

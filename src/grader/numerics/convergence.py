@@ -1,4 +1,4 @@
-"""Distances between runs, and the order at which they shrink."""
+"""Distance between two runs, and the observed order of convergence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,15 +9,13 @@ import mujoco
 import numpy as np
 from scipy import special  # scipy.stats would double the time that the command line takes to start
 
-from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene, Vector
-from grader.numerics.stepping import Stepper
 
 TIME_SLACK_S = 1e-9
-"""Sums of timesteps drift by rounding; times farther apart than this are different times."""
+"""Sums of timesteps drift by rounding; times that differ by more are different times."""
 
 
-class Run(Protocol):
+class TimeSeries(Protocol):
     """What a Rollout and a Reference have in common."""
 
     @property
@@ -36,44 +34,27 @@ class Distance:
     qvel: float
 
 
-def distance(scene: Scene, one: Run, other: Run) -> Distance:
-    """The largest difference at any kept time; inf where one run ended earlier or is not finite.
+def distance(scene: Scene, one: TimeSeries, other: TimeSeries) -> Distance:
+    """The largest difference at any kept time; inf if one run ended earlier or is not finite.
 
-    Raises ValueError where the runs are kept at different times.
+    Raises ValueError if the runs are kept at different times.
     """
     if len(one.time) != len(other.time):
         return Distance(inf, inf)
     if np.any(np.abs(one.time - other.time) > TIME_SLACK_S):
         raise ValueError("the runs are kept at different times")
-    turn = np.zeros(scene.model.nv)
+    difference = np.zeros(scene.model.nv)
     largest = 0.0
     for first, second in zip(one.qpos, other.qpos, strict=True):
-        mujoco.mj_differentiatePos(scene.model, turn, 1.0, first, second)
-        largest = max(largest, _sup(turn))
+        mujoco.mj_differentiatePos(scene.model, difference, 1.0, first, second)
+        largest = max(largest, _sup(difference))
     return Distance(largest, _sup(one.qvel - other.qvel))
 
 
 def _sup(values: Vector) -> float:
-    """inf for NaN: a run that is not finite is infinitely far away."""
+    """The largest magnitude; inf if any value is not finite."""
     largest = float(np.max(np.abs(values), initial=0.0))
     return largest if np.isfinite(largest) else inf
-
-
-def errors(
-    scene: Scene,
-    reference: Run,
-    timesteps_s: Sequence[float],
-    *,
-    integrator: int | None = None,
-    stepper: Stepper | None = None,
-) -> list[Distance]:
-    """Distance to `reference` at its times, at each timestep [s], each of which must divide those times."""
-    times = reference.time - scene.start.time_s
-    runs = (
-        simulate(scene, seconds=float(times[-1]), timestep_s=h, integrator=integrator, at_s=times, stepper=stepper)
-        for h in timesteps_s
-    )
-    return [distance(scene, run, reference) for run in runs]
 
 
 @dataclass(frozen=True)
@@ -86,7 +67,7 @@ class Order:
 
 
 def observed_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> Order:
-    """Least squares through at least three points.
+    """Fit the order by least squares through three or more points.
 
     Source: Student's t interval of a regression slope. Raises ValueError for fewer points, or errors that are zero
     or not finite.

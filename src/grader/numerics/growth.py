@@ -1,6 +1,6 @@
-"""A second look at a run that neither warned nor came to rest: do small motions grow, so that something bounds them?
+"""Detects linear growth behind a run that neither warned nor came to rest.
 
-A soft servo under gravity does that: beyond its limit it whirls about for ever, and MuJoCo never warns.
+A soft servo under gravity has it: beyond its linear stability limit gravity bounds the motion, and MuJoCo never warns.
 """
 
 from dataclasses import dataclass
@@ -9,61 +9,67 @@ from math import log
 import numpy as np
 from mujoco import mjMAXVAL
 
-from grader.numerics.linear import RADIUS_NOISE, calmest, spectrum
+from grader.numerics.linear import RADIUS_NOISE, least_accelerated, spectrum
 from grader.numerics.scene import Scene, Vector
 
 CLEAR_GROWTH = 1.05
-"""Growth a step above which a run without a warning is not called stable. Source: the lesson's servo, which gravity
-bounds between 19.983 and 20.009 ms, grows by less than 1.01 there and is stable by the criterion."""
+"""Spectral radius above which a run without a warning may be called unstable.
 
-CLEARLY = 2.0
-"""And only where linear growth was this many times enough to be noticed in time, on a log scale; and this many times
-as fast as in truth."""
+Source: the lesson's servo between its linear stability limit, 19.983 ms, and its limit within 300 s, 20.009 ms, has a
+spectral radius below 1.01 and counts as stable.
+"""
 
-FINER = 256
-"""The truth is taken at this fraction of the timestep: RADIUS_NOISE is then less than 1e-4 of growth a whole step."""
+CERTAINTY = 2.0
+"""Factor, in the logarithm of growth, by which numerical growth must exceed what would raise a warning within the run,
+and the growth of the exact motion."""
+
+REFINEMENT = 256
+"""The growth of the exact motion is measured with steps this many times shorter.
+
+RADIUS_NOISE then amounts to less than 1e-4 of growth per whole step.
+"""
 
 RESOLVED = 1.02
-"""Growth in such a fraction above which that is too long too, and the truth unknown: it would be 150 a whole step."""
+"""Growth per short step above which the short step is too long too: it would be 150 per whole step."""
 
 
 @dataclass(frozen=True)
-class Look:
-    """Is there growth that only something bounded, and what to say of it after "no warning"."""
+class Growth:
+    """Whether a run has numerical growth that nonlinear forces bounded, and a clause that says so."""
 
     bounded: bool
-    words: str = ""
+    clause: str = ""
 
 
-def growth_at_rest(scene: Scene, *, timestep_s: float, integrator: int, steps: int, motion: float) -> Look:
-    """Look at small motions about the scene's equilibrium over `steps`, from a first `motion` [rad/s2, m/s2].
+def growth_at_rest(scene: Scene, *, timestep_s: float, integrator: int, steps: int, motion: float) -> Growth:
+    """Measure the growth of small motions about the scene's equilibrium over `steps`, from `motion` [rad/s2, m/s2].
 
-    Growth that MuJoCo could not have noticed within these steps is no contradiction, nor is that of an equilibrium
-    which is unstable in truth. Raises mujoco.FatalError for a model that MuJoCo cannot linearise.
+    Does not count growth that could not have raised a warning within these steps, nor that of an equilibrium which is
+    unstable in the exact motion. Raises mujoco.FatalError for a model that MuJoCo cannot linearise.
     """
-    resting = calmest(scene)
+    resting = least_accelerated(scene)
     moduli = spectrum(resting, timestep_s=timestep_s, integrator=integrator)
     radius = float(moduli[0])
     if radius <= 1 + RADIUS_NOISE:
-        return Look(False)
-    words = f", but small motions grow {radius:.6g} times a step"
+        return Growth(False)
+    clause = f", but small motions grow {radius:.6g} times a step"
     if not _noticeable(radius, steps, motion):
-        return Look(False, words)
-    false = moduli[_logs(moduli) > CLEARLY * _true_growth(resting, timestep_s, integrator)].max(initial=0.0)
-    if not _noticeable(float(false), steps, motion):
-        return Look(False, f"{words}, as they do in truth")
-    return Look(True, f"{words}: large ones are bounded")
+        return Growth(False, clause)
+    numerical = moduli[_logs(moduli) > CERTAINTY * _exact_growth(resting, timestep_s, integrator)].max(initial=0.0)
+    if not _noticeable(float(numerical), steps, motion):
+        return Growth(False, f"{clause}, as in the exact motion")
+    return Growth(True, f"{clause}: large ones are bounded")
 
 
 def _noticeable(factor: float, steps: int, motion: float) -> bool:
-    """Is growth by `factor` a step clear, and was it more than enough for a warning within `steps`?"""
-    return factor > CLEAR_GROWTH and steps * log(factor) > CLEARLY * log(max(mjMAXVAL / motion, 1.0))
+    """Whether growth by `factor` per step is certain, and more than enough for a warning within `steps`."""
+    return factor > CLEAR_GROWTH and steps * log(factor) > CERTAINTY * log(max(mjMAXVAL / motion, 1.0))
 
 
-def _true_growth(resting: Scene, timestep_s: float, integrator: int) -> Vector:
-    """Logarithm of growth within a timestep, of each mode in order, largest first; 0 where it decays or is unknown."""
-    fine = spectrum(resting, timestep_s=timestep_s / FINER, integrator=integrator)
-    return np.zeros(len(fine)) if fine[0] > RESOLVED else np.maximum(FINER * _logs(fine), 0.0)
+def _exact_growth(resting: Scene, timestep_s: float, integrator: int) -> Vector:
+    """Logarithm of the growth of each mode per timestep, largest first; 0 for decay, or if it cannot be measured."""
+    fine = spectrum(resting, timestep_s=timestep_s / REFINEMENT, integrator=integrator)
+    return np.zeros(len(fine)) if fine[0] > RESOLVED else np.maximum(REFINEMENT * _logs(fine), 0.0)
 
 
 def _logs(moduli: Vector) -> Vector:

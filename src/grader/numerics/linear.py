@@ -1,6 +1,7 @@
-"""The one-step map linearised at an equilibrium, and its spectral radius: stability for ever, at small amplitude."""
+"""Linearises the one-step map at an equilibrium; its spectral radius decides the stability of small motions."""
 
 from functools import lru_cache
+from math import isfinite
 from typing import Literal
 
 import mujoco
@@ -18,36 +19,39 @@ EPS = 1e-6
 """Step of the central differences. Source: cube root of the rounding unit, balancing truncation and rounding."""
 
 RADIUS_NOISE = 1e-7
-"""What differencing leaves in a spectral radius of 1; larger is growth."""
+"""Error of a spectral radius of 1 from finite differences; a radius further above 1 is growth."""
+
+SPECTRAL_POINTS = 64
+"""Grid of `spectral_limit`; the spectral radius is assumed to pass 1 at most once within a cell."""
 
 REST = 1e-9
-"""Accelerations below this count as rest [rad/s2, m/s2], or relative to those at qpos0 where these are larger."""
+"""Accelerations below this count as rest [rad/s2, m/s2]; relative to those at qpos0 if these exceed 1."""
 
 
 @lru_cache(maxsize=128)
 def equilibrium(scene: Scene) -> Scene | None:
-    """The scene at rest where nothing accelerates, sought from qpos0 with the scene's controls; None if not found.
+    """Find the scene's equilibrium, starting at qpos0, with the scene's controls; None if there is none.
 
-    Sought once per scene.
+    The result is cached per scene.
     """
-    # What counts is the residual that is left: the solver calls a root at rounding level "no progress".
+    # The residual decides, not the solver's status, which is "no progress" for a root at rounding level.
     found, residual = _resting(scene, "hybr")
     return found if residual <= REST else None
 
 
 @lru_cache(maxsize=128)
-def calmest(scene: Scene) -> Scene:
-    """The equilibrium, or where there is none, as in free fall, the scene at rest where it accelerates least."""
+def least_accelerated(scene: Scene) -> Scene:
+    """Find the equilibrium or, if there is none, as in free fall, the position at rest with the least acceleration."""
     return equilibrium(scene) or _resting(scene, "lm")[0]
 
 
 def _resting(scene: Scene, method: Literal["hybr", "lm"]) -> tuple[Scene, float]:
-    """The scene at the rest that SciPy's `root` finds, and the acceleration left there, relative as REST is."""
+    """The scene at rest where SciPy's `root` ends, and the remaining acceleration, scaled as for REST."""
     with scene.borrow() as workspace:
         model, data = workspace.model, workspace.data
         origin, nv = np.array(model.qpos0), int(model.nv)
 
-        def rest(unknowns: Vector) -> Vector:
+        def accelerations(unknowns: Vector) -> Vector:
             data.qpos[:] = origin
             mujoco.mj_integratePos(model, data.qpos, unknowns[:nv], 1.0)
             data.qvel[:] = 0
@@ -56,18 +60,18 @@ def _resting(scene: Scene, method: Literal["hybr", "lm"]) -> tuple[Scene, float]
             return np.concatenate([data.qacc, data.act_dot])
 
         unknowns = np.concatenate([np.zeros(nv), data.act])
-        first = residual = float(np.abs(rest(unknowns)).max(initial=0.0))
+        first = residual = float(np.abs(accelerations(unknowns)).max(initial=0.0))
         if first != 0:
-            unknowns = optimize.root(rest, unknowns, method=method, tol=1e-12).x
-            residual = float(np.abs(rest(unknowns)).max())
+            unknowns = optimize.root(accelerations, unknowns, method=method, tol=1e-12).x
+            residual = float(np.abs(accelerations(unknowns)).max())
         qpos, act = data.qpos.copy(), data.act.copy()
     return scene.at(qpos=qpos, qvel=np.zeros(nv), act=act), residual / max(1.0, first)
 
 
 def one_step_map(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> Matrix:
-    """d(next state)/d(state) at the scene's start, (2 nv + na) square, positions as tangent vectors.
+    """d(next state)/d(state) at the scene's start, (2 nv + na, 2 nv + na), positions as tangent vectors.
 
-    `mjd_transitionFD` for the single-step methods, central differences of whole steps for RK4, which it refuses.
+    Uses `mjd_transitionFD`, or central differences of whole steps for RK4, which it does not support.
     """
     with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=True) as workspace:
         if int(workspace.option.integrator) == mjtIntegrator.mjINT_RK4:
@@ -79,7 +83,7 @@ def one_step_map(scene: Scene, *, timestep_s: float | None = None, integrator: i
 
 
 def differenced_map(workspace: Workspace) -> Matrix:
-    """The same by central differences of mj_step, for any integrator."""
+    """`one_step_map` by central differences of mj_step, for any integrator, at the state of the workspace."""
     model, data = workspace.model, workspace.data
     nv, size = int(model.nv), int(2 * model.nv + model.na)
     start = (data.qpos.copy(), data.qvel.copy(), data.act.copy(), float(data.time), data.qacc_warmstart.copy())
@@ -104,7 +108,7 @@ def differenced_map(workspace: Workspace) -> Matrix:
 
 
 def spectrum(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> Vector:
-    """|eigenvalues| of the one-step map at the scene's start, largest first; all inf where the map is not finite."""
+    """|eigenvalues| of the one-step map at the scene's start, largest first; all inf if the map is not finite."""
     jacobian = one_step_map(scene, timestep_s=timestep_s, integrator=integrator)
     if not np.all(np.isfinite(jacobian)):
         return np.full(len(jacobian), np.inf)
@@ -112,5 +116,35 @@ def spectrum(scene: Scene, *, timestep_s: float | None = None, integrator: int |
 
 
 def spectral_radius(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> float:
-    """The largest |eigenvalue| of the one-step map at the scene's start; inf where the map is not finite."""
+    """The largest |eigenvalue| of the one-step map at the scene's start; inf if the map is not finite."""
     return float(np.max(spectrum(scene, timestep_s=timestep_s, integrator=integrator), initial=0.0))
+
+
+def spectral_limit(
+    scene: Scene, *, low_s: float, high_s: float, integrator: int | None = None, width_s: float = 1e-9
+) -> float | None:
+    """The linear stability limit [s]: the lowest timestep at which the spectral radius at the equilibrium passes 1.
+
+    Returns None if it does not pass 1 between `low_s` and `high_s`, and `low_s` if it exceeds 1 there.
+    Raises ValueError if there is no equilibrium, or the range is empty.
+    """
+    if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
+        raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
+    resting = equilibrium(scene)
+    if resting is None:
+        raise ValueError("no equilibrium was found to linearise at")
+
+    def unstable(timestep_s: float) -> bool:
+        return spectral_radius(resting, timestep_s=timestep_s, integrator=integrator) > 1 + RADIUS_NOISE
+
+    grid = np.linspace(low_s, high_s, SPECTRAL_POINTS + 1).tolist()
+    first = next((i for i, h in enumerate(grid) if unstable(h)), None)
+    if first is None:
+        return None
+    if first == 0:
+        return low_s
+    low_s, high_s = grid[first - 1], grid[first]
+    while high_s - low_s > width_s:
+        middle = 0.5 * (low_s + high_s)
+        low_s, high_s = (low_s, middle) if unstable(middle) else (middle, high_s)
+    return 0.5 * (low_s + high_s)

@@ -1,37 +1,25 @@
-"""Measures of a Rollout: energy, and any quantity that MuJoCo computes from a state."""
+"""Evaluates a quantity that MuJoCo computes from a state, at every kept state of a run."""
 
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from grader.numerics.integrators import EULER
 from grader.numerics.reference import Reference
 from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Scene, Vector, frozen
 from grader.numerics.workspace import Workspace
 
-EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
-
-
-def energy(scene: Scene, rollout: Rollout | Reference) -> Vector:
-    """Potential plus kinetic energy at every kept state [J], (n,), with the start's controls."""
-
-    def total(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        mujoco.mj_energyPos(model, data)
-        mujoco.mj_energyVel(model, data)
-        return float(data.energy[0] + data.energy[1])
-
-    return measure(scene, rollout, total)
-
 
 def measure(
     scene: Scene, rollout: Rollout | Reference, quantity: Callable[[mujoco.MjModel, mujoco.MjData], float]
 ) -> Vector:
-    """`quantity(model, data)` at every kept state, after mj_forward with its energies, (n,).
+    """`quantity(model, data)` at every kept state, (n,), each after mj_forward with energies enabled.
 
-    It has a model and a data of its own, which it may write.
+    `quantity` may write its model and data, which no other run uses.
     """
-    options = (rollout.timestep_s, rollout.integrator) if isinstance(rollout, Rollout) else (None, EULER)
+    options = (rollout.timestep_s, rollout.integrator) if isinstance(rollout, Rollout) else (None, EULER.code)
     with scene.borrow(timestep_s=options[0], integrator=options[1], keep=False) as workspace:
         workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         return frozen(np.array([_at(workspace, rollout, index, quantity) for index in range(len(rollout.time))]))

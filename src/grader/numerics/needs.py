@@ -1,7 +1,7 @@
-"""What a compiled model provably does not need, each with its reason in words.
+"""Proves which parts of the engine a compiled model does not need, each with its reason in words.
 
-A need is denied only where the model leaves no way to it, whatever state, control or applied force is set at run
-time. What may be skipped is bitwise without effect on the trajectory; the tests hold that for all integrators.
+A part is not needed only if no state, control or applied force that can be set at run time could make it act. Skipping
+it then leaves trajectories bitwise the same; the tests check that for all integrators.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +18,7 @@ _UNPROVABLE = int(mjtEnableBit.mjENBL_SLEEP | mjtEnableBit.mjENBL_FWDINV | mjtEn
 
 @dataclass(frozen=True)
 class Need:
-    """One part of the engine: does the scene need it, why (not), and the disable bit that skips it (0: none)."""
+    """A part of the engine, whether the model needs it, the reason, and the disable bit that skips it (0: none)."""
 
     part: str
     needed: bool
@@ -27,7 +27,7 @@ class Need:
 
 
 def prove(model: mujoco.MjModel) -> tuple[Need, ...]:
-    """Everything that is decided about `model`, in a fixed order."""
+    """All needs of `model`, in a fixed order."""
     if model.nplugin:
         return (Need("everything", True, "the model has plug-ins, which may read or change anything"),)
     if int(model.opt.enableflags) & _UNPROVABLE:
@@ -42,7 +42,7 @@ def prove(model: mujoco.MjModel) -> tuple[Need, ...]:
 
 
 def skippable(needs: tuple[Need, ...], *, sensors_read: bool = False) -> int:
-    """The disable bits of all parts that are not needed; sensors stay where `sensors_read`."""
+    """The disable bits of all parts that are not needed; sensors are not skipped if `sensors_read`."""
     bits = 0
     for need in needs:
         if (need.part == "sensors" and not sensors_read) or not need.needed:
@@ -51,7 +51,7 @@ def skippable(needs: tuple[Need, ...], *, sensors_read: bool = False) -> int:
 
 
 def assert_proved(needs: tuple[Need, ...], data: mujoco.MjData) -> None:
-    """Hold the proofs against an unskipped run's final `data`; a failure is a bug of this module."""
+    """Check the proofs against the final `data` of a run that skipped nothing; a failure is a bug of this module."""
     counts: dict[str, Callable[[], int]] = {
         "equality constraints": lambda: int(data.ne),
         "friction loss": lambda: int(data.nf),
@@ -87,7 +87,7 @@ def _contacts(model: mujoco.MjModel) -> Need:
 
 
 def _collisions(model: mujoco.MjModel) -> Iterator[str]:
-    """Reasons why two geoms might touch; the filters are those of MuJoCo's collision driver."""
+    """Reasons why two geoms may touch, by the filters of MuJoCo's collision driver."""
     if model.nflex:
         yield "flexible bodies may collide"
     if model.npair:
@@ -106,7 +106,7 @@ def _bits_match(model: mujoco.MjModel, first: int, second: int) -> bool:
 
 
 def _filtered(model: mujoco.MjModel, body1: int, body2: int, excluded: set[int]) -> bool:
-    """Same rigid body, excluded pair, or parent and child (where neither is the world)."""
+    """Whether MuJoCo skips a pair of bodies: one rigid body, an excluded pair, or parent and child but the world."""
     weld1, weld2 = int(model.body_weldid[body1]), int(model.body_weldid[body2])
     if weld1 == weld2 or (body1 << 16) + body2 in excluded:
         return True
@@ -122,7 +122,7 @@ def _constraints(parts: list[Need]) -> Need:
 
 
 def _islands(constraints: Need) -> Need:
-    """Even where all is one island: its own solver may stop after another number of iterations."""
+    """Needed even for a single island: its own solver may stop after another number of iterations."""
     needed = constraints.needed
     reason = "there are constraints, which are solved by island" if needed else "there are no constraints to split"
     return Need("islands", needed, reason, int(mjtDisableBit.mjDSBL_ISLAND))
@@ -156,7 +156,7 @@ def _fluid(model: mujoco.MjModel) -> Need:
 
 
 def _passive_forces(parts: list[Need]) -> Need:
-    """One flag for all: MuJoCo leaves the whole stage out only where springs and dampers are both disabled."""
+    """One flag for all: MuJoCo skips the whole stage only if springs and dampers are both disabled."""
     return _any_of("passive forces", parts, mjtDisableBit.mjDSBL_SPRING | mjtDisableBit.mjDSBL_DAMPER)
 
 
@@ -177,7 +177,7 @@ def _actuation(model: mujoco.MjModel) -> Need:
 
 
 def _sensors(model: mujoco.MjModel) -> Need:
-    """Sensors never act on the motion; with a history they are part of the state, and stay."""
+    """Sensors do not affect the motion, but with a history they are part of the state."""
     if model.nhistory:
         return Need("sensors", True, "sensors or controls keep a history")
     reason = f"{model.nsensor} sensors, needed only where they are read" if model.nsensor else "there are no sensors"
@@ -185,6 +185,6 @@ def _sensors(model: mujoco.MjModel) -> Need:
 
 
 def _visuals(model: mujoco.MjModel) -> Need:
-    """No flag of MuJoCo leaves their poses out; `visuals.without_visuals` makes a model that has none."""
+    """No flag of MuJoCo skips their poses; `visuals.without_visuals` compiles a model without them."""
     shown = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
     return Need("visuals", False, f"{shown} geoms, {model.ncam} cameras and {model.nlight} lights only show")

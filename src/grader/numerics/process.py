@@ -1,4 +1,4 @@
-"""Sets this process up for MuJoCo, once."""
+"""Prepares this process for MuJoCo, once."""
 
 import functools
 
@@ -7,11 +7,10 @@ import mujoco
 
 @functools.cache
 def prepare() -> None:
-    """Turn the wheel's profiling timer and MuJoCo's log off; repeating it costs nothing.
+    """Turn off the profiling timer of the Python wheel, and MuJoCo's log. Later calls do nothing.
 
-    Whatever compiles or steps a model calls this first. Warnings are still counted in `data.warning`; only their
-    text goes nowhere, neither to stderr nor to MUJOCO_LOG.TXT. It clears every MuJoCo callback of the process, so
-    callbacks of one's own are installed afterwards.
+    Call this before a model is compiled or stepped. Warnings are still counted in `data.warning`, but their text is
+    not written to stderr or MUJOCO_LOG.TXT. Clears all MuJoCo callbacks of the process: install your own afterwards.
     """
     mujoco.mj_resetCallbacks()
     log = mujoco.MjLogConfig.get()

@@ -1,8 +1,9 @@
-"""Reference solutions: DOP853 on a model's own equations through mj_forward, and Richardson's estimate."""
+"""Reference solutions: DOP853 on a model's own equations through mj_forward."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite, log2
+from math import isfinite
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -10,9 +11,11 @@ from mujoco import mjtIntegrator, mjtJoint
 from numpy.typing import NDArray
 from scipy import integrate
 
-from grader.numerics.rk4 import PLAIN_DYNAMICS, Forward
+from grader.numerics.runge_kutta import PLAIN_DYNAMICS, Forward
 from grader.numerics.scene import Scene, Values, Vector, frozen
 from grader.numerics.workspace import Workspace
+
+Method = Literal["DOP853", "LSODA"]
 
 RTOL = 3e-14
 """Source: measured on the double pendulum; reaches 9e-15 over 1 s. SciPy refuses less than 100 rounding units."""
@@ -20,13 +23,13 @@ RTOL = 3e-14
 ATOL = 1e-15
 
 TIMESTEP_S = 1e-15
-"""What the model takes for its own timestep: an actuator with `actearly` acts on the activation one step ahead."""
+"""Timestep of the model in use: an actuator with `actearly` would act on the activation one timestep ahead."""
 
 EVALUATIONS_MAX = 500_000
 """About 4 s. Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000."""
 
-GLANCE = 16
-"""The count and the rates are looked at this often: at every evaluation that would cost 5 %."""
+CHECK_INTERVAL = 16
+"""Evaluations between two checks of count and rates; a check at every evaluation would cost 5 %."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,10 @@ def dop853(
     atol: float = ATOL,
     forward: Forward = mujoco.mj_forward,
 ) -> Reference:
-    """The scene's motion at `times_s` (ascending, from the scene's start on) by SciPy's DOP853 over `forward`.
+    """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
 
-    Raises ValueError for times that are not ascending, and where the scene has what `unreferenced` names;
-    RuntimeError where the solver gives up.
+    Raises ValueError for times that do not ascend, and for a scene with an obstacle that `unreferenced` names;
+    RuntimeError if the solver gives up.
     """
     obstacle = unreferenced(scene)
     if obstacle is not None:
@@ -61,7 +64,7 @@ def dop853(
         data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
         start = np.concatenate([data.qpos, data.qvel, data.act])
         values = solve(
-            _rate(workspace, forward), start, np.asarray(times_s) + data.time, start_s=data.time, rtol=rtol, atol=atol
+            rate_of(workspace, forward), start, np.asarray(times_s) + data.time, start_s=data.time, rtol=rtol, atol=atol
         )
         qpos = values[:, :nq].copy()
         for row in qpos:
@@ -71,14 +74,14 @@ def dop853(
 
 
 def unreferenced(scene: Scene) -> str | None:
-    """What keeps the scene's equations from being smooth ones of its state alone; None where nothing does."""
+    """What prevents the scene's equations from being smooth functions of its state alone, or None."""
     model, needed = scene.model, {need.part for need in scene.needs if need.needed}
     if "everything" in needed:
         return "plug-ins and sleeping bodies"
     if "constraints" in needed:
         return "contacts, limits, friction loss and equalities"
     if model.nhistory:
-        return "delays, which act on a history that is no part of the equations"
+        return "delays, which act on a history outside the equations"
     if np.any(model.actuator_actlimited):
         return "limited activations, which MuJoCo clamps after every step"
     if any(int(kind) not in PLAIN_DYNAMICS for kind in model.actuator_dyntype):
@@ -94,32 +97,34 @@ def solve(
     start_s: float = 0.0,
     rtol: float = RTOL,
     atol: float = ATOL,
+    method: Method = "DOP853",
 ) -> NDArray[np.float64]:
-    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start.
+    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`.
 
-    Raises ValueError for times that do not go on from `start_s`, RuntimeError where a rate is beyond mjMAXVAL or no
-    number, or DOP853 gets nowhere.
+    Raises ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
+    number, or the method gives up.
     """
     times = np.asarray(times_s, dtype=np.float64)
     span = (start_s, float(times.max(initial=start_s)))
     if not (isfinite(span[1]) and span[0] < span[1] and times[0] >= start_s and np.all(np.diff(times) > 0)):
         raise ValueError(f"times must be finite and ascend from the start at {start_s:g} s")
-    solution = integrate.solve_ivp(_watched(rate), span, start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
+    watched = _watched(rate, method)
+    solution = integrate.solve_ivp(watched, span, start, method=method, t_eval=times, rtol=rtol, atol=atol)
     if not solution.success:
-        raise RuntimeError(f"DOP853 gave up: {solution.message}")
+        raise RuntimeError(f"{method} gave up: {solution.message}")
     return np.asarray(solution.y.T)
 
 
-def _watched(rate: Callable[[float, Vector], Values]) -> Callable[[float, Vector], Values]:
-    """The same, until it has been asked too often or the motion is lost; then RuntimeError."""
+def _watched(rate: Callable[[float, Vector], Values], method: str) -> Callable[[float, Vector], Values]:
+    """`rate` with checks: RuntimeError after EVALUATIONS_MAX evaluations, or if a rate exceeds mjMAXVAL or is NaN."""
     evaluations = 0
 
     def watched(time: float, state: Vector) -> Values:
         nonlocal evaluations
         values = rate(time, state)
-        if evaluations % GLANCE == 0:
+        if evaluations % CHECK_INTERVAL == 0:
             if evaluations >= EVALUATIONS_MAX:
-                raise RuntimeError(f"DOP853 gave up after {evaluations} evaluations, at {time:.3g} s")
+                raise RuntimeError(f"{method} gave up after {evaluations} evaluations, at {time:.3g} s")
             largest = float(np.abs(values).max(initial=0.0))
             if not largest <= mujoco.mjMAXVAL:
                 raise RuntimeError(f"the motion grows without bound: a rate of {largest:.2g} at {time:.3g} s")
@@ -129,7 +134,11 @@ def _watched(rate: Callable[[float, Vector], Values]) -> Callable[[float, Vector
     return watched
 
 
-def _rate(workspace: Workspace, forward: Forward) -> Callable[[float, Vector], Vector]:
+def rate_of(workspace: Workspace, forward: Forward = mujoco.mj_forward) -> Callable[[float, Vector], Vector]:
+    """The model's equations of motion: the derivative of (qpos, qvel, act) at a time [s] and such a state.
+
+    Each call writes into the data of the workspace. Quaternions turn by q' = q w / 2.
+    """
     model, data = workspace.model, workspace.data
     nq, nv, na = int(model.nq), int(model.nv), int(model.na)
     position_rate = _position_rate(model)
@@ -169,41 +178,6 @@ def _position_rate(model: mujoco.MjModel) -> Callable[[Vector, Vector], Vector]:
         return result
 
     return rate
-
-
-@dataclass(frozen=True)
-class Richardson:
-    """Error estimated for the finest of three solutions; not `valid` where the observed order contradicts the theory.
-
-    `reason` says in words why (not).
-    """
-
-    error: float
-    observed_order: float
-    valid: bool
-    reason: str
-
-
-ORDER_SLACK = 0.25
-"""How far the observed order may be from the method's: beyond it, the next term of the error is not small."""
-
-
-def richardson(coarse: float, fine: float, order: int, *, noise: float = 1e-14) -> Richardson:
-    """Estimate the error at h/4 from the distances |y(h) - y(h/2)| = `coarse` and |y(h/2) - y(h/4)| = `fine`.
-
-    Source: Richardson 1911; error(h/4) = fine / (2^p - 1). Not valid where the distances drown in `noise`, or do
-    not shrink by 2^p.
-    """
-    estimate = fine / (2**order - 1)
-    if not (np.isfinite(coarse) and np.isfinite(fine)):
-        return Richardson(float("inf"), float("nan"), False, "one of the solutions is not finite")
-    if fine <= noise or coarse <= noise:
-        return Richardson(max(estimate, noise), float("nan"), False, "the differences are at rounding level")
-    observed = log2(coarse / fine)
-    if abs(observed - order) > ORDER_SLACK:
-        reason = f"the differences shrink with order {observed:.2f}, not {order}: not in the asymptotic range"
-        return Richardson(estimate, observed, False, reason)
-    return Richardson(estimate, observed, True, f"the differences shrink with order {observed:.2f}, as they should")
 
 
 def sample_times(seconds: float, interval_s: float) -> Sequence[float]:

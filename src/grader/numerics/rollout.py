@@ -1,7 +1,7 @@
-"""Rollout: a simulated time series that never contains a silently reset state.
+"""Simulates a scene into a Rollout, a time series without automatically reset states.
 
-MuJoCo resets the state when it diverges and goes on. Here a run ends at the first warning of any kind, or where
-time runs backwards, and says at which step.
+MuJoCo resets a state that diverges and continues. Here a run ends at the first warning of any kind, or if time runs
+backwards, and reports the step.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,11 +21,11 @@ from grader.numerics.workspace import Workspace
 
 @dataclass(frozen=True)
 class Rollout:
-    """Read-only arrays: time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na), step (n,) from the start on.
+    """A simulated time series as read-only arrays.
 
-    `diverged_at_step` is the number of whole steps before the one that raised `warning`; the states of steps
-    0..diverged_at_step are real, later ones do not exist. `warning` is None where time ran backwards without one.
-    `steps` counts the steps that were completed.
+    step (n,), time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na), beginning with the start. `diverged_at_step` is
+    the number of completed steps before the one that raised `warning`, None for a run that did not diverge; `warning`
+    is None if time ran backwards without one. `steps` counts the completed steps.
     """
 
     step: NDArray[np.int64]
@@ -55,12 +55,12 @@ def simulate(
 ) -> Rollout:
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
-    States are kept every `every` steps and at the end, or at the steps nearest to the times `at_s` [s after the
-    start]. A `controller(model, data)` is called before every step and may read and write anything; nothing is
-    then skipped. A `stepper(model, data)` takes each step in place of mj_step; it may read anything, and write `data`.
+    Keeps the states of every `every`-th step and of the last, or of the steps nearest to the times `at_s` [s after the
+    start]. A `controller(model, data)` is called before each step and may read and write anything; no part of the
+    engine is then skipped. A `stepper(model, data)` replaces mj_step; it may read anything, and write `data`.
 
-    Raises ValueError for a length or timestep that is not finite, negative or beyond STEPS_MAX, or a stepper that
-    wrote its model; mujoco.FatalError where the model's memory is too small.
+    Raises ValueError for a length or timestep that is not finite, is negative or takes more than STEPS_MAX steps, and
+    for a stepper that wrote its model; mujoco.FatalError if the memory of the model is too small.
     """
     keep = controller is None
     bare = skip and keep and stepper is None
@@ -72,7 +72,7 @@ def simulate(
         advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
         written = _bytes_of(workspace.model) if stepper is not None and keep else b""
         rollout = _record(workspace, wanted, advance)
-        if written and _bytes_of(workspace.model) != written:  # thrown away with the exception
+        if written and _bytes_of(workspace.model) != written:  # the workspace is discarded with the exception
             raise ValueError("a stepper may not write its model, which later runs use too")
         if keep and not skip and rollout.diverged_at_step is None:
             assert_proved(scene.needs, workspace.data)
@@ -80,7 +80,7 @@ def simulate(
 
 
 def _bytes_of(model: mujoco.MjModel) -> bytes:
-    """All that a model holds; 4 us for the lesson's."""
+    """The whole content of a model; takes 4 us for the lesson's."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
@@ -103,7 +103,7 @@ def _steps(workspace: Workspace, seconds: float | None, steps: int | None) -> in
 
 
 def _wanted(count: int, every: int, at_s: Sequence[float] | Vector | None, timestep_s: float) -> NDArray[np.int64]:
-    """The steps whose states are kept: ascending, without repeats."""
+    """The steps whose states are kept, ascending and unique."""
     if at_s is None:
         if every < 1:
             raise ValueError("every must be 1 or more")

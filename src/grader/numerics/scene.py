@@ -1,8 +1,8 @@
 """Scene: a model, its initial state, its named quantities, and what it does not need.
 
-Threads: a Scene is immutable and may be shared. Its model is never stepped and never written; every run borrows a
-workspace (a copy of the model and one MjData) that no other run holds at that time, and gives it back. So two
-threads, or a run inside a run, never share an MjData or a mutable MjModel, and one thread always reuses the same.
+Thread safety: a Scene is immutable and may be shared. Its model is never stepped or written. Each run borrows a
+workspace (a copy of the model and an MjData), which no other run uses at the same time, and returns it. Threads and
+nested runs therefore never share an MjData or a mutable MjModel, while a single thread reuses one workspace.
 """
 
 import copy
@@ -19,6 +19,7 @@ from mujoco import mjtObj, mjtState
 from numpy.typing import NDArray
 
 from grader.numerics import needs as proofs
+from grader.numerics.integrators import BY_CODE
 from grader.numerics.process import prepare
 from grader.numerics.visuals import without_visuals
 from grader.numerics.workspace import Stock, Workspace
@@ -26,7 +27,6 @@ from grader.numerics.workspace import Stock, Workspace
 Vector = NDArray[np.float64]
 Values = Sequence[float] | Vector
 
-INTEGRATORS = len(mujoco.mjtIntegrator.__members__)
 FULL_STATE = int(mjtState.mjSTATE_INTEGRATION)
 
 
@@ -43,10 +43,10 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Built by `Scene.from_xml`, or `Scene.of_model`, which copies the model it is given.
+    """A model with an initial state; build it with `Scene.from_xml` or `Scene.of_model`.
 
-    `start` is where every run begins; `start_vector` is the same with all else that MuJoCo integrates from (mocap
-    poses, equality switches, warm start, ...), as mjSTATE_INTEGRATION.
+    Every run begins at `start`; `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes
+    mocap poses, equality switches and the warm start. `needs` are the parts of the engine that the model needs.
     """
 
     model: mujoco.MjModel
@@ -58,21 +58,21 @@ class Scene:
 
     @staticmethod
     def from_xml(xml: str, *, key: int | str | None = None) -> "Scene":
-        """The scene of an MJCF text, compiled once per content, at `qpos0` or keyframe `key`.
+        """Compile an MJCF text, cached by content, at `qpos0` or keyframe `key`.
 
-        Raises ValueError where MuJoCo cannot compile the text, KeyError where there is no such keyframe.
+        Raises ValueError if MuJoCo cannot compile the text, KeyError if there is no such keyframe.
         """
         return _compiled(xml, key)
 
     @staticmethod
     def of_model(model: mujoco.MjModel, *, digest: str = "") -> "Scene":
-        """The scene of a private copy of `model`, at `qpos0`."""
+        """Copy a model into a scene at `qpos0`."""
         prepare()
         model = copy.copy(model)
         return _scene_of(model, proofs.prove(model), Stock(model), digest)
 
     def changed(self, change: Callable[[mujoco.MjModel], object]) -> "Scene":
-        """A scene with a private copy of the model, written by `change`, its needs proved anew; the start is kept."""
+        """Copy the model, let `change` write the copy, and prove its needs again; the start is kept."""
         model = copy.copy(self.model)
         change(model)
         return replace(self, model=model, needs=proofs.prove(model), digest="", _stock=Stock(model))
@@ -87,7 +87,7 @@ class Scene:
         ctrl: Values | None = None,
         time_s: float | None = None,
     ) -> "Scene":
-        """The same model from another start: the parts given replace those of keyframe `key`, or of this start.
+        """The same model from another start; the given parts replace those of keyframe `key`, or of this start.
 
         Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length.
         """
@@ -109,7 +109,7 @@ class Scene:
 
     @cached_property
     def _disabled(self) -> int:
-        """What the model itself disables."""
+        """The disable bits of the model itself."""
         return int(self.model.opt.disableflags)
 
     @contextmanager
@@ -121,7 +121,7 @@ class Scene:
         skip: bool = False,
         keep: bool = True,
     ) -> Iterator[Workspace]:
-        """A workspace at the start, for this run alone; `keep=False` where the run may write its model.
+        """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model.
 
         Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
         """
@@ -134,16 +134,16 @@ class Scene:
         mujoco.mj_resetData(workspace.model, data)
         mujoco.mj_setState(workspace.model, data, self.start_vector, FULL_STATE)
         yield workspace
-        if keep:  # not reached after an exception: what it left behind is thrown away
+        if keep:  # not reached after an exception: the workspace is then discarded
             steps = (data.time - self.start.time_s) / timestep_s if skip else 0.0
             self._stock.give_back(workspace, steps)
 
     def names_of(self, kind: mjtObj) -> tuple[str, ...]:
-        """The names of all objects of a kind, in order; their index where they have none."""
+        """The names of all objects of a kind, in order; the index for an object without a name."""
         return tuple(mujoco.mj_id2name(self.model, kind, i) or str(i) for i in range(self._count(kind)))
 
     def id_of(self, kind: mjtObj, name: int | str) -> int:
-        """The index of an object by its name (an index is checked and passed through); KeyError if there is none."""
+        """The index of an object by name; an index is checked and returned. Raises KeyError if there is none."""
         names = self.names_of(kind)
         index = (names.index(name) if name in names else None) if isinstance(name, str) else name
         if index is None or not 0 <= index < len(names):
@@ -162,7 +162,7 @@ class Scene:
         return int(sizes[kind])
 
     def qpos_of(self, joint: int | str) -> slice:
-        """Where the joint's coordinates stand in qpos."""
+        """The slice of qpos with the coordinates of a joint."""
         index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
         addresses = self.model.jnt_qposadr
         stop = addresses[index + 1] if index + 1 < len(addresses) else self.model.nq
@@ -170,12 +170,12 @@ class Scene:
 
 
 def checked_options(model: mujoco.MjModel, timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
-    """Timestep [s] and integrator as asked for, or the model's own; ValueError where they mean nothing."""
+    """The given timestep [s] and integrator, or the model's own. Raises ValueError for invalid ones."""
     timestep_s = float(model.opt.timestep) if timestep_s is None else float(timestep_s)
     if not (isfinite(timestep_s) and timestep_s > 0):
         raise ValueError(f"the timestep must be positive and finite, not {timestep_s}")
     integrator = int(model.opt.integrator) if integrator is None else int(integrator)
-    if not 0 <= integrator < INTEGRATORS:
+    if integrator not in BY_CODE:
         raise ValueError(f"there is no integrator {integrator}")
     return timestep_s, integrator
 

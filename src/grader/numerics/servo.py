@@ -1,4 +1,4 @@
-"""Closed forms: the largest stable timestep of I q'' = -K q - c q', a joint held by a position servo."""
+"""Closed forms of the linear stability limit of I q'' = -K q - c q', a joint held by a position servo."""
 
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Servo:
-    """Inertia I [kg m2], gains kp [N m/rad], kv [N m s/rad], gravity's stiffness m g L [N m/rad] at the rest angle.
+    """A servo: inertia I [kg m2], gains kp [N m/rad] and kv [N m s/rad], stiffness m g L [N m/rad] of gravity at rest.
 
     Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises
     ValueError unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0).
@@ -47,7 +47,7 @@ class Servo:
 
     @property
     def discrete_s(self) -> float:
-        """discrete, servo implicit, gravity explicit: 4 I + 2 h c + h^2 (kp - m g L) > 0 [s]; inf where always so."""
+        """discrete, servo implicit, gravity explicit: 4 I + 2 h c + h^2 (kp - m g L) > 0 [s]; inf if always."""
         I, c, excess = self.inertia, self.kv, self.gravity_stiffness - self.kp
         return (c + sqrt(c * c + 4 * I * excess)) / excess if excess > 0 else inf
 

@@ -1,4 +1,4 @@
-"""Steps a workspace in chunks inside C, and knows the step at which MuJoCo first warned."""
+"""Steps a workspace in chunks in C, and finds the step at which MuJoCo first warned."""
 
 from collections.abc import Callable
 
@@ -12,24 +12,27 @@ from grader.numerics.workspace import Workspace
 CHUNK = 64
 """Steps in the first call into C; each later call takes twice as many, up to CHUNK_MAX.
 
-Source: measured on the lesson's models; what a call and its checks cost, about 1.5 us, is 4 % of 64 steps and 0.5 % of
-512, and a run that diverges early does not go far beyond.
+Source: measured on the lesson's models. A call with its checks costs about 1.5 us, 4 % of 64 steps and 0.5 % of 512; a
+short first chunk wastes little time on a run that diverges early.
 """
 
 CHUNK_MAX = 512
 
 STEPS_MAX = 20_000_000
-"""About 10 s of the servo: more is refused rather than waited for."""
+"""Most steps of one run, about 10 s of computing for the servo."""
 
 CLEAN = bytes(4 * int(mjtWarning.mjNWARNING))
-"""The warning counters of a run that has not warned, as bytes: comparing them costs 0.2 us, `any()` five times that."""
+"""The bytes of warning counters that are all 0; comparing bytes costs 0.2 us, `any()` 1 us."""
 
 Controller = Callable[[mujoco.MjModel, mujoco.MjData], object]
 Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
 def advance_coarsely(workspace: Workspace, steps: int) -> int:
-    """Step until `steps` are done, or a chunk warned; the steps before that chunk. The state is then not real."""
+    """Step `steps` times, or until a chunk warns; return the number of steps before that chunk.
+
+    After a warning the state is undefined.
+    """
     done, chunk = 0, CHUNK // 2
     while done < steps:
         chunk = min(2 * chunk, CHUNK_MAX, steps - done)
@@ -40,9 +43,9 @@ def advance_coarsely(workspace: Workspace, steps: int) -> int:
 
 
 def _warned(workspace: Workspace, chunk: int) -> bool:
-    """Take a chunk of steps: did MuJoCo warn, or did time not go on?
+    """Take a chunk of steps; return whether MuJoCo warned or time did not advance.
 
-    After a full buffer it warns and goes on, and may run out of memory within the same chunk: the warning was first.
+    A full buffer raises a warning and may raise FatalError later in the same chunk; the warning then counts.
     """
     data, before = workspace.data, workspace.data.time
     try:
@@ -54,7 +57,7 @@ def _warned(workspace: Workspace, chunk: int) -> bool:
 
 
 def advance_exactly(workspace: Workspace, steps: int) -> int:
-    """Step until `steps` are done or one warns, or time does not go on; the number of whole steps before it."""
+    """Step `steps` times, or until a step warns or time does not advance; return the number of completed steps."""
     model, data = workspace.model, workspace.data
     saved = np.empty(mujoco.mj_stateSize(model, FULL_STATE)) if steps > 1 else None
     done, chunk = 0, CHUNK // 2
@@ -73,7 +76,7 @@ def advance_exactly(workspace: Workspace, steps: int) -> int:
 
 
 def advance_by(controller: Controller | None, stepper: Stepper | None) -> Callable[[Workspace, int], int]:
-    """Like `advance_exactly`, step by step, with a call before every step or another method in place of mj_step."""
+    """Like `advance_exactly`, step by step, with a call before each step or another function in place of mj_step."""
 
     def advance(workspace: Workspace, steps: int) -> int:
         return _advance_singly(workspace, steps, controller, stepper or mujoco.mj_step)
@@ -82,7 +85,7 @@ def advance_by(controller: Controller | None, stepper: Stepper | None) -> Callab
 
 
 def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
-    """Step on through every reset until `kind` is counted: what a script sees that looks at one counter only."""
+    """Step through automatic resets until `kind` is counted, as a script that reads only this counter does."""
 
     def advance(workspace: Workspace, steps: int) -> int:
         model, data, counts = workspace.model, workspace.data, workspace.counts
@@ -96,7 +99,7 @@ def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
 
 
 def first_warning(workspace: Workspace) -> mjtWarning | None:
-    """The first kind of warning that is counted, in MuJoCo's order."""
+    """The first kind of warning with a count, in the order of mjtWarning; None if there is none."""
     raised = np.flatnonzero(workspace.counts)
     return mjtWarning(int(raised[0])) if len(raised) else None
 

@@ -1,6 +1,6 @@
-"""A model without what only shows: lights, cameras, sites and geoms that no force depends on.
+"""Compiles a model without visuals: lights, cameras, sites and geoms that no force depends on.
 
-No flag of MuJoCo leaves their poses out; on the lesson's models they are a tenth of a step.
+No flag of MuJoCo skips their poses, which take a tenth of a step on the lesson's models.
 """
 
 import mujoco
@@ -8,40 +8,40 @@ import numpy as np
 
 from grader.numerics.needs import Need
 
-SHOWN = ("geom_", "site_", "cam_", "light_", "sensor_", "mesh_", "mat_", "tex_", "name", "bvh_", "oct_")
-"""Beginnings of the names of MjModel's arrays that may differ: what is left out, with its names and search trees."""
+IGNORED = ("geom_", "site_", "cam_", "light_", "sensor_", "mesh_", "mat_", "tex_", "name", "bvh_", "oct_")
+"""Prefixes of the arrays of MjModel that may differ: the removed elements, with their names and search trees."""
 
 DERIVED = ("body_geom", "body_bvh", "body_con", "body_margin", "dof_length")
-"""And of those that are derived from it, for collisions and sleep only."""
+"""Prefixes of arrays derived from these, which only collisions and sleep use."""
 
 
 def without_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
-    """The model of an MJCF text with less to draw, or None where nothing could go or a number of the motion changed.
+    """Compile an MJCF text without visuals; None if nothing can be removed, or the motion would change.
 
-    `model` is the whole one, and `needs` what is proved of it. It costs about as much as compiling the text.
+    `model` is the compiled text, and `needs` its needs. Takes about as long as compiling the text.
     """
     needed = {need.part for need in needs if need.needed}
-    if not shown(model) or needed & {"everything", "contacts", "fluid"}:
+    if not visual_count(model) or needed & {"everything", "contacts", "fluid"}:
         return None
     for sites_too in (True, False):
         bare = _stripped(xml, sites_too=sites_too)
-        if bare is not None and shown(bare) < shown(model) and moves_alike(model, bare):
+        if bare is not None and visual_count(bare) < visual_count(model) and moves_alike(model, bare):
             return bare
     return None
 
 
-def shown(model: mujoco.MjModel) -> int:
-    """How many things a model has that might only show, or only be read."""
+def visual_count(model: mujoco.MjModel) -> int:
+    """The number of geoms, sites, cameras, lights and sensors."""
     return int(model.ngeom + model.nsite + model.ncam + model.nlight + model.nsensor)
 
 
 def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Are all numbers the same, bit for bit, that the motion may depend on?"""
+    """Whether all numbers on which the motion may depend are bitwise the same."""
     state = mujoco.mjtState.mjSTATE_INTEGRATION
     if mujoco.mj_stateSize(model, state) != mujoco.mj_stateSize(other, state):
         return False
     for name in dir(model):
-        if name.startswith(("_", *SHOWN, *DERIVED)):
+        if name.startswith(("_", *IGNORED, *DERIVED)):
             continue
         one = getattr(model, name)
         if isinstance(one, np.ndarray) and one.tobytes() != getattr(other, name).tobytes():
@@ -50,7 +50,7 @@ def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def _stripped(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
-    """Without them; None where something that stays refers to one, or a file that the text includes is gone."""
+    """Compile the text without visuals; None if a remaining element refers to one, or an included file is missing."""
     try:
         spec = mujoco.MjSpec.from_string(xml)
         for geom in spec.geoms:

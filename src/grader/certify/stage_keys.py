@@ -1,15 +1,15 @@
-"""Keys of questions about mj_step: which stage's call fills a field of the data, seen by calling them one by one."""
+"""Keys of questions about mj_step: which of its stages fills a field of mjData, found by calling them one by one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import mujoco
 
 from grader.certify.certificate import Certificate, of_choice, refused
-from grader.certify.choices import plain
-from grader.certify.numbers import named_xml
-from grader.domain.quiz import ChoiceQuestion, PredictQuestion
+from grader.certify.experiments import DATA_FIELDS, VerifyError
+from grader.certify.numeric_keys import named_xml
+from grader.domain.markup import plain_text
+from grader.domain.quiz import ChoiceQuestion, ModelXml, PredictQuestion
 from grader.domain.verify import ByStage
-from grader.labs.fields import DATA_RESULTS, DATA_STATE
 
 CALLS = (
     "mj_checkPos",
@@ -43,49 +43,47 @@ IN_CONTACT = """
 
 
 def stage_of(option: str) -> str | None:
-    """The call that an option's words name."""
-    words = plain(option).lower()
+    """The call that the words of an option name, or None."""
+    words = plain_text(option).lower()
     return next((call for word, call in WORDS.items() if word in words), None)
 
 
-def certify_stage(
-    question: ChoiceQuestion | PredictQuestion, verify: ByStage, model_xml: Callable[[str], str]
-) -> Certificate:
-    """The option that names the call which first fills the field."""
+def certify_stage(question: ChoiceQuestion | PredictQuestion, verify: ByStage, model_xml: ModelXml) -> Certificate:
+    """Find the option that names the call which first fills the field."""
     stages = verify.stages or tuple(map(stage_of, question.options))
     if len(stages) != len(question.options) or not set(stages) <= {None, *CALLS}:
         return refused("stage", question.answer, f"verify.stages needs one of {', '.join(CALLS)} for each option")
     named = verify.model or verify.xml
     xml = named_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
-    seen = observe(xml, verify.fills)
-    filled = next((call for call, before, after in seen if after != before), None)
+    observed = _observe(xml, verify.fills)
+    filled = next((call for call, before, after in observed if after != before), None)
     measured = {
         "field": f"data.{verify.fills}",
         "filled by": filled,
-        "calls": {call: after if after == before else f"{before}, then {after}" for call, before, after in seen},
+        "calls": {call: after if after == before else f"{before}, then {after}" for call, before, after in observed},
     }
     right = [i for i, stage in enumerate(stages) if stage is not None and stage == filled]
     return of_choice("stage", right, question.answer, question.options, measured)
 
 
-def observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
-    """Every call of mj_step with the field before and after it, in short. Raises ValueError for an unknown field."""
-    if field != "contact" and field not in DATA_RESULTS | DATA_STATE:
-        raise ValueError(f"verify.fills must be contact or an array of the data, not {field!r}")
+def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
+    """Each call of mj_step with the field in short before and after it. Raises VerifyError for an unknown field."""
+    if field != "contact" and field not in DATA_FIELDS:
+        raise VerifyError("verify", f"verify.fills must be contact or an array of the data, not {field!r}")
     model = mujoco.MjModel.from_xml_string(xml)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
     mujoco.mj_resetData(model, data)
-    seen = []
+    observed = []
     for name in CALLS:
         before = _short(data, field)
         getattr(mujoco, name)(model, data)
-        seen.append((name, before, _short(data, field)))
-    return seen
+        observed.append((name, before, _short(data, field)))
+    return observed
 
 
 def _short(data: mujoco.MjData, field: str) -> str:
-    """The number of contacts, or the sum of the magnitudes of an array to every bit."""
+    """The number of contacts, or the sum of magnitudes of an array with all its digits."""
     if field == "contact":
         return f"{data.ncon} contacts"
     return repr(float(abs(getattr(data, field)).sum()))

@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.convergence import errors, observed_order
+from grader.numerics.convergence import observed_order
 from grader.numerics.reference import dop853, sample_times
-from grader.numerics.rk4 import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.rollout import simulate
+from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.scene import Scene
+from numerics.measuring import errors
 from numerics.models import ALL, hinge
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)

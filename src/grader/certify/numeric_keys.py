@@ -1,45 +1,51 @@
-"""Keys of numeric questions: by a threshold, a measurement, or a closed form."""
+"""Keys of numeric questions: a largest stable timestep, a measurement, or a closed form."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
 
 import mujoco
 
+from grader.answers import convert, known_unit
 from grader.certify.certificate import Certificate, of_number, refused
+from grader.certify.experiments import (
+    FINER,
+    NUDGED,
+    SAME,
+    Variant,
+    VerifyError,
+    evaluate,
+    experiment,
+    set_fields,
+    to_number,
+)
 from grader.domain.lab import LabConfig, Readout
-from grader.domain.quiz import NumericQuestion
-from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, Servo
-from grader.grading.units import convert, known_unit
-from grader.labs.expressions import compile_expression
-from grader.labs.integrators import INTEGRATORS
-from grader.labs.machine import Machine
-from grader.labs.run import run_lab
-from grader.labs.running import Variant
-from grader.labs.values import to_number
+from grader.domain.quiz import ModelXml, NumericQuestion
+from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
+from grader.numerics.bisection import find_threshold
+from grader.numerics.integrators import BY_NAME
+from grader.numerics.linear import spectral_limit
 from grader.numerics.scene import Scene
-from grader.numerics.search import find_threshold, spectral_limit
 
-NUDGE = 1e-10
 DECAY_STEPS = 20_000
 CHUNK = 100
-"""Steps between two looks at the speed."""
+"""Steps between two readings of the speed."""
 
 MARGIN = 0.1
-"""Stepping is tried this share of the tolerance, or of the limit where that is less, below and above the limit."""
+"""Distance from the limit at which stepping is tried, as a share of the tolerance or of the limit, the smaller one."""
 
 EMPTY = "<mujoco/>"
-ModelXml = Callable[[str], str]
 
 
 def certify_threshold(question: NumericQuestion, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
-    """The largest stable timestep: for ever by the spectral radius, confirmed by stepping; or by warnings."""
+    """Derive the largest stable timestep: the linear stability limit, confirmed by stepping, or the first warning."""
     if question.tolerance == 0:
-        why = "the tolerance is 0, and no limit is known that well: give tol"
+        why = "the tolerance is 0, and no limit can be known exactly: give tol"
         return refused("threshold", question.answer, why, key="tol")
     scene = _scene(verify, model_xml)
     scale = verify.scale if verify.scale is not None else _per_second(question)
-    measure = _decays if verify.criterion == "decays" else _warns
-    found = measure(scene, verify, question.tolerance / scale)
+    bracket = _decay_bracket if verify.criterion == "decays" else _warning_bracket
+    found = bracket(scene, verify, question.tolerance / scale)
     if isinstance(found, str):
         return refused("threshold", question.answer, found)
     low, high = (scale * h for h in found)
@@ -55,13 +61,13 @@ def certify_threshold(question: NumericQuestion, verify: ByThreshold, model_xml:
 
 
 def _per_second(question: NumericQuestion) -> float:
-    """A second in the question's unit; 1 where that is no unit of time."""
+    """One second in the question's unit; 1 for an unknown unit. Raises VerifyError for a unit that is not of time."""
     unit, second = known_unit(question.unit or "s"), known_unit("s")
     assert second is not None
     try:
         return convert(1.0, second, unit) if unit is not None else 1.0
     except Exception as error:
-        raise ValueError(f"the unit {question.unit!r} is none of time: write verify.scale") from error
+        raise VerifyError("verify", f"{question.unit!r} is not a unit of time: write verify.scale") from error
 
 
 def _scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
@@ -70,30 +76,24 @@ def _scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
     else:
         scene = Scene.from_xml(named_xml(verify.model, verify.xml, model_xml))
     if verify.set:
-        scene = scene.changed(lambda model: _write(model, verify.set))
-    return scene.at(key=verify.key, qpos=verify.qpos, qvel=verify.qvel)
-
-
-def _write(model: mujoco.MjModel, fields: dict[str, float]) -> None:
-    """Set fields of the model by the lab's own paths, such as model.dof_damping[0], and what MuJoCo derives of them."""
-    data = mujoco.MjData(model)
-    machine = Machine(model, data)
-    for path, value in fields.items():
-        compile_expression(f"{path} = value", "statement", "verify.set").run(machine, value)
-    mujoco.mj_setConst(model, data)
+        scene = scene.changed(lambda model: set_fields(model, verify.set, "verify.set"))
+    try:
+        return scene.at(key=verify.key, qpos=verify.qpos, qvel=verify.qvel)
+    except KeyError as error:
+        raise VerifyError("verify.key", str(error.args[0])) from error
 
 
 def named_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
-    """The MJCF that a `verify` names. Raises ValueError where it names none."""
+    """The MJCF that a `verify` names. Raises VerifyError if it names none."""
     if xml is not None:
         return xml
     if model is None:
-        raise ValueError("verify needs a model or an xml")
+        raise VerifyError("verify", "verify needs a model or an xml")
     return model_xml(model)
 
 
-def servo_xml(servo: Servo) -> str:
-    """A hinge of that inertia, held by that servo, without gravity."""
+def servo_xml(servo: ServoJoint) -> str:
+    """MJCF of a hinge with the inertia and servo gains given, without gravity."""
     i = servo.inertia
     return f"""
     <mujoco><option gravity="0 0 0"/><worldbody><body>
@@ -103,9 +103,12 @@ def servo_xml(servo: Servo) -> str:
     </actuator></mujoco>"""
 
 
-def _decays(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
-    """A bracket of the limit for ever: the spectral radius passes 1 in it; stepping decays below and grows above."""
-    integrator = INTEGRATORS[verify.integrator]
+def _decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
+    """A bracket [s] of the linear stability limit (spectral radius = 1): motion decays at its low end, not at the high.
+
+    Returns a sentence instead if there is no limit in the range, or stepping contradicts it.
+    """
+    integrator = BY_NAME[verify.integrator].code
     limit = spectral_limit(scene, low_s=verify.low, high_s=verify.high, integrator=integrator)
     if limit is None or limit <= verify.low:
         return f"the spectral radius does not pass 1 between {verify.low:g} and {verify.high:g} s"
@@ -119,10 +122,10 @@ def _decays(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[floa
 
 
 def _decays_stepping(scene: Scene, timestep_s: float, integrator: int) -> bool:
-    """Whether the highest speed of the last quarter of many steps is below that of the first.
+    """Whether the highest speed in the last quarter of many steps is below that in the first quarter.
 
-    Every motion away from rest shows in the speed sooner or later, also one that starts at speed 0; the position
-    itself may come to rest elsewhere, where nothing pulls it back. Raises ValueError where nothing moves.
+    Speed is compared, not position: a motion may come to rest elsewhere, where nothing pulls it back. Raises
+    VerifyError if nothing moves.
     """
     speeds = []
     with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
@@ -133,25 +136,25 @@ def _decays_stepping(scene: Scene, timestep_s: float, integrator: int) -> bool:
                 return False
     first, last = max(speeds[: len(speeds) // 4]), max(speeds[-len(speeds) // 4 :])
     if first == 0:
-        raise ValueError("nothing moves from this start: give a key, qpos or qvel that is not at rest")
+        raise VerifyError("verify", "nothing moves from this start: give a key, qpos or qvel that is not at rest")
     return last < first
 
 
-def _warns(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
-    """The bracket in which warnings begin within the horizon."""
+def _warning_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
+    """The bracket [s] above which MuJoCo warns within the horizon, or a sentence that says why there is none."""
     found = find_threshold(
         scene,
         low_s=verify.low,
         high_s=verify.high,
         horizon_s=verify.seconds,
-        integrator=INTEGRATORS[verify.integrator],
+        integrator=BY_NAME[verify.integrator].code,
         width_s=MARGIN * tolerance_s,
     )
     return found.bracket_s or found.reason
 
 
 def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
-    """The value at h, h/2 and h/4, and from starts nudged a little: what they differ by is the uncertainty."""
+    """Measure the value at h, h/2 and h/4 and from nudged starts; its uncertainty is the largest difference."""
     config = LabConfig(
         model=verify.model,
         xml=verify.xml,
@@ -162,15 +165,16 @@ def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_
     )
     xml = named_xml(verify.model, verify.xml, model_xml)
     every = verify.when != "end"
+    keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
 
     def value(variant: Variant) -> float:
-        run = run_lab(config, xml, seconds=verify.seconds, variant=variant)
+        run = experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
         if run.warnings:
-            raise ValueError(f"MuJoCo warned of {run.warnings[0].kind} at {run.warnings[0].time_s:g} s")
+            raise VerifyError("verify", f"MuJoCo warned of {run.warnings[0].kind} at {run.warnings[0].time_s:g} s")
         return _summary([to_number(v) for v in run.readouts[0]], verify.when)
 
-    at = {f"h/{finer}": value(Variant(finer=finer, every_step=every)) for finer in (1, 2, 4)}
-    nudged = [value(Variant(nudge=nudge, every_step=every)) for nudge in (NUDGE, -NUDGE)]
+    at = {f"h/{variant.finer}": value(replace(variant, every_step=every)) for variant in (SAME, *FINER)}
+    nudged = [value(replace(variant, every_step=every)) for variant in NUDGED]
     best = at["h/4"]
     uncertainty = max(abs(best - at["h/1"]), *(abs(at["h/1"] - v) for v in nudged))
     measured = {**at, "nudged": nudged, "unit": question.unit}
@@ -179,20 +183,20 @@ def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_
     return of_number("measurement", question, best, uncertainty, measured)
 
 
-def _summary(values: list[float], when: str) -> float:
+def _summary(values: Sequence[float], when: str) -> float:
     if when == "end":
         return values[-1]
     return max(values) if when == "max" else min(values) if when == "min" else sum(values) / len(values)
 
 
 def certify_expression(question: NumericQuestion, verify: ByExpression, model_xml: ModelXml) -> Certificate:
-    """The value of a closed form."""
+    """Evaluate a closed form."""
     named = verify.model or verify.xml
     xml = named_xml(verify.model, verify.xml, model_xml) if named else EMPTY
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    value = to_number(compile_expression(verify.expr, "expression", "verify.expr").run(Machine(model, data)))
+    value = evaluate(verify.expr, model, data, "verify.expr")
     if not isfinite(value):
         return refused("expression", question.answer, f"the closed form gives {value}", key="verify.expr")
     return of_number("expression", question, value, 0.0, {"value": value})

@@ -1,7 +1,7 @@
-"""Fourth-order Runge-Kutta over mj_forward: MuJoCo 3.14.0's own scheme, and one that is of fourth order on rotations.
+"""Fourth-order Runge-Kutta over mj_forward: MuJoCo 3.14.0's own scheme, and one of fourth order on rotations too.
 
-Both read acceleration and activation rates from `forward(model, data)`, by default `mujoco.mj_forward`; a caller may
-pass another one, for instance with one more force in it. Models with plug-ins, sleep, histories or activation
+Both read accelerations and activation rates from `forward(model, data)`, by default `mujoco.mj_forward`; a caller may
+pass another function, for instance one that adds a force. Models with plug-ins, sleep, histories or activation
 dynamics that MuJoCo does not integrate by a plain Euler or exact-filter update are refused with ValueError.
 """
 
@@ -17,7 +17,7 @@ from grader.numerics.scene import Vector
 Forward = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 STAGES = (0.5, 0.5, 1.0)
-"""Fractions of the step at which stages 2, 3 and 4 stand, each from the slope of the stage before."""
+"""Fractions of the step at which stages 2, 3 and 4 are evaluated, each along the slope of the previous stage."""
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 """Source: Kutta's classical method, the tableau of MuJoCo's integrator RK4."""
@@ -35,7 +35,7 @@ def mujoco_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward
     """Advance `data` by `model.opt.timestep` as mj_step with integrator RK4 does, bit for bit.
 
     Positions of free and ball joints advance by one mj_integratePos along the summed velocities, which is of second
-    order there. Warm start, activations and time are carried as MuJoCo carries them; its divergence checks are not.
+    order there. Warm start, activations and time advance as in MuJoCo; its divergence checks are not made.
     """
     check_supported(model)
     h, start, nv = float(model.opt.timestep), float(data.time), int(model.nv)
@@ -64,11 +64,11 @@ def mujoco_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward
 
 
 def lie_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward = mujoco.mj_forward) -> None:
-    """Advance `data` by `model.opt.timestep` with true fourth order, rotations included.
+    """Advance `data` by `model.opt.timestep` with fourth order, rotations included.
 
     The classical method in exponential coordinates u around the step's start, qpos = qpos0 (+) u, where the rotation
     vector of a ball or free joint obeys Bortz' equation. Source: Munthe-Kaas 1999, doi 10.1016/S0168-9274(98)00030-0.
-    Activations advance by the plain rule also where MuJoCo filters exactly.
+    Exact filters advance by the same rule as other activations, unlike in MuJoCo.
     """
     check_supported(model)
     h, start, nv = float(model.opt.timestep), float(data.time), int(model.nv)
@@ -96,7 +96,7 @@ def lie_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward = 
 
 
 def check_supported(model: mujoco.MjModel) -> None:
-    """ValueError where MuJoCo would advance more than this module knows of."""
+    """Raise ValueError for a model with states that this module does not advance."""
     if model.nplugin or model.nhistory:
         raise ValueError("a model with plug-ins or histories is not supported")
     if int(model.opt.enableflags) & mjtEnableBit.mjENBL_SLEEP:
@@ -106,7 +106,7 @@ def check_supported(model: mujoco.MjModel) -> None:
 
 
 def rotation_slices(model: mujoco.MjModel) -> tuple[slice, ...]:
-    """Where the angular velocities of ball and free joints stand in qvel."""
+    """The slices of qvel with the angular velocities of ball and free joints."""
     offsets = {int(mjtJoint.mjJNT_BALL): 0, int(mjtJoint.mjJNT_FREE): 3}
     starts = [
         int(adr) + offsets[int(kind)]
@@ -122,7 +122,7 @@ def _slope(data: mujoco.MjData) -> Vector:
 
 
 def _rest(data: mujoco.MjData) -> Vector:
-    """What the last parts of a slope advance: velocities and activations, (nv + na,)."""
+    """The state but the positions: velocities and activations, (nv + na,)."""
     return np.concatenate((data.qvel, data.act))
 
 
@@ -134,14 +134,14 @@ def _set_rest(data: mujoco.MjData, rest: Vector) -> None:
 
 
 def _added(total: Vector, part: Vector, scale: float) -> Vector:
-    """total + part * scale by MuJoCo's own routine, so that both round alike on every machine."""
+    """total + part * scale by MuJoCo's own routine, so that both round alike."""
     result = total.copy()
     mujoco.mju_addToScl(result, part, scale)
     return result
 
 
 def _advance_act(model: mujoco.MjModel, data: mujoco.MjData, rate: Vector) -> None:
-    """MuJoCo's update of activations: exact for exact filters, plain otherwise, then clamped; none if disabled."""
+    """Update activations as MuJoCo does: exact for exact filters, else explicit Euler, then clamped."""
     if int(model.opt.disableflags) & mjtDisableBit.mjDSBL_ACTUATION:
         return
     h = float(model.opt.timestep)
@@ -180,7 +180,7 @@ def _to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> Non
 
 
 def _bortz(angle: float) -> float:
-    """(1 - (a/2) cot(a/2)) / a^2, by its series where that cancels."""
+    """(1 - (a/2) cot(a/2)) / a^2, by its series for small angles, where this form cancels."""
     if angle < 1e-2:
         return 1 / 12 + angle**2 / 720 + angle**4 / 30240
     half = 0.5 * angle

@@ -1,7 +1,8 @@
-"""Finds a threshold by bisection, seeded by the linear prediction, and looks for windows on a grid."""
+"""Finds a threshold by bisection from a linear prediction, and stable windows above it on a grid."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from enum import StrEnum
 from itertools import pairwise
 from math import ceil, isfinite, log
 from sys import float_info
@@ -10,25 +11,69 @@ import mujoco
 import numpy as np
 from scipy import optimize
 
-from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
-from grader.numerics.scene import Scene, checked_options
-from grader.numerics.threshold import Criterion, Found, Outcome, Threshold, Trial, Window, try_timestep
+from grader.numerics.linear import equilibrium, spectral_radius
+from grader.numerics.scene import Scene, State, checked_options
+from grader.numerics.trials import Criterion, Stability, Trial, try_timestep
 
 SCAN_POINTS = 24
-"""Grid points of a search that names no scan step: windows narrower than a 24th of the range may be missed."""
-
-SPECTRAL_POINTS = 64
-"""Grid of `spectral_limit`; within a cell the radius is taken to pass 1 once."""
+"""Grid cells without `scan_step_s`: windows narrower than a 24th of the range may be missed."""
 
 GUESS_ERROR = 5e-4
-"""Relative. Source: the prediction is 0.4e-3 below the lesson's servo at 3 s, for gravity fades at large angles."""
+"""Relative error of the linear prediction.
+
+Source: it is 0.4e-3 below the limit of the lesson's servo within 3 s, because gravity is weaker at large angles.
+"""
 
 TINY = float_info.min
+"""Replaces a spectral radius of 0 in logarithms."""
+
+
+class Found(StrEnum):
+    """The result of a search."""
+
+    BRACKET = "a stable timestep with an unstable one above it"
+    ALL_STABLE = "stable over the whole range"
+    NONE_STABLE = "unstable from the lower end on"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Window:
+    """A range of stable timesteps above the threshold: the first and the last found stable [s]."""
+
+    low_s: float
+    high_s: float
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """The lowest stable/unstable bracket found, with the conditions under which it holds.
+
+    `low` is stable and `high` unstable, both simulated; both are None unless `found` is BRACKET. `reason` explains
+    `found` in words. `windows` narrower than `scan_step_s` may be missed. `simulations` is the number of runs.
+    """
+
+    low: Trial | None
+    high: Trial | None
+    windows: tuple[Window, ...]
+    found: Found
+    reason: str
+    horizon_s: float
+    criterion: Criterion
+    start: State
+    integrator: int
+    scan_step_s: float
+    simulations: int
+
+    @property
+    def bracket_s(self) -> tuple[float, float] | None:
+        """(stable, unstable) [s], or None."""
+        return (self.low.timestep_s, self.high.timestep_s) if self.low and self.high else None
 
 
 @dataclass
 class _Search:
-    """Every timestep is simulated once; what was simulated is remembered, in order of timestep."""
+    """Simulates each timestep at most once and keeps its trial."""
 
     scene: Scene
     horizon_s: float
@@ -36,27 +81,27 @@ class _Search:
     criterion: Criterion
     trials: dict[float, Trial] = field(default_factory=dict)
 
-    def outcome(self, timestep_s: float) -> Outcome:
+    def stability(self, timestep_s: float) -> Stability:
         if timestep_s not in self.trials:
             self.trials[timestep_s] = try_timestep(
                 self.scene, timestep_s, self.horizon_s, integrator=self.integrator, criterion=self.criterion
             )
-        return self.trials[timestep_s].outcome
+        return self.trials[timestep_s].stability
 
     def narrow(self, low_s: float, high_s: float, width_s: float, guess_s: float | None) -> tuple[float, float]:
-        """Shrink a bracket whose ends differ in outcome to `width_s`, keeping both ends simulated.
+        """Narrow a bracket, whose ends differ in stability, to `width_s`; both ends remain simulated.
 
-        Around a guess it is first tried ever farther out, so that a good guess costs two runs.
+        Timesteps near a guess are tried first, at growing distance, so that a good guess costs two runs.
         """
-        lowest = self.outcome(low_s)
+        lowest = self.stability(low_s)
         for probe in _outwards(guess_s, width_s, low_s, high_s) if guess_s is not None else ():
             if low_s < probe < high_s:
-                low_s, high_s = (probe, high_s) if self.outcome(probe) is lowest else (low_s, probe)
+                low_s, high_s = (probe, high_s) if self.stability(probe) is lowest else (low_s, probe)
         while high_s - low_s > width_s:
             middle = 0.5 * (low_s + high_s)
             if not low_s < middle < high_s:
                 break
-            low_s, high_s = (middle, high_s) if self.outcome(middle) is lowest else (low_s, middle)
+            low_s, high_s = (middle, high_s) if self.stability(middle) is lowest else (low_s, middle)
         return low_s, high_s
 
 
@@ -71,10 +116,10 @@ def find_threshold(
     criterion: Criterion = Criterion.ANY_WARNING,
     scan_step_s: float | None = None,
 ) -> Threshold:
-    """The lowest timestep between `low_s` and `high_s` at which stability ends, to `width_s`.
+    """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`.
 
-    The range is scanned every `scan_step_s` (default: in SCAN_POINTS steps), so that stable windows above the limit
-    are seen. Raises ValueError where the range is empty, or a length is not finite or not positive.
+    Scans the range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the
+    limit. Raises ValueError for an empty range, and for a width or step that is not positive and finite.
     """
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
@@ -101,37 +146,11 @@ def find_threshold(
     )
 
 
-def spectral_limit(
-    scene: Scene, *, low_s: float, high_s: float, integrator: int | None = None, width_s: float = 1e-9
-) -> float | None:
-    """The lowest timestep [s] at which the spectral radius at the scene's equilibrium passes 1, None if there is none.
+def _predicted(search: _Search, low_s: float, high_s: float) -> float | None:
+    """The timestep [s] at which linear growth of the start's acceleration reaches mjMAXVAL at the end of the horizon.
 
-    Stability for ever, of small motions. Raises ValueError where no equilibrium is found or the range is empty.
+    None if there is no equilibrium, or no such timestep in the range.
     """
-    if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
-        raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
-    resting = equilibrium(scene)
-    if resting is None:
-        raise ValueError("no equilibrium was found to linearise at")
-
-    def grows(timestep_s: float) -> bool:
-        return spectral_radius(resting, timestep_s=timestep_s, integrator=integrator) > 1 + RADIUS_NOISE
-
-    grid = np.linspace(low_s, high_s, SPECTRAL_POINTS + 1).tolist()
-    first = next((i for i, h in enumerate(grid) if grows(h)), None)
-    if first is None:
-        return None
-    if first == 0:
-        return low_s
-    low_s, high_s = grid[first - 1], grid[first]
-    while high_s - low_s > width_s:
-        middle = 0.5 * (low_s + high_s)
-        low_s, high_s = (low_s, middle) if grows(middle) else (middle, high_s)
-    return 0.5 * (low_s + high_s)
-
-
-def predict(search: _Search, low_s: float, high_s: float) -> float | None:
-    """Where linear growth from the start's acceleration just reaches MuJoCo's limit at the horizon's end."""
     resting = equilibrium(search.scene)
     if resting is None:
         return None
@@ -152,29 +171,29 @@ def predict(search: _Search, low_s: float, high_s: float) -> float | None:
 
 
 def _lowest_edge(search: _Search, grid: list[float], width_s: float) -> tuple[tuple[float, float] | None, Found, str]:
-    """The first grid point that is not stable, and the bracket before it, narrowed."""
-    first = next((i for i, h in enumerate(grid) if search.outcome(h) is not Outcome.STABLE), None)
+    """The narrowed bracket below the first grid point that is not stable, or None; the result and a reason."""
+    first = next((i for i, h in enumerate(grid) if search.stability(h) is not Stability.STABLE), None)
     if first is None:
         return None, Found.ALL_STABLE, f"stable at all {len(grid)} timesteps tried up to {grid[-1]} s"
     trial = search.trials[grid[first]]
-    if trial.outcome is Outcome.UNDECIDED:
+    if trial.stability is Stability.UNDECIDED:
         return None, Found.UNDECIDED, f"at {trial.timestep_s} s: {trial.reason}"
     if first == 0:
         return None, Found.NONE_STABLE, f"unstable already at {grid[0]} s: {trial.reason}"
     cell = grid[first - 1], grid[first]
-    low, high = search.narrow(*cell, width_s, predict(search, *cell))
-    if search.outcome(high) is not Outcome.UNSTABLE:
+    low, high = search.narrow(*cell, width_s, _predicted(search, *cell))
+    if search.stability(high) is not Stability.UNSTABLE:
         return None, Found.UNDECIDED, f"at {high} s: {search.trials[high].reason}"
     return (low, high), Found.BRACKET, f"stable at {low} s, unstable at {high} s"
 
 
 def _windows(search: _Search, grid: list[float], above_s: float, width_s: float) -> tuple[Window, ...]:
-    """Stretches of stable grid points above the threshold, their edges narrowed."""
+    """Ranges of stable grid points above the threshold, with narrowed ends."""
     above = [above_s, *(h for h in grid if h > above_s)]
     found: list[Window] = []
     opened: float | None = None
     for low, high in pairwise(above):
-        stable_low, stable_high = (search.outcome(h) is Outcome.STABLE for h in (low, high))
+        stable_low, stable_high = (search.stability(h) is Stability.STABLE for h in (low, high))
         if not stable_low and stable_high:
             opened = search.narrow(low, high, width_s, None)[1]
         elif stable_low and not stable_high and opened is not None:
@@ -186,7 +205,7 @@ def _windows(search: _Search, grid: list[float], above_s: float, width_s: float)
 
 
 def _outwards(guess_s: float, width_s: float, low_s: float, high_s: float) -> Iterator[float]:
-    """Probes on either side of a guess, each pair four times farther out, until the bracket's ends."""
+    """Pairs of timesteps on either side of a guess, each four times farther away, as far as the bracket is wide."""
     reach = max(0.49 * width_s, GUESS_ERROR * guess_s)
     while reach < high_s - low_s:
         yield guess_s - reach

@@ -1,0 +1,115 @@
+"""Runs labs and evaluates expressions for certificates; the only module of this room that imports the labs."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import mujoco
+
+from grader.domain.lab import LabConfig, Readout
+from grader.domain.verify import Setting
+from grader.errors import ContentError, GraderError, LabError
+from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number
+from grader.labs import SAME, LabRun, Variant, lab_scene, run_lab
+
+__all__ = [
+    "DATA_FIELDS",
+    "FINER",
+    "NUDGED",
+    "SAME",
+    "LabRun",
+    "Variant",
+    "VerifyError",
+    "evaluate",
+    "experiment",
+    "lab_scene",
+    "set_fields",
+    "to_boolean",
+    "to_number",
+    "without_display",
+]
+
+DATA_FIELDS = DATA_RESULTS | DATA_STATE
+"""Names of the arrays of mjData that expressions may read."""
+
+NUDGE = 1e-10
+"""Shift of every position of the start [rad, m] that must not change an answer.
+
+Source: far above rounding, far below any pixel.
+"""
+
+NUDGED = (Variant(nudge=NUDGE), Variant(nudge=-NUDGE))
+FINER = (Variant(finer=2), Variant(finer=4))
+
+
+class VerifyError(GraderError):
+    """A `verify` that cannot be carried out; `key` is the faulty key of the question, such as `verify.expr`."""
+
+    def __init__(self, key: str, why: str) -> None:
+        self.key = key
+        super().__init__(why)
+
+
+def experiment(
+    config: LabConfig,
+    xml: str,
+    controls: Setting | None = None,
+    *,
+    seconds: float | None,
+    variant: Variant = SAME,
+    keys: Mapping[str, str],
+) -> LabRun:
+    """Run a lab. `keys` maps the keys of the lab to those of `verify` from which they were taken.
+
+    Raises VerifyError for an expression or keyframe that cannot be used, LabRefused for control values or lengths
+    that are not allowed, ValueError if MuJoCo cannot compile the model.
+    """
+    try:
+        return run_lab(config, xml, controls, (), seconds, variant=variant)
+    except ContentError as error:
+        raise VerifyError(_key_of(error.faults[0].key, keys), error.faults[0].why) from error
+    except LabError as error:
+        raise VerifyError(_key_of(error.key, keys), error.why) from error
+    except KeyError as error:  # no such keyframe
+        raise VerifyError(keys.get("key", "verify"), str(error.args[0])) from error
+
+
+def _key_of(lab_key: str, keys: Mapping[str, str]) -> str:
+    """The key of the question for a key of the lab, such as `lab.readouts.0.expr`."""
+    part = [*lab_key.split("."), ""][1]
+    return keys.get(part, "verify")
+
+
+def without_display(config: LabConfig, *readouts: str) -> LabConfig:
+    """The lab without plots and trail, and with these expressions as its only readouts."""
+    shown = tuple(Readout(label=text, expr=text) for text in readouts)
+    return config.model_copy(update={"readouts": shown, "plots": (), "trail": None})
+
+
+def evaluate(text: str, model: mujoco.MjModel, data: mujoco.MjData, key: str) -> float:
+    """The value of an expression as a number. Raises VerifyError with `key` if it does not compile or fails."""
+    with _expression_errors(key):
+        return to_number(compile_program(text, "expression", key).run(Machine(model, data)))
+
+
+def set_fields(model: mujoco.MjModel, fields: Mapping[str, float], key: str) -> None:
+    """Set fields by their paths, such as `model.dof_damping[0]`, and recompute the constants that depend on them.
+
+    Raises VerifyError with `key` for a path that does not exist or may not be written.
+    """
+    data = mujoco.MjData(model)
+    machine = Machine(model, data)
+    with _expression_errors(key):
+        for path, value in fields.items():
+            compile_program(f"{path} = value", "statement", key).run(machine, value)
+    mujoco.mj_setConst(model, data)
+
+
+@contextmanager
+def _expression_errors(key: str) -> Iterator[None]:
+    """Turn errors of an expression into VerifyError."""
+    try:
+        yield
+    except ContentError as error:
+        raise VerifyError(key, error.faults[0].why) from error
+    except LabError as error:
+        raise VerifyError(key, error.why) from error

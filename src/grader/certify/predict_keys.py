@@ -1,0 +1,199 @@
+"""Keys of predict questions: the lab is run under each option's setting, or once for the claims of all options."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from grader.certify.certificate import Certificate, of_choice, refused
+from grader.certify.experiments import (
+    FINER,
+    NUDGED,
+    SAME,
+    LabRun,
+    Variant,
+    experiment,
+    lab_scene,
+    to_boolean,
+    without_display,
+)
+from grader.domain.lab import LabConfig, Select
+from grader.domain.markup import plain_text
+from grader.domain.quiz import ModelXml, PredictQuestion
+from grader.domain.verify import ByOptions, ByOutcome, Setting, When
+from grader.numerics.integrators import INTEGRATORS
+from grader.numerics.linear import spectral_limit
+from grader.numerics.scene import Scene
+
+NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)
+ALL = re.compile(r"\b(all|both|each|every)\b", re.IGNORECASE)
+ONLY = re.compile(r"\bonly\b|\bno other\b|\balone\b", re.IGNORECASE)
+
+LIMIT_SPAN_S = (5e-4, 0.1)
+"""Timesteps [s] between which the linear stability limit is sought."""
+
+
+def matching_select(options: Sequence[str], lab: LabConfig) -> Select | None:
+    """The first select of a lab with a label in common with two or more of the options."""
+    wanted = {plain_text(option) for option in options}
+    for control in lab.controls:
+        if isinstance(control, Select) and len(wanted & {plain_text(text) for text, _ in control.options}) >= 2:
+            return control
+    return None
+
+
+def certify_prediction(
+    question: PredictQuestion, lab: LabConfig, verify: ByOptions | ByOutcome, model_xml: ModelXml
+) -> Certificate:
+    """Run the lab of a question as its `verify` says."""
+    xml = lab.xml or model_xml(lab.model or "")
+    if isinstance(verify, ByOptions):
+        return _certify_options(question, lab, verify, xml)
+    return _certify_outcome(question, lab, verify, xml)
+
+
+def _certify_options(question: PredictQuestion, lab: LabConfig, verify: ByOptions, xml: str) -> Certificate:
+    """Run each option's setting; the right option is the one under which the criterion holds."""
+    select = matching_select(question.options, lab)
+    settings = list(verify.settings or (_inferred_settings(question.options, select) if select else ()))
+    if len(settings) != len(question.options) or not any(settings):
+        return refused("options", question.answer, "no option has a setting: write verify.settings, one per option")
+    measuring = without_display(lab, *(() if verify.criterion == "stable" else (verify.criterion,)))
+    held: dict[int, bool] = {}
+    measured: dict[str, Any] = {}
+    for i, setting in enumerate(settings):
+        if setting is None:
+            continue
+        outcomes = [_outcome(measuring, xml, setting, verify, v) for v in _variants(lab, setting, verify)]
+        measured[question.options[i]] = outcomes[0][1]
+        if len({holds for holds, _ in outcomes}) > 1:
+            why = f"{question.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
+            return replace(refused("options", question.answer, why, key="answer"), measured=measured)
+        held[i] = outcomes[0][0]
+    right = _right_options(question.options, held)
+    certificate = of_choice("options", right, question.answer, question.options, measured)
+    if select is not None and select.set == "model.opt.integrator" and verify.criterion == "stable":
+        return _with_all_integrators(certificate, question, measuring, select, xml, seconds=verify.seconds)
+    return certificate
+
+
+def _certify_outcome(question: PredictQuestion, lab: LabConfig, verify: ByOutcome, xml: str) -> Certificate:
+    """Run the lab once; the right option is the one whose claim is true, at h, h/2, h/4 and from nudged starts."""
+    if len(verify.claims) != len(question.options):
+        return refused("outcome", question.answer, "verify.claims needs one expression per option")
+    measuring = without_display(lab, *verify.claims)
+    truths = []
+    for variant in (SAME, *FINER, *NUDGED):
+        run = experiment(
+            measuring,
+            xml,
+            verify.controls,
+            seconds=verify.seconds,
+            variant=variant,
+            keys={"readouts": "verify.claims"},
+        )
+        truths.append([_holds(values, verify.when) for values in run.readouts])
+    measured = {option: truths[0][i] for i, option in enumerate(question.options)}
+    if any(other != truths[0] for other in truths):
+        why = f"the claims depend on round-off or on the timestep: {truths}"
+        return replace(refused("outcome", question.answer, why, key="answer"), measured=measured)
+    right = [i for i, true in enumerate(truths[0]) if true]
+    return of_choice("outcome", right, question.answer, question.options, measured)
+
+
+def _inferred_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
+    """The setting that each option names, or None."""
+    labels = {plain_text(text): text for text, _ in select.options}
+    return [{select.label: labels[plain_text(o)]} if plain_text(o) in labels else None for o in options]
+
+
+def _right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
+    """The options that hold; the one that says "none" or "all" where none or all of the others do."""
+    holding = [i for i, holds in held.items() if holds]
+    rest = [i for i in range(len(options)) if i not in held]
+    nones = [i for i in rest if NONE.search(plain_text(options[i]))]
+    alls = [i for i in rest if ALL.search(plain_text(options[i])) and i not in nones]
+    if not holding and nones:
+        return nones
+    if len(holding) == len(held) and len(held) > 1 and alls:
+        return alls
+    return holding
+
+
+def _variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
+    """The runs that must agree: nudged starts always, h/2 and h/4 unless the setting itself changes the numerics.
+
+    Stability is a property of one timestep, so that it is not compared with finer ones.
+    """
+    options_are_numerics = any(
+        (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
+    )
+    finer = () if verify.criterion == "stable" or options_are_numerics else FINER
+    return (SAME, *NUDGED, *finer)
+
+
+def _outcome(
+    lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant
+) -> tuple[bool, dict[str, Any]]:
+    """Whether the criterion holds under a setting, and what was measured."""
+    keys = {"readouts": "verify.criterion"}
+    run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
+    if verify.criterion == "stable":
+        return run.stable, _stability(run)
+    holds = _holds(run.readouts[0], verify.when)
+    return holds, {"holds": holds, "final": run.to_json()["readouts"][0]["final"]["text"]}
+
+
+def _stability(run: LabRun) -> dict[str, Any]:
+    """Whether a run was stable, its length, and its first warning."""
+    first = run.warnings[0] if run.warnings else None
+    result = {"stable": run.stable, "seconds": round(run.duration_s, 6)}
+    return result if first is None else result | {"warning": first.kind, "time": round(first.time_s, 6)}
+
+
+def _holds(values: Sequence[Any], when: When) -> bool:
+    truths = [to_boolean(value) for value in values]
+    return truths[-1] if when == "end" else all(truths) if when == "always" else any(truths)
+
+
+def _with_all_integrators(
+    certificate: Certificate,
+    question: PredictQuestion,
+    lab: LabConfig,
+    select: Select,
+    xml: str,
+    *,
+    seconds: float | None,
+) -> Certificate:
+    """Add the same run under all five integrators, and a remark on a stable one that is not among the options."""
+    scene = lab_scene(lab, xml)
+    offered = {value for _, value in select.options}
+    table: dict[str, Any] = {}
+    overlooked = []
+    for integrator in INTEGRATORS:
+        variant = Variant(integrator=integrator.code)
+        stable = experiment(lab, xml, seconds=seconds, variant=variant, keys={}).stable
+        limit_ms = _limit_ms(scene, integrator.code)
+        is_option = integrator.code in offered
+        table[integrator.name] = {"stable": stable, "limit_ms": limit_ms, "is_option": is_option}
+        if stable and not is_option:
+            overlooked.append(integrator.name + ("" if limit_ms is None else f" (up to {limit_ms:.2f} ms)"))
+    measured = {**certificate.measured, "all integrators": table}
+    return replace(certificate, measured=measured, remarks=(*certificate.remarks, *_remarks(question, overlooked)))
+
+
+def _remarks(question: PredictQuestion, overlooked: list[str]) -> list[str]:
+    if not overlooked:
+        return []
+    only = ", and the explanation says that only one is" if ONLY.search(question.explain or "") else ""
+    return [f"Stable here too, though no option: {', '.join(overlooked)}{only}."]
+
+
+def _limit_ms(scene: Scene, integrator: int) -> float | None:
+    """The linear stability limit [ms]; None if there is none in LIMIT_SPAN_S, or no equilibrium."""
+    low_s, high_s = LIMIT_SPAN_S
+    try:
+        limit = spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=integrator)
+    except ValueError:
+        return None
+    return None if limit is None else round(1000 * limit, 3)

@@ -1,0 +1,133 @@
+"""The table of integrators against MuJoCo itself."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import get_args
+
+import mujoco
+import pytest
+
+from grader.domain.verify import IntegratorName
+from grader.numerics.convergence import observed_order
+from grader.numerics.integrators import (
+    BY_CODE,
+    BY_NAME,
+    DISCRETE,
+    EULER,
+    IMPLICIT,
+    IMPLICITFAST,
+    INTEGRATORS,
+    RK4,
+    Integrator,
+)
+from grader.numerics.linear import one_step_map
+from grader.numerics.reference import dop853, sample_times
+from grader.numerics.scene import Scene
+from numerics.measuring import errors
+from numerics.models import ALL, LESSON, hinge
+
+TIMES = sample_times(1.0, 0.02)
+TIMESTEPS_S = {1: [0.001, 0.0005, 0.00025, 0.0001], 4: [0.0008, 0.0004, 0.0002, 0.00016]}
+"""By order, in the range where the error is neither saturated nor rounding."""
+
+
+@contextmanager
+def counted_evaluations() -> Iterator[list[None]]:
+    """Gains an entry with each computation of passive forces: one per evaluation of the forward dynamics."""
+    calls: list[None] = []
+    mujoco.set_mjcb_passive(lambda _model, _data: calls.append(None))
+    try:
+        yield calls
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+def ids(integrator: Integrator) -> str:
+    return integrator.name
+
+
+def test_the_codes_are_those_of_mujoco() -> None:
+    assert sorted(BY_CODE) == sorted(int(code) for code in mujoco.mjtIntegrator.__members__.values())
+    assert [f"mjINT_{one.name.upper()}" for one in INTEGRATORS] == [
+        mujoco.mjtIntegrator(one.code).name for one in INTEGRATORS
+    ]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS, ids=ids)
+def test_mjcf_accepts_the_name(integrator: Integrator) -> None:
+    xml = f'<mujoco><option integrator="{integrator.name}"/></mujoco>'
+    assert int(mujoco.MjModel.from_xml_string(xml).opt.integrator) == integrator.code
+
+
+def test_quiz_files_accept_the_same_names() -> None:
+    assert set(get_args(IntegratorName)) == set(BY_NAME)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS, ids=ids)
+@pytest.mark.parametrize("name", LESSON)
+def test_a_step_costs_as_many_evaluations(name: str, integrator: Integrator) -> None:
+    with Scene.from_xml(LESSON[name]).borrow(integrator=integrator.code) as workspace, counted_evaluations() as calls:
+        mujoco.mj_step(workspace.model, workspace.data, nstep=10)
+    assert len(calls) == 10 * integrator.evaluations
+
+
+def order_of(scene: Scene, integrator: Integrator, timesteps_s: list[float]) -> float:
+    found = errors(scene, dop853(scene, TIMES), timesteps_s, integrator=integrator.code)
+    return observed_order(timesteps_s, [error.qpos for error in found]).order
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS, ids=ids)
+def test_errors_shrink_with_the_order(integrator: Integrator) -> None:
+    scene = Scene.from_xml(LESSON["double_pendulum"], key="release")
+    assert order_of(scene, integrator, TIMESTEPS_S[integrator.order]) == pytest.approx(integrator.order, abs=0.1)
+
+
+def test_rk4_is_of_second_order_on_quaternions() -> None:
+    assert order_of(Scene.from_xml(ALL["ball"], key="spin"), RK4, [0.005, 0.004, 0.002, 0.001]) == pytest.approx(
+        2, abs=0.05
+    )
+
+
+def velocity_gain(xml: str, integrator: Integrator) -> float:
+    """d(next velocity)/d(velocity) of a hinge over one step of H."""
+    return float(one_step_map(Scene.from_xml(xml), timestep_s=H, integrator=integrator.code)[1, 1])
+
+
+WEIGHTLESS = "<option gravity='0 0 0'/>"
+DAMPED = hinge("damping='0.5'", rest=WEIGHTLESS)
+SERVO = hinge(rest=f"{WEIGHTLESS}<actuator><position joint='hinge' kp='40' kv='0.5'/></actuator>")
+INERTIA = 0.251
+H = 0.1
+
+
+@pytest.mark.parametrize("integrator", [EULER, IMPLICIT, IMPLICITFAST, DISCRETE], ids=ids)
+def test_joint_damping_is_implicit(integrator: Integrator) -> None:
+    """v' = v / (1 + h c / I), where the explicit step gives v (1 - h c / I)."""
+    assert velocity_gain(DAMPED, integrator) == pytest.approx(1 / (1 + H * 0.5 / INERTIA), abs=1e-6)
+
+
+def test_joint_damping_is_explicit_for_euler_without_eulerdamp() -> None:
+    explicit = DAMPED.replace(WEIGHTLESS, "<option gravity='0 0 0'><flag eulerdamp='disable'/></option>")
+    assert velocity_gain(explicit, EULER) == pytest.approx(1 - H * 0.5 / INERTIA, abs=1e-6)
+
+
+def test_actuators_are_implicit_as_the_notes_say() -> None:
+    explicit = 1 - H * 0.5 / INERTIA
+    assert velocity_gain(SERVO, EULER) == pytest.approx(explicit, abs=1e-6)
+    for integrator in (IMPLICIT, IMPLICITFAST):
+        assert velocity_gain(SERVO, integrator) == pytest.approx(1 / (1 + H * 0.5 / INERTIA), abs=1e-6)
+    both = INERTIA + H * 0.5 + H**2 * 40
+    assert velocity_gain(SERVO, DISCRETE) == pytest.approx(INERTIA / both, abs=1e-6)
+    pgs = SERVO.replace(WEIGHTLESS, "<option gravity='0 0 0' solver='PGS'/>")
+    assert velocity_gain(pgs, DISCRETE) == pytest.approx(explicit, abs=1e-6)
+
+
+def test_only_implicit_differentiates_coriolis_forces() -> None:
+    """On a conservative double pendulum Euler, implicitfast and discrete take the same step."""
+    scene = Scene.from_xml(LESSON["double_pendulum"]).at(qpos=[2.0, 0.5], qvel=[1.0, -2.0])
+    ends = {}
+    for integrator in INTEGRATORS:
+        with scene.borrow(timestep_s=0.002, integrator=integrator.code) as workspace:
+            mujoco.mj_step(workspace.model, workspace.data)
+            ends[integrator] = workspace.data.qvel.tobytes()
+    assert ends[EULER] == ends[IMPLICITFAST] == ends[DISCRETE] != ends[IMPLICIT]
