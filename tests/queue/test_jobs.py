@@ -3,46 +3,52 @@
 import os
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from functools import partial
 
 import pytest
+from sqlalchemy import text, update
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
 from grader.domain.verdict import Status, Verdict
+from grader.errors import Unprocessable
+from grader.pipeline import Retries
 from grader.queue import jobs
+from grader.queue.jobs import Claim, JobRow
+from grader.queue.owners import LockedOwner, OnlyOwner, owner_of
+from grader.queue.worker import Worker
+from grader.settings import Settings
 from grader.store import submissions
 from grader.store.database import Database
 from grader.store.tables import Submission, new_id
-from grader.worker import Judge, Worker
+from grader.worker import Grading, Judge, run_worker
+
+OTHER = 1
+"""An owner of jobs that is not a worker of this test."""
 
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
 OUR_FAULT = Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=1.0)
 
 
-@pytest.fixture(params=BACKENDS)
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    with database_url(request.param, tmp_path) as url:
-        yield url
-
-
-@pytest.fixture
-def database(url: str) -> Iterator[Database]:
-    database = Database(url)
-    database.migrate()
-    yield database
-    database.close()
-
-
-def hand_in(database: Database) -> str:
+def hand_in(database: Database, user: str = "ann") -> str:
     submission = Submission(
-        id=new_id(), course="c", user="ann", quiz="quiz", question="q", answer="{}", content_digest="d", attempt=1
+        id=new_id(),
+        course="c",
+        learner=user,
+        user=user,
+        quiz="quiz",
+        question="q",
+        answer="{}",
+        content_digest="d",
+        attempt=1,
     )
     with database.write() as session:
         submissions.add(session, submission, None)
-        jobs.put(session, "grade", submission.id)
+        jobs.put(session, "grade", submission.id, share=user)
     return submission.id
 
 
@@ -52,8 +58,20 @@ def state(database: Database, submission_id: str) -> tuple[str, list[str]]:
         return session.get_one(Submission, submission_id).status, [event.name for event in events]
 
 
-def a_worker(database: Database, grade: Judge, lease_s: float = 60.0, tries: int = 3) -> Worker:
-    return Worker(database, grade, lambda _: OUR_FAULT, threads=2, lease_s=lease_s, tries=tries, retry_s=0.0)
+def a_worker(database: Database, grade: Judge, tries: int = 3) -> Worker:
+    task = Grading(grade, lambda _: OUR_FAULT)
+    return Worker(database, {jobs.GRADE: task}, threads=2, retries=Retries(tries, pause_s=0.0))
+
+
+def claim(database: Database) -> Claim | None:
+    with database.write() as session:
+        return jobs.claim(session, OTHER)
+
+
+def release(database: Database) -> None:
+    """As when the owner of the jobs in progress has ended."""
+    with database.write() as session:
+        jobs.release(session, [lease for _, lease in jobs.owned(session)])
 
 
 def test_jobs_are_done_in_order_and_once(database: Database) -> None:
@@ -81,7 +99,7 @@ def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) 
         mine: list[str] = []
         while True:
             with database.write() as session:
-                claimed = jobs.claim(session, 60.0)
+                claimed = jobs.claim(session, OTHER)
             if claimed is None:
                 return mine
             mine.append(claimed.subject)
@@ -91,14 +109,12 @@ def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) 
     assert len(taken) == len(set(taken)) == 20
 
 
-def test_a_lease_that_ran_out_is_taken_again_and_the_late_worker_keeps_nothing(database: Database) -> None:
+def test_a_released_job_is_claimed_again_and_its_first_owner_keeps_nothing(database: Database) -> None:
     submission_id = hand_in(database)
-    with database.write() as session:
-        dead = jobs.claim(session, lease_s=0.05)
+    dead = claim(database)
     assert dead is not None
-    with database.write() as session:
-        assert jobs.claim(session, 60.0) is None
-    time.sleep(0.1)
+    assert claim(database) is None
+    release(database)
     worker = a_worker(database, lambda _: GOOD)
     assert worker.do_one()
     with database.write() as session:
@@ -111,21 +127,51 @@ def test_a_job_that_its_worker_gave_back_in_good_order_has_all_its_tries(databas
     hand_in(database)
     for tried, tries in ((False, 1), (False, 1), (True, 1), (True, 2)):
         with database.write() as session:
-            held = jobs.claim(session, 60.0)
+            held = jobs.claim(session, OTHER)
             assert held is not None
             assert held.tries == tries
             assert jobs.put_back(session, held, 0.0, tried=tried)
 
 
-def test_a_renewed_lease_is_not_taken(database: Database) -> None:
-    hand_in(database)
+def test_two_jobs_for_one_submission_make_one_verdict(database: Database) -> None:
+    submission_id = hand_in(database)
     with database.write() as session:
-        claimed = jobs.claim(session, lease_s=0.05)
-        assert claimed is not None
-        jobs.renew(session, [claimed], 60.0)
-    time.sleep(0.1)
+        jobs.put(session, jobs.GRADE, submission_id, share="ann")
+    worker = a_worker(database, lambda _: GOOD)
+    while worker.do_one():
+        pass
+    assert state(database, submission_id) == ("graded", ["queued", "running", "graded"])
+
+
+def test_a_verdict_of_another_worker_is_never_followed_by_a_second(database: Database) -> None:
+    """Both grade the same submission at the same time, each under a valid claim."""
+    submission_id = hand_in(database)
     with database.write() as session:
-        assert jobs.claim(session, 60.0) is None
+        jobs.put(session, jobs.GRADE, submission_id, share="ann")
+    late = a_worker(database, lambda _: GOOD)
+
+    def grade(_: Submission) -> Verdict:
+        assert late.do_one()
+        return OUR_FAULT
+
+    worker = a_worker(database, grade, tries=1)
+    assert worker.do_one()
+    assert not worker.do_one()
+    with database.read() as session:
+        submission = session.get_one(Submission, submission_id)
+        assert submission.revision == 1
+        assert submissions.verdicts(session, [submission])[submission_id]["status"] == "correct"
+
+
+def test_earlier_topics_go_first_and_a_worker_takes_only_topics_that_it_knows(database: Database) -> None:
+    with database.write() as session:
+        for topic in (jobs.PRUNE, jobs.DELIVER, jobs.GRADE, jobs.REGRADE):
+            jobs.put(session, topic, topic, share="ann")
+    with database.write() as session:
+        taken = [jobs.claim(session, OTHER) for _ in range(4)]
+        assert [one.topic for one in taken if one] == list(jobs.TOPICS)
+        jobs.put(session, jobs.REGRADE, "regrade", share="ann")
+    assert not a_worker(database, lambda _: GOOD).do_one()
 
 
 def test_a_fault_of_ours_is_retried_and_then_costs_no_attempt(database: Database) -> None:
@@ -155,9 +201,8 @@ def test_a_fault_of_ours_is_retried_and_then_costs_no_attempt(database: Database
 def test_a_job_that_kills_its_worker_every_time_ends_as_our_fault(database: Database) -> None:
     submission_id = hand_in(database)
     for _ in range(3):
-        with database.write() as session:
-            assert jobs.claim(session, lease_s=0.0) is not None
-        time.sleep(0.002)
+        assert claim(database) is not None
+        release(database)
     worker = a_worker(database, lambda _: pytest.fail("it must not be run a fourth time"))
     assert worker.do_one()
     with database.read() as session:
@@ -166,12 +211,12 @@ def test_a_job_that_kills_its_worker_every_time_ends_as_our_fault(database: Data
 
 
 def test_a_stopped_worker_gives_back_what_it_was_grading(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grader.worker.GRACE_S", 0.2)
+    monkeypatch.setattr("grader.queue.worker.GRACE_S", 0.2)
     submission_id = hand_in(database)
-    started = time.monotonic()
+    started, stopped = time.monotonic(), threading.Event()
 
     def slow(_: Submission) -> Verdict:
-        time.sleep(1.0)
+        stopped.wait(60)
         return GOOD
 
     worker = a_worker(database, slow)
@@ -182,25 +227,180 @@ def test_a_stopped_worker_gives_back_what_it_was_grading(database: Database, mon
     worker.stop()
     assert state(database, submission_id)[0] == "queued"
     assert a_worker(database, lambda _: GOOD).do_one()
-    time.sleep(1.2)
+    stopped.set()
+    time.sleep(0.2)
     assert state(database, submission_id) == ("graded", ["queued", "running", "queued", "running", "graded"])
 
 
-def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: str) -> None:
-    """A real process, really killed."""
+def test_a_clock_that_is_set_back_leaves_no_job_waiting(database: Database) -> None:
+    """Rows as they look after the clock has been set back by an hour while one job ran and another was delayed."""
+    for user in ("ann", "bob", "eve"):
+        hand_in(database, user)
+    delayed, running = claim(database), claim(database)
+    assert delayed is not None
+    assert running is not None
+    with database.write() as session:
+        assert jobs.put_back(session, delayed, 30.0, tried=True)
+    third = claim(database)
+    assert third is not None
+    assert claim(database) is None
+    with database.write() as session:
+        times = {"delayed_at": JobRow.delayed_at + 3600, "due_at": JobRow.due_at + 3600}
+        session.execute(update(JobRow).where(JobRow.delayed_at.is_not(None)).values(times))
+    again = claim(database)
+    assert again is not None
+    assert again.subject == delayed.subject
+
+
+def test_a_delayed_job_waits_for_its_time_by_the_databases_clock(database: Database) -> None:
+    hand_in(database)
+    held = claim(database)
+    assert held is not None
+    with database.write() as session:
+        jobs.put_back(session, held, 0.3, tried=True)
+    began = time.monotonic()
+    while claim(database) is None:
+        assert time.monotonic() - began < 10
+        time.sleep(0.01)
+    assert time.monotonic() - began > 0.2
+
+
+def test_an_outcome_is_stored_when_a_lost_database_is_back(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grader.queue.worker.LOOK_S", 0.01)
     submission_id = hand_in(database)
-    program = (
-        "import os, sys\n"
-        "from grader.store.database import Database\n"
-        "from grader.worker import Worker\n"
-        "Worker(Database(sys.argv[1]), lambda _: os.kill(os.getpid(), 9), None, 1, 0.3, 3).do_one()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program, url], env={**os.environ}, check=False)
-    assert done.returncode == -9
-    assert state(database, submission_id)[0] == "running"
+    away = [3]
+    finish = jobs.finish
+
+    def lost(session: Session, claimed: Claim) -> bool:
+        away[0] -= 1
+        if away[0] > 0:
+            raise OperationalError("DELETE", {}, Exception("the server closed the connection"))
+        return finish(session, claimed)
+
+    monkeypatch.setattr(jobs, "finish", lost)
+    graded: list[str] = []
+
+    def grade(submission: Submission) -> Verdict:
+        graded.append(submission.id)
+        return GOOD
+
+    assert a_worker(database, grade).do_one()
+    assert away == [0]
+    assert graded == [submission_id]
+    assert state(database, submission_id) == ("graded", ["queued", "running", "graded"])
+
+
+def test_a_claim_whose_answer_got_lost_is_released(database: Database) -> None:
+    """The commit of the claim reached the database, and its worker does not know of it."""
+    submission_id = hand_in(database)
     worker = a_worker(database, lambda _: GOOD)
-    deadline = time.monotonic() + 10
-    while not worker.do_one():
+    with database.write() as session:
+        jobs.claim(session, worker.owner.id)
+    assert not worker.do_one()
+    worker.start()
+    try:
+        wait_until(lambda: state(database, submission_id)[0] == "graded")
+    finally:
+        worker.stop()
+
+
+def is_graded(database: Database, submission_id: str) -> bool:
+    return state(database, submission_id)[0] == "graded"
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30
+    while not done():
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    assert state(database, submission_id) == ("graded", ["queued", "running", "running", "graded"])
+
+
+KILLED = """
+import os, sys
+from grader.pipeline import Retries
+from grader.store.database import Database
+from grader.queue.worker import Worker
+from grader.worker import Grading
+worker = Worker(Database(sys.argv[1]), {"grade": Grading(lambda _: os.kill(os.getpid(), 9), None)}, 1, Retries())
+worker.owner.keep()
+worker.do_one()
+"""
+
+
+@pytest.mark.parametrize("rounds", [2])
+def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: str, rounds: int) -> None:
+    """Real processes, really killed: a worker that lives, or the next one that starts, grades what they had."""
+    for _ in range(rounds):
+        submission_id = hand_in(database)
+        done = subprocess.run([sys.executable, "-c", KILLED, url], env={**os.environ}, check=False)
+        assert done.returncode == -9
+        assert state(database, submission_id)[0] == "running"
+        worker = a_worker(database, lambda _: GOOD)
+        worker.start()
+        try:
+            wait_until(partial(is_graded, database, submission_id))
+        finally:
+            worker.stop()
+        assert state(database, submission_id) == ("graded", ["queued", "running", "running", "graded"])
+
+
+def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
+    if database.is_sqlite:
+        with pytest.raises(Unprocessable, match="GRADER_DATABASE_URL"):
+            run_worker(Settings(database_url=str(database.engine.url)))
+        return
+    submission_id = hand_in(database)
+    first, second = LockedOwner(database), LockedOwner(database)
+    first.keep()
+    with database.write() as session:
+        assert jobs.claim(session, first.id) is not None
+    second.keep()
+    assert claim(database) is None
+    first.close()
+    second.keep()
+    taken = claim(database)
+    assert taken is not None
+    assert taken.subject == submission_id
+    second.close()
+
+
+def test_an_owner_takes_its_lock_again_after_a_lost_connection(database: Database) -> None:
+    if database.is_sqlite:
+        assert isinstance(owner_of(database), OnlyOwner)
+        return
+    hand_in(database)
+    owner, other = LockedOwner(database), LockedOwner(database)
+    owner.keep()
+    with database.write() as session:
+        jobs.claim(session, owner.id)
+        lock = "SELECT pg_terminate_backend(pid) FROM pg_locks WHERE locktype = 'advisory' AND objid = :id AND granted"
+        assert session.scalar(text(lock), {"id": owner.id})
+    wait_until(lambda: keep_and_look(owner, other))
+    owner.close()
+    other.close()
+
+
+def keep_and_look(owner: LockedOwner, other: LockedOwner) -> bool:
+    """Whether the owner holds its lock again, by a try of another to take it."""
+    owner.keep()
+    with other._database.write() as session:
+        return not other._has_ended(session, owner.id)
+
+
+def test_put_announces_a_job_to_an_idle_worker_in_another_process(database: Database, url: str) -> None:
+    """On PostgreSQL the news comes by NOTIFY: the putting database object is not the worker's."""
+    if database.is_sqlite:
+        other = database
+    else:
+        other = Database(url)
+    worker = a_worker(database, lambda _: GOOD)
+    worker.start()
+    try:
+        time.sleep(0.5)
+        before = worker._news
+        hand_in(other)
+        wait_until(lambda: worker._news > before)
+    finally:
+        worker.stop()
+        if other is not database:
+            other.close()

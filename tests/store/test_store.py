@@ -12,11 +12,13 @@ from sqlalchemy import MetaData, select
 from sqlalchemy.exc import IntegrityError
 
 from databases import BACKENDS, database_url
+from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
-from grader.store import submissions
+from grader.store import courses, submissions
 from grader.store.database import Database
-from grader.store.submissions import Chosen
+from grader.store.installation import hidden_case_secret
+from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Base, Submission, VerdictRow, new_id
 
 
@@ -33,6 +35,7 @@ def an_answer(user: str = "ann", question: str = "q1", course: str = "c") -> Sub
     return Submission(
         id=new_id(),
         course=course,
+        learner=user,
         user=user,
         quiz="quiz",
         question=question,
@@ -57,6 +60,7 @@ def test_migrations_make_the_tables_that_the_code_describes(database: Database) 
     with database.engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": True})
         described = MetaData()
+        assert {courses.CourseLink, courses.AuditEntry} <= {mapper.class_ for mapper in Base.registry.mappers}
         for table in (*Base.metadata.sorted_tables, *QueueBase.metadata.sorted_tables):
             table.to_metadata(described)
         assert compare_metadata(context, described) == []
@@ -70,7 +74,7 @@ def test_migrating_again_and_at_once_changes_nothing(database: Database) -> None
     for other in others:
         other.close()
     with database.read() as session:
-        assert len(submissions.page(session, Chosen("c"), None, 10)) == 1
+        assert len(submissions.page(session, SubmissionFilter("c"), None, 10)) == 1
 
 
 def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
@@ -78,7 +82,7 @@ def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
         submissions.add(session, an_answer(), None)
         raise ZeroDivisionError
     with database.read() as session:
-        assert not submissions.page(session, Chosen("c"), None, 10)
+        assert not submissions.page(session, SubmissionFilter("c"), None, 10)
 
 
 def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:
@@ -124,15 +128,17 @@ def test_attempts_count_what_is_queued_but_not_what_could_not_be_read_or_graded(
     keep(database, a_verdict(), an_answer(course="other"))
     keep(database, a_verdict(), an_answer(question="q2"))
     with database.read() as session:
-        assert submissions.attempts_used(session, Chosen("c", "ann", "quiz")) == {"q1": 2, "q2": 1}
-        assert submissions.pending(session, Chosen("c", "ann")) == 1
+        expected = {("quiz", "q1"): Progress(2, 1, solved=False), ("quiz", "q2"): Progress(1, 0, solved=True)}
+        assert submissions.progress(session, "c", "ann") == expected
+        assert submissions.progress_at(session, "c", "ann", "quiz", "q1") == expected["quiz", "q1"]
+        assert submissions.pending(session, SubmissionFilter("c", "ann")) == 1
 
 
 def test_pages_go_back_in_time_without_gaps(database: Database) -> None:
     kept = sorted((keep(database, None).id for _ in range(7)), reverse=True)
     seen: list[str] = []
     with database.read() as session:
-        while rows := submissions.page(session, Chosen("c", "ann"), seen[-1] if seen else None, 3):
+        while rows := submissions.page(session, SubmissionFilter("c", "ann"), seen[-1] if seen else None, 3):
             seen.extend(row.id for row in rows)
     assert seen == kept
 
@@ -145,7 +151,7 @@ def test_named_locks_make_writers_wait_for_each_other(database: Database) -> Non
         barrier.wait()
         with database.write() as session:
             database.lock(session, "ann")
-            used = submissions.attempts_used(session, Chosen("c", "ann")).get("q1", 0)
+            used = submissions.progress_at(session, "c", "ann", "quiz", "q1").used
             submission = an_answer()
             submission.attempt = used + 1
             submissions.add(session, submission, None)
@@ -153,6 +159,17 @@ def test_named_locks_make_writers_wait_for_each_other(database: Database) -> Non
 
     with ThreadPoolExecutor(4) as pool:
         assert sorted(pool.map(one_more, range(4))) == [1, 2, 3, 4]
+
+
+def test_a_database_has_one_secret_even_for_processes_that_start_together(database: Database) -> None:
+    url = database.engine.url.render_as_string(hide_password=False)
+    others = [Database(url) for _ in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        found = set(pool.map(hidden_case_secret, others))
+    for other in others:
+        other.close()
+    assert len(found) == 1
+    assert len(found.pop()) == 32
 
 
 def test_ids_sort_by_time_and_differ() -> None:

@@ -1,1 +1,5 @@
-"""Jobs to do, kept in the database: claimed under a lease, taken again when their worker dies."""
+"""A queue of jobs in the database, and the owners of the jobs in progress.
+
+One table serves SQLite and PostgreSQL. They differ in two things only: how the end of an owner is noticed (`owners`),
+and how news travels (`store.signals`).
+"""

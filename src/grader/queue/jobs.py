@@ -1,35 +1,99 @@
-"""The queue as one table. A job is claimed for a while; whoever still holds the claim may finish it."""
+"""The queue as one table: jobs are put in the caller's transaction, claimed, and finished by the one who claimed them.
 
+Topics have priorities: a job waits while one of an earlier topic is due. Within a topic, shares are fair: the waiting
+jobs are ordered in rounds, and a round holds at most one job of each share (a learner). `put` gives a job the first
+round in which its place is behind the head of the queue and which holds no job of its share. Since places never move
+up, a share's next job waits for at most one job of every other share. A claim reads one entry of an index, however
+long the queue is.
+
+A job in progress has an owner, and no time limit. Times are those of the database's clock, and only jobs that were
+delayed have them; a clock that is set back makes those due at once.
+"""
+
+import hashlib
 import secrets
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from typing import Any
 
-from sqlalchemy import DateTime, Index, Integer, String, delete, func, or_, select, update
+from sqlalchemy import (
+    BigInteger,
+    Float,
+    Index,
+    Integer,
+    String,
+    and_,
+    delete,
+    func,
+    or_,
+    select,
+    update,
+)
+from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
+from sqlalchemy.sql.functions import FunctionElement
+
+from grader.store.signals import announce
+
+GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune")
+"""In order of priority."""
+
+NEWS = "jobs"
+"""The channel on which new jobs are announced."""
 
 
 class QueueBase(DeclarativeBase):
-    """The queue knows no other table; a job names its subject by id."""
+    """The base of the queue's table, apart from the store's: a job names its subject by id."""
 
 
 class JobRow(QueueBase):
-    """One job to do. `lease` is the claim of the worker that runs it, good until `leased_until`."""
+    """One job. It waits while `owner` is None, and `lease` is the token of the claim in progress."""
 
     __tablename__ = "jobs"
-    __table_args__ = (Index("ix_jobs_due_at", "due_at", "id"),)
 
     id: Mapped[int] = mapped_column(Integer, primary_key=True)
     topic: Mapped[str] = mapped_column(String(20))
     subject: Mapped[str] = mapped_column(String(64))
+    priority: Mapped[int]
+    """The place of the topic in `TOPICS`."""
+    share: Mapped[int] = mapped_column(BigInteger)
+    """The place of the share's jobs within a round."""
+    round: Mapped[int]
     tries: Mapped[int]
-    due_at: Mapped[datetime] = mapped_column(DateTime)
+    owner: Mapped[int | None]
     lease: Mapped[str | None] = mapped_column(String(32))
-    leased_until: Mapped[datetime | None] = mapped_column(DateTime)
+    delayed_at: Mapped[float | None] = mapped_column(Float(53))
+    """When the job was last delayed, put back or released [s since 1970]; None if it never was."""
+    due_at: Mapped[float | None] = mapped_column(Float(53))
+    """When a delayed job is due [s since 1970]."""
+
+
+ORDER = (JobRow.priority, JobRow.round, JobRow.share, JobRow.id)
+WAITS = JobRow.owner.is_(None)
+Index("ix_jobs_order", *ORDER, sqlite_where=WAITS, postgresql_where=WAITS)
+Index("ix_jobs_share", JobRow.share, JobRow.priority, JobRow.round, sqlite_where=WAITS, postgresql_where=WAITS)
+Index("ix_jobs_owner", JobRow.owner)
+
+
+class Clock(FunctionElement[float]):
+    """The database's clock [s since 1970]: all servers and workers go by the same one."""
+
+    type = Float(53)
+    inherit_cache = True
+
+
+@compiles(Clock, "sqlite")
+def _clock_of_sqlite(_element: Clock, _compiler: Any, **_kw: Any) -> str:
+    return "((julianday('now') - 2440587.5) * 86400.0)"
+
+
+@compiles(Clock, "postgresql")
+def _clock_of_postgresql(_element: Clock, _compiler: Any, **_kw: Any) -> str:
+    return "CAST(extract(epoch FROM clock_timestamp()) AS double precision)"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A job that was claimed: what it is about, the how-many-th try this is, and the proof of the claim."""
+    """A claimed job: its subject, the number of this try from 1, and the token that proves the claim."""
 
     job_id: int
     topic: str
@@ -38,52 +102,86 @@ class Claim:
     lease: str
 
 
-def put(session: Session, topic: str, subject: str, delay_s: float = 0.0) -> None:
-    """A new job, in the caller's transaction."""
-    session.add(JobRow(topic=topic, subject=subject, tries=0, due_at=_clock() + timedelta(seconds=delay_s)))
+def put(session: Session, topic: str, subject: str, share: str, delay_s: float = 0.0) -> None:
+    """Adds a job, in the caller's transaction. Jobs of the same `share` take turns with those of the others."""
+    priority, place = TOPICS.index(topic), share_number(share)
+    row = JobRow(topic=topic, subject=subject, priority=priority, share=place, tries=0)
+    row.round = _next_round(session, priority, place)
+    if delay_s:
+        row.delayed_at, row.due_at = Clock(), Clock() + delay_s
+    session.add(row)
+    session.flush()
+    announce(session, NEWS)
 
 
-def claim(session: Session, lease_s: float) -> Claim | None:
-    """The oldest job that is due and that nobody holds, for `lease_s` seconds; None where there is none."""
-    clock = _clock()
-    free = or_(JobRow.leased_until.is_(None), JobRow.leased_until < clock)
-    oldest = select(JobRow).where(JobRow.due_at <= clock, free).order_by(JobRow.due_at, JobRow.id).limit(1)
-    row = session.scalars(oldest.with_for_update(skip_locked=True)).first()
+def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Claim | None:
+    """Claims the first job in the queue's order that is due, for `owner`. None if there is none."""
+    due = or_(JobRow.delayed_at.is_(None), Clock() < JobRow.delayed_at, Clock() >= JobRow.due_at)
+    first = select(JobRow).where(WAITS, due, JobRow.topic.in_(topics)).order_by(*ORDER).limit(1)
+    row = session.scalars(first.with_for_update(skip_locked=True)).first()
     if row is None:
         return None
     row.tries += 1
-    row.lease = secrets.token_hex(16)
-    row.leased_until = clock + timedelta(seconds=lease_s)
+    row.owner, row.lease = owner, secrets.token_hex(16)
     return Claim(row.id, row.topic, row.subject, row.tries, row.lease)
 
 
-def renew(session: Session, claims: list[Claim], lease_s: float) -> None:
-    """The claims hold for another `lease_s` seconds from now, where they still hold."""
-    leases = [claimed.lease for claimed in claims]
-    until = _clock() + timedelta(seconds=lease_s)
-    session.execute(update(JobRow).where(JobRow.lease.in_(leases)).values(leased_until=until))
-
-
 def finish(session: Session, claimed: Claim) -> bool:
-    """The job is done. False where another worker has taken it over: then nothing of this try may be kept."""
-    done = delete(JobRow).where(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease).returning(JobRow.id)
+    """Removes a job that is done. False if it was released since the claim; this try then counts for nothing."""
+    done = delete(JobRow).where(_holds(claimed)).returning(JobRow.id)
     return session.execute(done).first() is not None
 
 
 def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> bool:
-    """The job is to be done after `delay_s` seconds; whether this was a try that failed. False as in `finish`."""
-    due = _clock() + timedelta(seconds=delay_s)
-    again = update(JobRow).where(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease)
+    """Makes the job wait for another `delay_s` seconds. `tried` counts this try as failed. False as in `finish`."""
     tries = claimed.tries if tried else claimed.tries - 1
-    again_set = again.values(lease=None, leased_until=None, due_at=due, tries=tries).returning(JobRow.id)
-    return session.execute(again_set).first() is not None
+    again = update(JobRow).where(_holds(claimed)).values(**_delayed(delay_s), tries=tries).returning(JobRow.id)
+    announce(session, NEWS)
+    return session.execute(again).first() is not None
+
+
+def owned(session: Session) -> list[tuple[int, str]]:
+    """The owner and the lease of every job in progress."""
+    rows = session.execute(select(JobRow.owner, JobRow.lease).where(JobRow.owner.is_not(None)))
+    return [(row.owner, row.lease) for row in rows]
+
+
+def release(session: Session, leases: list[str]) -> None:
+    """Makes jobs in progress wait again, due at once; their claims end."""
+    if leases:
+        session.execute(update(JobRow).where(JobRow.lease.in_(leases)).values(**_delayed(0.0)))
+        announce(session, NEWS)
 
 
 def waiting(session: Session) -> int:
-    """How many jobs are not done yet, those that are running included."""
+    """The number of jobs that are not done; those in progress count."""
     return session.scalar(select(func.count()).select_from(JobRow)) or 0
 
 
-def _clock() -> datetime:
-    """UTC without a zone: both databases compare it as it is."""
-    return datetime.now(UTC).replace(tzinfo=None)
+def share_number(share: str) -> int:
+    """A number of 63 bits for a share: both databases order numbers alike, and names by their collations."""
+    return int.from_bytes(hashlib.blake2b(share.encode(), digest_size=8).digest(), "big") >> 1
+
+
+def _next_round(session: Session, priority: int, place: int) -> int:
+    """The first round in which a job at `place` is behind the head of the queue and alone in its share.
+
+    Delayed jobs do not count: one that is tried again keeps its early place without holding back the head. If only
+    such jobs are left, new ones join the last of their rounds.
+    """
+    new = (JobRow.priority == priority, WAITS, JobRow.delayed_at.is_(None))
+    head = session.execute(select(JobRow.round, JobRow.share).where(*new).order_by(*ORDER).limit(1)).first()
+    if head is None:
+        last: int | None = session.scalar(select(func.max(JobRow.round)).where(JobRow.priority == priority))
+        return last or 0
+    own: int | None = session.scalar(select(func.max(JobRow.round)).where(*new, JobRow.share == place))
+    behind: int = head.round + (place < head.share)
+    return behind if own is None else max(behind, own + 1)
+
+
+def _holds(claimed: Claim) -> Any:
+    return and_(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease)
+
+
+def _delayed(delay_s: float) -> dict[str, Any]:
+    return {"owner": None, "lease": None, "delayed_at": Clock(), "due_at": Clock() + delay_s}

@@ -1,21 +1,25 @@
 """Every query on credentials."""
 
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import CursorResult, or_, update
+from sqlalchemy import ColumnElement, CursorResult, delete, or_, select, update
 from sqlalchemy.orm import Session
 
 from grader.store.tables import Credential
 
+PRUNED_AT_ONCE = 100
+"""The most credentials that one call of `prune` deletes, so that no request waits long for it."""
+
 
 def add(session: Session, credential: Credential) -> None:
-    """Keeps a new credential."""
+    """Adds a new credential."""
     session.add(credential)
 
 
 def find(session: Session, credential_id: str, kind: str, clock: datetime) -> Credential | None:
-    """The credential of this kind, where it is neither revoked nor expired."""
+    """The credential of this kind and id; None if it is revoked or expired."""
     credential = session.get(Credential, credential_id)
     if credential is None or credential.kind != kind or credential.revoked_at is not None:
         return None
@@ -25,19 +29,42 @@ def find(session: Session, credential_id: str, kind: str, clock: datetime) -> Cr
 
 
 def touch(session: Session, credential_id: str, clock: datetime) -> None:
-    """The credential was used just now."""
+    """Records that the credential was used now."""
     session.execute(update(Credential).where(Credential.id == credential_id).values(last_used_at=clock))
 
 
 def revoke(session: Session, credential_id: str, clock: datetime) -> bool:
-    """The credential ends now. False where it had ended before: of two at once only one gets True."""
-    alive = Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock)
-    ended = update(Credential).where(Credential.id == credential_id, alive).values(revoked_at=clock)
-    return cast(CursorResult[Any], session.execute(ended)).rowcount == 1
+    """Revokes the credential. False if it had ended before: of two calls at once only one gets True."""
+    return _revoke(session, clock, Credential.id == credential_id, _alive(clock)) == 1
 
 
-def revoke_all(session: Session, user: str, course: str, clock: datetime) -> int:
-    """Every credential of a user in a course ends now; how many had not ended before."""
-    theirs = (Credential.user == user, Credential.course == course, Credential.revoked_at.is_(None))
-    ended = update(Credential).where(*theirs).values(revoked_at=clock)
+def revoke_all(session: Session, member: str, clock: datetime, kinds: Iterable[str] | None = None) -> int:
+    """Revokes the credentials of a member, or those of some kinds. Returns how many had not been revoked before."""
+    of_kind = () if kinds is None else (Credential.kind.in_(list(kinds)),)
+    return _revoke(session, clock, Credential.member == member, Credential.revoked_at.is_(None), *of_kind)
+
+
+def alive_in(session: Session, course: str, kind: str, clock: datetime) -> Sequence[Credential]:
+    """The credentials of one kind in a course that have not ended, newest first."""
+    wanted = select(Credential).where(Credential.course == course, Credential.kind == kind, _alive(clock))
+    return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
+
+
+def prune(session: Session, kinds: Iterable[str], clock: datetime) -> set[str]:
+    """Deletes expired and revoked credentials of these kinds. Returns the ids of the members who had them."""
+    ended = or_(Credential.expires_at <= clock, Credential.revoked_at <= clock)
+    oldest = select(Credential.id, Credential.member).where(Credential.kind.in_(list(kinds)), ended)
+    rows = session.execute(oldest.limit(PRUNED_AT_ONCE)).all()
+    if rows:
+        gone = delete(Credential).where(Credential.id.in_([row[0] for row in rows]))
+        session.execute(gone.execution_options(synchronize_session=False))
+    return {row[1] for row in rows}
+
+
+def _alive(clock: datetime) -> ColumnElement[bool]:
+    return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock)
+
+
+def _revoke(session: Session, clock: datetime, *conditions: ColumnElement[bool]) -> int:
+    ended = update(Credential).where(*conditions).values(revoked_at=clock)
     return cast(CursorResult[Any], session.execute(ended)).rowcount

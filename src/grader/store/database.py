@@ -10,18 +10,20 @@ from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
+from grader.store.signals import Signals
+
 BUSY_S = 30.0
-"""How long a writer waits for another process before SQLite gives up [s]."""
+"""How long SQLite waits for the lock of another process [s]."""
 
 MIGRATION_LOCK = 7_105_114_101
-"""Any number: the PostgreSQL advisory lock under which one process at a time migrates."""
+"""The PostgreSQL advisory lock for migrations; the number is arbitrary."""
 
 
 class Database:
-    """Sessions on one database. `read()` and `write()` are transactions: no commit stands anywhere else."""
+    """Sessions on one database. `read()` and `write()` are transactions; nothing else commits."""
 
     def __init__(self, url: str) -> None:
-        """Opens `url` (`sqlite:///PATH` or `postgresql://...`); the folder of a SQLite file is made."""
+        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file."""
         parsed = make_url(url)
         if parsed.drivername == "postgresql":
             parsed = parsed.set(drivername="postgresql+psycopg")
@@ -35,6 +37,7 @@ class Database:
         )  # fmt: skip
         if self.is_sqlite:
             _set_up_sqlite(self.engine)
+        self.signals = Signals(self.engine, self.is_sqlite)
         self._writer = self.engine.execution_options(writes=True)
         # SQLite's own wait for a lock sleeps in steps; within one process a queue of threads is fair and quicker.
         self._turn = Lock() if self.is_sqlite else nullcontext()
@@ -46,36 +49,61 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Session]:
-        """One consistent view; nothing is kept."""
+        """A transaction for reading: one consistent view, rolled back at the end."""
         with Session(self.engine, autoflush=False) as session:
             yield session
 
     @contextmanager
     def write(self) -> Iterator[Session]:
-        """One transaction: committed as a whole at the end, or not at all."""
-        with self._turn, Session(self._writer, expire_on_commit=False) as session, session.begin():
-            yield session
+        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it."""
+        with Session(self._writer, expire_on_commit=False) as session:
+            with self._turn, session.begin():
+                yield session
+                self.signals.before_commit(session)
+            self.signals.after_commit(session)
 
     def lock(self, session: Session, name: str) -> None:
-        """Makes transactions that name the same thing wait for each other; on SQLite all writers do already."""
+        """Holds a lock of this name until the transaction ends. On SQLite there is only one writer anyway."""
         if not self.is_sqlite:
             session.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 0))"), {"name": name})
 
+    def lock_learner(self, session: Session, course: str, learner: str) -> None:
+        """As `lock`, for what depends on all answers of one learner: attempts and results."""
+        self.lock(session, f"{course}\n{learner}")
+
     def ping(self) -> None:
-        """Raises where the database does not answer."""
+        """Raises if the database does not answer."""
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
 
     def migrate(self) -> None:
         """Brings the tables up to date; safe to call from several processes at once."""
-        with self._turn, self._writer.begin() as connection:
+        with self._turn, self._writer.connect() as connection, _foreign_keys_off(connection), connection.begin():
             if not self.is_sqlite:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
             upgrade(connection)
 
     def close(self) -> None:
         """Closes every connection."""
+        self.signals.close()
         self.engine.dispose()
+
+
+@contextmanager
+def _foreign_keys_off(connection: Connection) -> Iterator[None]:
+    """Lets migrations rebuild tables that others refer to, as SQLite asks for it; nothing on PostgreSQL.
+
+    Source: https://www.sqlite.org/lang_altertable.html, section 7. The switch works outside of transactions only.
+    """
+    if connection.dialect.name != "sqlite":
+        yield
+        return
+    driver: Any = connection.connection
+    driver.execute("PRAGMA foreign_keys = OFF")
+    try:
+        yield
+    finally:
+        driver.execute("PRAGMA foreign_keys = ON")
 
 
 def upgrade(connection: Connection) -> None:
@@ -90,7 +118,7 @@ def upgrade(connection: Connection) -> None:
 
 
 def _set_up_sqlite(engine: Engine) -> None:
-    """WAL, foreign keys, and transactions that we begin ourselves: the driver's own would not cover DDL and reads."""
+    """Sets WAL and foreign keys, and begins transactions itself: the driver's own do not cover DDL and reads."""
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:

@@ -5,34 +5,40 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, bindparam, func, select
+from sqlalchemy import ColumnElement, bindparam, case, func, select
 from sqlalchemy.orm import Session
 
+from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
+from grader.store.signals import announce
 from grader.store.tables import Event, IdempotencyKey, Submission, VerdictRow, insert_row, now
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
 
+EVENTS = "events"
+"""The channel on which new events are announced, by submission."""
+
 
 @dataclass(frozen=True)
-class Chosen:
-    """Which submissions are meant; None means any."""
+class SubmissionFilter:
+    """Selects submissions by course, name of the user, quiz, question and learner's id; None matches any."""
 
     course: str
     user: str | None = None
     quiz: str | None = None
     question: str | None = None
+    learner: str | None = None
 
     def conditions(self) -> list[ColumnElement[bool]]:
-        """As SQL."""
+        """The filter as SQL conditions."""
         return [getattr(Submission, name) == value for name, value in vars(self).items() if value is not None]
 
 
 def add(session: Session, submission: Submission, verdict: Verdict | None) -> None:
-    """Keeps a new submission: with its verdict where there is one already, else as queued.
+    """Inserts a new submission: as graded with its verdict, or as queued without one.
 
-    Every answer comes through here: plain inserts take a third of the time that the session's unit of work takes.
+    Plain inserts take a third of the time of the session's unit of work, and every answer passes here.
     """
     submission.status, submission.uses_attempt, submission.revision, submission.version = QUEUED, True, 0, 1
     submission.created_at = now()
@@ -52,7 +58,7 @@ def append_verdict(
     row = _verdict_row(submission, verdict, cause)
     row.reviewer = reviewer
     session.add(row)
-    _note(session, submission)
+    _add_event(session, submission)
 
 
 def get(session: Session, submission_id: str) -> Submission | None:
@@ -61,83 +67,91 @@ def get(session: Session, submission_id: str) -> Submission | None:
 
 
 def start(session: Session, submission_id: str) -> Submission:
-    """A worker has taken the submission up."""
-    return _turn(session, submission_id, RUNNING)
+    """Marks the submission as running."""
+    return _change_status(session, submission_id, RUNNING)
 
 
 def put_back(session: Session, submission_id: str) -> Submission:
-    """The submission waits once more: a try at grading it failed through our fault."""
-    return _turn(session, submission_id, QUEUED)
+    """Marks the submission as queued again, after a try that failed through our fault."""
+    return _change_status(session, submission_id, QUEUED)
 
 
-def page(session: Session, chosen: Chosen, before: str | None, limit: int) -> Sequence[Submission]:
+def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
     """At most `limit` submissions, newest first, that are older than `before`."""
-    newest_first = select(Submission).where(*chosen.conditions()).order_by(Submission.id.desc()).limit(limit)
+    newest_first = select(Submission).where(*wanted.conditions()).order_by(Submission.id.desc()).limit(limit)
     if before is not None:
         newest_first = newest_first.where(Submission.id < before)
     return session.scalars(newest_first).all()
 
 
-ATTEMPTS_AT = select(func.count()).where(
-    Submission.course == bindparam("course"),
-    Submission.user == bindparam("user"),
-    Submission.quiz == bindparam("quiz"),
-    Submission.question == bindparam("question"),
-    Submission.uses_attempt,
+THEIRS = (Submission.course == bindparam("course"), Submission.learner == bindparam("learner"), Submission.uses_attempt)
+PROGRESS = (
+    select(
+        Submission.quiz,
+        Submission.question,
+        func.count(),
+        func.sum(case((Submission.outcome.is_(None), 1), else_=0)),
+        func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0)),
+    )
+    .where(*THEIRS)
+    .group_by(Submission.quiz, Submission.question)
 )
+PROGRESS_AT = PROGRESS.where(Submission.quiz == bindparam("quiz"), Submission.question == bindparam("question"))
 
 
-def attempts_at(session: Session, one: Chosen) -> int:
-    """How many attempts a learner has used up on one question; those still in the queue are counted."""
-    return session.connection().execute(ATTEMPTS_AT, vars(one)).scalar_one()
+def progress_at(session: Session, course: str, learner: str, quiz: str, question: str) -> Progress:
+    """What a learner's attempts at one question come to; queued ones count."""
+    where = {"course": course, "learner": learner, "quiz": quiz, "question": question}
+    found = session.connection().execute(PROGRESS_AT, where).first()
+    return Progress() if found is None else Progress(found[2], found[3], bool(found[4]))
 
 
-def attempts_used(session: Session, chosen: Chosen) -> dict[str, int]:
-    """How many attempts are used up, by question; those still in the queue are counted."""
-    used = select(Submission.question, func.count()).where(*chosen.conditions(), Submission.uses_attempt)
-    return dict(session.execute(used.group_by(Submission.question)).all())
+def progress(session: Session, course: str, learner: str) -> dict[tuple[str, str], Progress]:
+    """What a learner's attempts come to, by (quiz, question); questions without an attempt are left out."""
+    found = session.connection().execute(PROGRESS, {"course": course, "learner": learner})
+    return {(row[0], row[1]): Progress(row[2], row[3], bool(row[4])) for row in found}
 
 
-def pending(session: Session, chosen: Chosen) -> int:
-    """How many submissions still wait for their verdict."""
-    waiting = select(func.count()).select_from(Submission).where(*chosen.conditions())
+def pending(session: Session, wanted: SubmissionFilter) -> int:
+    """The number of submissions without a verdict."""
+    waiting = select(func.count()).select_from(Submission).where(*wanted.conditions())
     return session.scalar(waiting.where(Submission.status.in_((QUEUED, RUNNING)))) or 0
 
 
 def verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:
-    """The verdict that counts of each submission as plain JSON; those without one are left out."""
+    """The newest verdict of each submission as plain JSON, by id; submissions without one are left out."""
     same = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
     bodies = select(VerdictRow.submission_id, VerdictRow.body).join(Submission, same)
-    chosen = bodies.where(Submission.id.in_([submission.id for submission in submissions]))
-    return {submission_id: json.loads(body) for submission_id, body in session.execute(chosen)}
+    wanted = bodies.where(Submission.id.in_([submission.id for submission in submissions]))
+    return {submission_id: json.loads(body) for submission_id, body in session.execute(wanted)}
 
 
 def events_after(session: Session, submission_id: str, number: int) -> Sequence[Event]:
-    """The submission's events after the `number`-th, in order."""
+    """The submission's events after event `number`, in order."""
     later = select(Event).where(Event.submission_id == submission_id, Event.number > number)
     return session.scalars(later.order_by(Event.number)).all()
 
 
 def last_event(session: Session, submission_id: str) -> int:
-    """The number of the submission's newest event; 0 where there is none."""
+    """The number of the submission's newest event; 0 if there is none."""
     return session.scalar(select(func.max(Event.number)).where(Event.submission_id == submission_id)) or 0
 
 
-def find_key(session: Session, course: str, user: str, key: str) -> IdempotencyKey | None:
-    """What a learner's earlier request with this key made, if there was one."""
-    return session.get(IdempotencyKey, (course, user, key))
+def find_key(session: Session, course: str, learner: str, key: str) -> IdempotencyKey | None:
+    """The row of a learner's earlier request with this idempotency key, if there was one."""
+    return session.get(IdempotencyKey, (course, learner, key))
 
 
-def _turn(session: Session, submission_id: str, status: str) -> Submission:
+def _change_status(session: Session, submission_id: str, status: str) -> Submission:
     submission = session.get_one(Submission, submission_id)
     submission.status = status
-    _note(session, submission)
+    _add_event(session, submission)
     return submission
 
 
 def _settle(submission: Submission, verdict: Verdict) -> None:
     submission.status = NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED
-    submission.uses_attempt = verdict.status.uses_attempt
+    submission.uses_attempt, submission.outcome = verdict.status.uses_attempt, verdict.status.value
     submission.revision += 1
 
 
@@ -156,7 +170,8 @@ def _verdict_row(submission: Submission, verdict: Verdict, cause: str) -> Verdic
     )
 
 
-def _note(session: Session, submission: Submission) -> None:
-    """Adds the submission's new status as an event."""
+def _add_event(session: Session, submission: Submission) -> None:
+    """Adds the submission's new status as an event, and announces it."""
     number = 1 + last_event(session, submission.id)
     session.add(Event(submission_id=submission.id, number=number, name=submission.status))
+    announce(session, EVENTS, submission.id)

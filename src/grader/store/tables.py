@@ -1,10 +1,16 @@
-"""The tables. Submissions are immutable answers; verdicts are only ever added; the rest is bookkeeping.
+"""The tables. Submissions are immutable answers; verdicts are added, never changed.
 
-submissions ──< verdicts   every grading, regrade and review is one more revision
+submissions ──< verdicts   one revision for each grading, regrade and review
             ──< events     what happened to a submission, for listeners
-            ──< review_claims  who is reviewing it, and until when: one at most
-credentials                bearer tokens, browser sessions and one-time sign-in codes
-idempotency_keys           which submission a repeated request already made
+            ──< review_claims  the reviewer who holds it, at most one
+            ──< results        what counts for a learner at a question
+results     ──< result_revisions  every change of a result: the feed
+extensions                 what one learner gets beyond the policy of a quiz
+publications               quizzes whose feedback an instructor has published
+members     ──< credentials  bearer tokens, browser sessions and one-time sign-in codes
+            ──< submissions, results and extensions by `learner`, without a foreign key: they outlive the members
+idempotency_keys           the submission that a request with this key made
+installation_secrets       keys of the installation, never shown
 """
 
 import secrets
@@ -22,6 +28,7 @@ from sqlalchemy import (
     Text,
     UniqueConstraint,
     insert,
+    text,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.types import TypeDecorator
@@ -36,8 +43,13 @@ def now() -> datetime:
 
 
 def new_id() -> str:
-    """32 hexadecimal digits that cannot be guessed and sort by time: 48 bits of milliseconds, 80 random ones."""
+    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits."""
     return f"{int(now().timestamp() * 1000):012x}{secrets.token_hex(10)}"
+
+
+def new_member_id() -> str:
+    """128 random bits as 32 hexadecimal digits."""
+    return secrets.token_hex(16)
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -58,39 +70,57 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 class Base(DeclarativeBase):
-    """What the tables have in common."""
+    """The base of the tables."""
 
     type_annotation_map = {datetime: UtcDateTime, float: Float(53)}  # noqa: RUF012
 
 
 class Submission(Base):
-    """One immutable answer to one question, and where its grading stands."""
+    """One immutable answer to one question, and the state of its grading."""
 
     __tablename__ = "submissions"
     __table_args__ = (
-        Index("ix_submissions_learner", "course", "user", "quiz", "question"),
+        Index("ix_submissions_learner", "course", "learner", "id"),
+        Index("ix_submissions_user", "course", "user", "id"),
+        Index("ix_submissions_quiz", "course", "quiz", "id", "question"),
+        Index(
+            "ix_submissions_attempts",
+            "course",
+            "learner",
+            "quiz",
+            "question",
+            "id",
+            "outcome",
+            sqlite_where=text("uses_attempt = 1"),
+            postgresql_where=text("uses_attempt"),  # as queries write it
+        ),
         Index("ix_submissions_course", "course", "id"),
         Index("ix_submissions_status", "course", "status", "id"),
     )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     course: Mapped[str] = mapped_column(String(NAME))
+    learner: Mapped[str] = mapped_column(String(32))
+    """The id of the member whose answer it is."""
     user: Mapped[str] = mapped_column(String(NAME))
+    """The learner's name: a label, which another learner may bear too."""
     quiz: Mapped[str] = mapped_column(String(64))
     question: Mapped[str] = mapped_column(String(64))
     answer: Mapped[str] = mapped_column(Text)
-    """JSON text, escaped to ASCII: any answer at all can be kept, on any database."""
+    """Canonical JSON text in ASCII, which any database can store."""
     seed: Mapped[int | None] = mapped_column(BigInteger)
-    """Draws the hidden cases; None where there are none."""
+    """Draws the hidden cases; None without a script. Shown to instructors only."""
     content_digest: Mapped[str] = mapped_column(String(80))
-    """Of the quiz as it stood when the answer came in."""
+    """Of the quiz when the answer came in."""
     status: Mapped[str] = mapped_column(String(20))
     """queued, running, graded or needs_review."""
     attempt: Mapped[int]
-    """1 for a learner's first go; an answer that used no attempt leaves its number to the next."""
+    """From 1. After an answer that used no attempt, the next one gets the same number."""
     uses_attempt: Mapped[bool]
+    outcome: Mapped[str | None] = mapped_column(String(20))
+    """The status of the newest verdict; None while there is none."""
     revision: Mapped[int] = mapped_column(default=0)
-    """Of the verdict that counts; 0 while there is none."""
+    """Of the newest verdict; 0 while there is none."""
     version: Mapped[int] = mapped_column(Integer)
     """Counts the changes: the ETag."""
     created_at: Mapped[datetime] = mapped_column(default=now)
@@ -99,7 +129,7 @@ class Submission(Base):
 
 
 class VerdictRow(Base):
-    """One revision of what grading said; never changed, never removed."""
+    """One verdict on a submission; never changed, never removed."""
 
     __tablename__ = "verdicts"
     __table_args__ = (UniqueConstraint("submission_id", "revision"),)
@@ -118,12 +148,107 @@ class VerdictRow(Base):
     body: Mapped[str] = mapped_column(Text)
     """The whole verdict as JSON text."""
     reviewer: Mapped[str | None] = mapped_column(String(NAME))
-    """Who decided; None where no person did."""
+    """The reviewer; None if the verdict is the grader's."""
     created_at: Mapped[datetime] = mapped_column(default=now)
 
 
+class Result(Base):
+    """What counts for one learner at one question, and what statistics need of the attempts."""
+
+    __tablename__ = "results"
+    __table_args__ = (Index("ix_results_quiz", "course", "quiz", "learner", "question", "changes"),)
+
+    course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
+    learner: Mapped[str] = mapped_column(String(32), primary_key=True)
+    quiz: Mapped[str] = mapped_column(String(64), primary_key=True)
+    question: Mapped[str] = mapped_column(String(64), primary_key=True)
+    submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
+    """The attempt that the points come from; the newest one of an average."""
+    attempt: Mapped[int | None]
+    """The number of that attempt; None where no attempt counts any more."""
+    points: Mapped[float]
+    """With late multipliers."""
+    max_points: Mapped[float]
+    is_late: Mapped[bool]
+    """Whether an attempt that counts was handed in after the learner's due date."""
+    is_final: Mapped[bool]
+    """False while an attempt has no verdict, or the newest one waits for a reviewer."""
+    revision: Mapped[int]
+    """Counts the changes of the columns above, from 1."""
+    first_status: Mapped[str] = mapped_column(String(20))
+    first_option: Mapped[int | None]
+    first_value: Mapped[float | None]
+    """Of the first attempt, as are `first_status` and `first_option`."""
+    diagnoses: Mapped[str] = mapped_column(Text)
+    """Those of all attempts, each once, as a JSON list."""
+    changes: Mapped[int]
+    """Counts the changes of any column, from 1."""
+
+
+class ResultRevision(Base):
+    """One change of a result; never changed but for its `position`, never removed.
+
+    The order of ids is not the order of commits. `position` is given to rows that are committed, so that a reader who
+    has seen a position has seen everything before it.
+    """
+
+    __tablename__ = "result_revisions"
+    __table_args__ = (
+        Index("ix_result_revisions_feed", "course", "position", unique=True),
+        Index(
+            "ix_result_revisions_new",
+            "course",
+            "id",
+            sqlite_where=text("position IS NULL"),
+            postgresql_where=text("position IS NULL"),
+        ),
+    )
+
+    id: Mapped[int] = mapped_column(BigInteger().with_variant(Integer, "sqlite"), primary_key=True)
+    position: Mapped[int | None] = mapped_column(BigInteger)
+    """From 1 within the course; None until the feed is read."""
+    course: Mapped[str] = mapped_column(String(NAME))
+    learner: Mapped[str] = mapped_column(String(32))
+    quiz: Mapped[str] = mapped_column(String(64))
+    question: Mapped[str] = mapped_column(String(64))
+    submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
+    attempt: Mapped[int | None]
+    points: Mapped[float]
+    max_points: Mapped[float]
+    is_late: Mapped[bool]
+    is_final: Mapped[bool]
+    revision: Mapped[int]
+    created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+class ExtensionRow(Base):
+    """What one learner gets beyond the policy of a quiz."""
+
+    __tablename__ = "extensions"
+
+    course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
+    quiz: Mapped[str] = mapped_column(String(64), primary_key=True)
+    learner: Mapped[str] = mapped_column(String(32), primary_key=True)
+    due: Mapped[datetime | None]
+    until: Mapped[datetime | None]
+    attempts: Mapped[int]
+    granted_by: Mapped[str] = mapped_column(String(NAME))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+class Publication(Base):
+    """An instructor has published the feedback of a quiz."""
+
+    __tablename__ = "publications"
+
+    course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
+    quiz: Mapped[str] = mapped_column(String(64), primary_key=True)
+    published_by: Mapped[str] = mapped_column(String(NAME))
+    published_at: Mapped[datetime] = mapped_column(default=now)
+
+
 class Event(Base):
-    """One thing that happened to a submission; numbered from 1 within it."""
+    """A change of a submission's status; numbered from 1 within the submission."""
 
     __tablename__ = "events"
 
@@ -134,7 +259,7 @@ class Event(Base):
 
 
 class ReviewClaim(Base):
-    """An instructor is reviewing a submission; nobody else may until it expires."""
+    """A reviewer's claim on a submission; no other instructor may review it until the claim expires."""
 
     __tablename__ = "review_claims"
 
@@ -143,17 +268,46 @@ class ReviewClaim(Base):
     expires_at: Mapped[datetime]
 
 
+class Member(Base):
+    """A person, or a program, in one course. The id identifies it; the name is a label that several may bear."""
+
+    __tablename__ = "members"
+    __table_args__ = (
+        UniqueConstraint("course", "account", name="uq_members_account"),
+        Index("ix_members_name", "course", "name"),
+    )
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_member_id)
+    course: Mapped[str] = mapped_column(String(NAME))
+    name: Mapped[str] = mapped_column(String(NAME))
+    account: Mapped[str | None] = mapped_column(String(NAME + 10))
+    """How the member is found again: `name:NAME` or `oidc:DIGEST`. None if a browser session is the only way."""
+    role: Mapped[str] = mapped_column(String(20))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    removed_at: Mapped[datetime | None]
+
+
 class Credential(Base):
-    """A bearer token, a browser session or a one-time code, by `kind`; of its secret only the hash is kept."""
+    """A bearer token, a browser session or a one-time code, by `kind`. Only the hash of its secret is stored."""
 
     __tablename__ = "credentials"
+    __table_args__ = (
+        Index("ix_credentials_member", "member"),
+        Index("ix_credentials_expires_at", "kind", "expires_at"),
+        Index("ix_credentials_course", "course", "kind"),
+    )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
     kind: Mapped[str] = mapped_column(String(10))
     secret_hash: Mapped[str] = mapped_column(String(64))
+    member: Mapped[str] = mapped_column(ForeignKey("members.id"))
     user: Mapped[str] = mapped_column(String(NAME))
     role: Mapped[str] = mapped_column(String(20))
     course: Mapped[str] = mapped_column(String(NAME))
+    scopes: Mapped[str | None] = mapped_column(Text)
+    """Names of scopes, separated by blanks; None for all that the role may."""
+    created_by: Mapped[str | None] = mapped_column(String(NAME))
+    """The name of the member who issued it, if one did."""
     created_at: Mapped[datetime] = mapped_column(default=now)
     expires_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]
@@ -166,7 +320,7 @@ class IdempotencyKey(Base):
     __tablename__ = "idempotency_keys"
 
     course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
-    user: Mapped[str] = mapped_column(String(NAME), primary_key=True)
+    learner: Mapped[str] = mapped_column(String(32), primary_key=True)
     key: Mapped[str] = mapped_column(String(255), primary_key=True)
     request_digest: Mapped[str] = mapped_column(String(64))
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
@@ -174,11 +328,20 @@ class IdempotencyKey(Base):
     created_at: Mapped[datetime] = mapped_column(default=now)
 
 
+class InstallationSecret(Base):
+    """A key of the installation. Its value never leaves the server."""
+
+    __tablename__ = "installation_secrets"
+
+    name: Mapped[str] = mapped_column(String(40), primary_key=True)
+    value: Mapped[bytes]
+
+
 INSERTS = {table.name: insert(table) for table in Base.metadata.sorted_tables}
 
 
 def insert_row(session: Session, row: Base) -> None:
-    """Inserts a row as it is; columns that are not set get their defaults, which the row itself does not learn."""
+    """Inserts a row without the unit of work; defaults of columns are not set on `row`."""
     table = row.__tablename__
     values = {name: value for name, value in vars(row).items() if not name.startswith("_")}
     session.connection().execute(INSERTS[table], values)

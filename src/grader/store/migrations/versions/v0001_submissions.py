@@ -43,7 +43,7 @@ def create_submissions() -> None:
 
 
 def create_verdicts() -> None:
-    """Revisions of what grading said."""
+    """Verdicts, one row per revision."""
     op.create_table(
         "verdicts",
         sa.Column("id", sa.Integer, primary_key=True),
@@ -63,7 +63,7 @@ def create_verdicts() -> None:
 
 
 def create_events() -> None:
-    """What happened to a submission."""
+    """Changes of a submission's status."""
     op.create_table(
         "events",
         sa.Column("submission_id", sa.String(32), sa.ForeignKey("submissions.id"), primary_key=True),
@@ -91,7 +91,7 @@ def create_credentials() -> None:
 
 
 def create_idempotency_keys() -> None:
-    """Requests that must not be carried out twice."""
+    """Keys of requests that must not run twice."""
     op.create_table(
         "idempotency_keys",
         sa.Column("course", sa.String(200), primary_key=True),

@@ -1,4 +1,4 @@
-"""Reviews: who decided, and who is deciding."""
+"""Reviews: claims, and the reviewer of a verdict."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = "0001"
 
 
 def upgrade() -> None:
-    """Claims, the reviewer of a verdict, and an index for what waits."""
+    """Claims, the reviewer of a verdict, and an index of submissions by status."""
     op.add_column("verdicts", sa.Column("reviewer", sa.String(200)))
     op.create_table(
         "review_claims",

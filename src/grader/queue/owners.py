@@ -1,0 +1,103 @@
+"""The owners of jobs in progress: each process that works is one, and the jobs of those that ended are released.
+
+PostgreSQL: an owner holds an advisory lock in a session of its own. The server frees the lock with the session, so that
+the jobs of a killed worker are released at the next look, and no clock decides who is alive.
+SQLite: one process works on a database. What another owner has claimed was left by an earlier process.
+"""
+
+import secrets
+from typing import Protocol
+
+from sqlalchemy import Connection, func, select, text
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
+
+from grader.queue import jobs
+from grader.store.database import Database
+
+LOCKS = 7_105_115
+"""The first key of the advisory locks of owners; the number is arbitrary."""
+
+KEEPALIVE = {"tcp_keepalives_idle": 10, "tcp_keepalives_interval": 5, "tcp_keepalives_count": 3}
+"""The server notices after 25 s that the machine of an owner is gone [s, s, probes]."""
+
+
+class Owner(Protocol):
+    """A process that works on jobs."""
+
+    id: int
+
+    def keep(self) -> None:
+        """Proves that this owner is alive, and releases the jobs of those that are not. Call it every few seconds."""
+
+    def close(self) -> None:
+        """Ends the owner; jobs that it still has are released by another."""
+
+
+def owner_of(database: Database) -> Owner:
+    """A new owner on this database."""
+    return OnlyOwner(database) if database.is_sqlite else LockedOwner(database)
+
+
+class OnlyOwner:
+    """The one process that works on a SQLite database."""
+
+    def __init__(self, database: Database) -> None:
+        self.id = secrets.randbits(31)
+        self._database = database
+        self._alone = False
+
+    def keep(self) -> None:
+        """Releases, once, what an earlier process has left."""
+        if not self._alone:
+            with self._database.write() as session:
+                jobs.release(session, [lease for owner, lease in jobs.owned(session) if owner != self.id])
+            self._alone = True
+
+    def close(self) -> None:
+        """Does nothing."""
+
+
+class LockedOwner:
+    """An owner on PostgreSQL, alive while it holds its advisory lock."""
+
+    def __init__(self, database: Database) -> None:
+        self.id = secrets.randbits(31)
+        self._database = database
+        self._connection: Connection | None = None
+
+    def keep(self) -> None:
+        """Takes the lock again if its session was lost, and releases the jobs of owners without a lock.
+
+        Raises DBAPIError while the database is away.
+        """
+        self._hold()
+        with self._database.write() as session:
+            others = {owner for owner, _ in jobs.owned(session)} - {self.id}
+            ended = {owner for owner in others if self._has_ended(session, owner)}
+            jobs.release(session, [lease for owner, lease in jobs.owned(session) if owner in ended])
+
+    def close(self) -> None:
+        """Ends the session, and with it the lock."""
+        if self._connection is not None:
+            self._connection.invalidate()
+            self._connection.close()
+            self._connection = None
+
+    def _hold(self) -> None:
+        if self._connection is not None:
+            try:
+                self._connection.execute(text("SELECT 1"))
+                return
+            except DBAPIError:
+                self.close()
+        connection = self._database.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        self._connection = connection
+        for name, value in KEEPALIVE.items():
+            connection.execute(select(func.set_config(name, str(value), False)))
+        # False while the server has not noticed the end of our last session, whose lock still holds.
+        if not connection.scalar(select(func.pg_try_advisory_lock(LOCKS, self.id))):
+            self.close()
+
+    def _has_ended(self, session: Session, owner: int) -> bool:
+        return bool(session.scalar(select(func.pg_try_advisory_xact_lock(LOCKS, owner))))

@@ -1,0 +1,238 @@
+"""Workers: threads that claim jobs, do them and store what came out."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import structlog
+from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.orm import Session
+
+from grader.queue import jobs
+from grader.queue.jobs import Claim
+from grader.queue.owners import Owner, owner_of
+from grader.store.database import Database
+
+LOOK_S = 1.0
+"""Pause between two looks into the queue where nothing is announced: for delayed jobs and lost signals [s]."""
+
+KEEP_S = 2.0
+"""Pause between two looks for jobs whose owner has ended [s]."""
+
+GRACE_S = 5.0
+"""How long a stopping worker waits for the jobs in progress [s]."""
+
+AWAY = (OperationalError, InterfaceError)
+"""What SQLAlchemy raises while a database is away, locked or full."""
+
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a job came to: `store` is called in the transaction that ends the job. `again`: another try may help."""
+
+    store: Callable[[Session], None]
+    again: bool = False
+
+
+class Task(Protocol):
+    """What the jobs of a topic do. Nothing but the worker tries again."""
+
+    def start(self, session: Session, subject: str) -> Any:
+        """Records that the job is in progress. Returns what `run` needs; None if nothing is left to be done."""
+
+    def run(self, started: Any) -> Outcome:
+        """Does the job, outside any transaction. Raising counts as a fault of ours, which is worth another try."""
+
+    def give_up(self, started: Any) -> Outcome:
+        """What to store after the last try failed. Must not raise."""
+
+    def put_back(self, session: Session, subject: str) -> None:
+        """Records that the job waits again."""
+
+
+class Schedule(Protocol):
+    """How often a job is tried, and how long it waits in between."""
+
+    @property
+    def tries(self) -> int:
+        """The number of tries."""
+
+    def pause_after(self, tried: int) -> float | None:
+        """The pause after `tried` failures [s]; None when no try is left."""
+
+
+@dataclass
+class Worker:
+    """Does `threads` jobs at a time, of the topics in `tasks`.
+
+    A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
+    database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back.
+    """
+
+    database: Database
+    tasks: Mapping[str, Task]
+    threads: int
+    retries: Schedule
+    owner: Owner = field(init=False)
+    _change: threading.Condition = field(default_factory=threading.Condition)
+    _news: int = 0
+    _stop: threading.Event = field(default_factory=threading.Event)
+    _held: dict[str, Claim] = field(default_factory=dict)
+    _threads: list[threading.Thread] = field(default_factory=list)
+    _listening: ExitStack = field(default_factory=ExitStack)
+
+    def __post_init__(self) -> None:
+        self.owner = owner_of(self.database)
+
+    def start(self) -> None:
+        """Starts the threads."""
+        self._listening.enter_context(self.database.signals.listening(jobs.NEWS, self.wake))
+        self._keep_owner()  # before the first claim: the jobs of an owner without a lock are released
+        targets = [self._keep, *[self._work] * self.threads]
+        self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
+        for thread in self._threads:
+            thread.start()
+
+    def wake(self) -> None:
+        """Makes the idle threads look into the queue at once."""
+        with self._change:
+            self._news += 1
+            self._change.notify_all()
+
+    def stop(self) -> None:
+        """Claims no more jobs, waits `GRACE_S`, and puts unfinished jobs back into the queue."""
+        self._listening.close()
+        self._stop.set()
+        self.wake()
+        deadline = time.monotonic() + GRACE_S
+        for thread in self._threads:
+            thread.join(max(0.0, deadline - time.monotonic()))
+        for lease in list(self._held):
+            if claimed := self._held.pop(lease, None):
+                self._give_back(claimed)
+        self.owner.close()
+
+    def _give_back(self, claimed: Claim) -> None:
+        try:
+            with self.database.write() as session:
+                self._put_back(session, claimed, 0.0, tried=False)
+        except Exception:
+            log.exception("a job in progress could not be put back; its owner's end releases it")
+
+    @property
+    def alive(self) -> bool:
+        """Whether every thread runs."""
+        return bool(self._threads) and all(thread.is_alive() for thread in self._threads)
+
+    def do_one(self) -> bool:
+        """Does the next job. False if there is none."""
+        claimed: Claim | None = None
+        try:
+            with self.database.write() as session:
+                claimed = jobs.claim(session, self.owner.id, tuple(self.tasks))
+                if claimed is None:
+                    return False
+                # Before the commit: what the database calls ours and is not held here counts as lost.
+                self._held[claimed.lease] = claimed
+                started = self.tasks[claimed.topic].start(session, claimed.subject)
+            self._settle(claimed, self._outcome(claimed, started))
+        finally:
+            if claimed is not None:
+                self._held.pop(claimed.lease, None)
+        return True
+
+    def _outcome(self, claimed: Claim, started: Any) -> Outcome:
+        task = self.tasks[claimed.topic]
+        if started is None:
+            return Outcome(lambda _: None)
+        if claimed.tries > self.retries.tries:
+            log.error("a job killed its worker every time", topic=claimed.topic, subject=claimed.subject)
+            return task.give_up(started)
+        try:
+            return task.run(started)
+        except Exception:
+            log.exception("a job failed", topic=claimed.topic, subject=claimed.subject, tries=claimed.tries)
+            given_up = task.give_up(started)
+            return Outcome(given_up.store, again=True)
+
+    def _settle(self, claimed: Claim, outcome: Outcome) -> None:
+        if claimed.lease not in self._held:
+            return  # put back when the worker stopped
+        pause_s = self.retries.pause_after(claimed.tries) if outcome.again else None
+
+        def end(session: Session) -> None:
+            if pause_s is not None:
+                self._put_back(session, claimed, pause_s, tried=True)
+            elif jobs.finish(session, claimed):
+                outcome.store(session)
+
+        try:
+            self._write(end)
+        except Exception:
+            log.exception("an outcome cannot be stored", topic=claimed.topic, subject=claimed.subject)
+            delay_s = LOOK_S * 2 ** min(claimed.tries, 10)
+            self._write(lambda session: self._put_back(session, claimed, delay_s, tried=True))
+
+    def _put_back(self, session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> None:
+        if jobs.put_back(session, claimed, delay_s, tried=tried):
+            self.tasks[claimed.topic].put_back(session, claimed.subject)
+
+    def _write(self, change: Callable[[Session], None]) -> None:
+        """Makes a change in a transaction of its own, again and again while the database is away.
+
+        A change that was committed although its answer got lost finds its claim gone, and does nothing.
+        """
+        while True:
+            try:
+                with self.database.write() as session:
+                    change(session)
+                return
+            except AWAY as error:
+                log.warning("the database is away", error=type(error).__name__)
+                if self._stop.wait(LOOK_S):
+                    raise
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            seen = self._news
+            try:
+                if self.do_one():
+                    continue
+            except AWAY as error:
+                log.warning("the database is away", error=type(error).__name__)
+                self._stop.wait(LOOK_S)
+            except Exception:
+                log.exception("the queue cannot be reached")
+                self._stop.wait(LOOK_S)
+            self._wait_for_news(seen)
+
+    def _wait_for_news(self, seen: int) -> None:
+        with self._change:
+            self._change.wait_for(lambda: self._news != seen, timeout=LOOK_S)
+
+    def _keep(self) -> None:
+        """Keeps this process an owner, and releases the jobs of owners that ended and claims that got lost."""
+        while not self._stop.wait(KEEP_S):
+            self._keep_owner()
+
+    def _keep_owner(self) -> None:
+        try:
+            self.owner.keep()
+            self._release_lost()
+        except AWAY as error:
+            log.warning("the database is away", error=type(error).__name__)
+        except Exception:
+            log.exception("the owner of jobs cannot be kept")
+
+    def _release_lost(self) -> None:
+        """Releases claims whose commit succeeded although its answer got lost."""
+        with self.database.read() as session:
+            ours = [lease for owner, lease in jobs.owned(session) if owner == self.owner.id]
+        if lost := [lease for lease in ours if lease not in self._held]:
+            with self.database.write() as session:
+                jobs.release(session, lost)

@@ -1,0 +1,16 @@
+"""Secrets of the installation."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0003"
+down_revision = "0002"
+
+
+def upgrade() -> None:
+    """The table; `store.installation` makes the secrets."""
+    op.create_table(
+        "installation_secrets",
+        sa.Column("name", sa.String(40), primary_key=True),
+        sa.Column("value", sa.LargeBinary, nullable=False),
+    )

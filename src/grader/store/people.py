@@ -1,0 +1,35 @@
+"""Every query on the members of courses."""
+
+from collections.abc import Iterable, Sequence
+
+from sqlalchemy import delete, exists, select
+from sqlalchemy.orm import Session
+
+from grader.store.tables import Credential, Member, Submission
+
+
+def get(session: Session, member_id: str, course: str) -> Member | None:
+    """The member of this id in the course, unless it was removed."""
+    wanted = select(Member).where(Member.id == member_id, Member.course == course, Member.removed_at.is_(None))
+    return session.scalar(wanted)
+
+
+def with_account(session: Session, course: str, account: str) -> Member | None:
+    """The member with this account, also a removed one."""
+    return session.scalar(select(Member).where(Member.course == course, Member.account == account))
+
+
+def page(session: Session, course: str, after: str | None, limit: int) -> Sequence[Member]:
+    """At most `limit` members in the order of their ids, beginning after the id `after`; removed ones are left out."""
+    wanted = select(Member).where(Member.course == course, Member.removed_at.is_(None))
+    if after is not None:
+        wanted = wanted.where(Member.id > after)
+    return session.scalars(wanted.order_by(Member.id).limit(limit)).all()
+
+
+def prune(session: Session, member_ids: Iterable[str]) -> None:
+    """Deletes those of the members that have no account, no credential and no submission."""
+    has_credential = exists().where(Credential.member == Member.id)
+    has_submission = exists().where(Submission.course == Member.course, Submission.learner == Member.id)
+    lost = (Member.id.in_(set(member_ids)), Member.account.is_(None), ~has_credential, ~has_submission)
+    session.execute(delete(Member).where(*lost).execution_options(synchronize_session=False))

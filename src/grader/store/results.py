@@ -1,0 +1,163 @@
+"""Every query on results and on their feed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+from sqlalchemy import ColumnElement, bindparam, func, select, update
+from sqlalchemy.orm import Session
+
+from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow, insert_row, now
+
+COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
+"""The columns of a result whose change is a new revision, and a row of the feed."""
+
+BATCH = 1000
+"""Rows fetched at a time."""
+
+
+class LearnerAt(NamedTuple):
+    """A learner at a question: the key of a result."""
+
+    course: str
+    learner: str
+    quiz: str
+    question: str
+
+    @classmethod
+    def of(cls, submission: Submission) -> Self:
+        """The key of the result that a submission counts for."""
+        return cls(submission.course, submission.learner, submission.quiz, submission.question)
+
+
+NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
+ATTEMPTS = (
+    select(
+        Submission.id, Submission.attempt, Submission.created_at, Submission.outcome,
+        VerdictRow.points, VerdictRow.max_points, VerdictRow.body,
+    )
+    .outerjoin(VerdictRow, NEWEST)
+    .where(*(getattr(Submission, name) == bindparam(name) for name in LearnerAt._fields), Submission.uses_attempt)
+    .order_by(Submission.id)
+)  # fmt: skip
+ATTEMPT = (
+    select(Submission.id, Submission.attempt, Submission.created_at, Submission.outcome, VerdictRow.points)
+    .join(VerdictRow, NEWEST)
+    .where(Submission.id == bindparam("id"), Submission.uses_attempt)
+)
+
+
+def attempts_of(session: Session, key: LearnerAt) -> Sequence[Any]:
+    """The attempts of a learner at a question, oldest first, with their newest verdicts."""
+    return session.execute(ATTEMPTS, key._asdict()).all()
+
+
+def attempt(session: Session, submission_id: str) -> Any:
+    """One attempt with the points of its newest verdict; None if it used none."""
+    return session.execute(ATTEMPT, {"id": submission_id}).one_or_none()
+
+
+def find(session: Session, key: LearnerAt) -> Result | None:
+    """The result of a learner at a question, if there is one."""
+    return session.get(Result, key)
+
+
+def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> None:
+    """Writes a result, and a row of the feed if one of the columns `COUNTED` has changed.
+
+    `before` is what `find` returned in this transaction, under the lock of the learner.
+    """
+    if before is not None and all(getattr(before, name) == value for name, value in values.items()):
+        return
+    result = before or Result(**key._asdict(), revision=0, changes=0)
+    is_new = before is None or any(getattr(before, name) != values[name] for name in COUNTED)
+    for name, value in {**values, "changes": result.changes + 1, "revision": result.revision + is_new}.items():
+        setattr(result, name, value)
+    if before is None:
+        insert_row(session, result)
+    if is_new:
+        told = {name: values[name] for name in COUNTED}
+        insert_row(session, ResultRevision(**key._asdict(), **told, revision=result.revision, created_at=now()))
+
+
+def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:
+    """The results of a learner in a quiz, by question."""
+    theirs = select(Result).where(Result.course == course, Result.learner == learner, Result.quiz == quiz)
+    return {result.question: result for result in session.scalars(theirs)}
+
+
+def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> Iterator[Any]:
+    """Learner, name, quiz, question and points of every result of these quizzes, ordered by name and learner."""
+    name = func.coalesce(Member.name, Result.learner).label("name")
+    rows = select(Result.learner, name, Result.quiz, Result.question, Result.points)
+    theirs = rows.outerjoin(Member, Member.id == Result.learner).where(Result.course == course, _among(quizzes))
+    yield from session.execute(theirs.order_by(name, Result.learner).execution_options(yield_per=BATCH))
+
+
+STATISTICS = (
+    select(
+        Result.learner, Result.question, Result.points, Result.max_points,
+        Result.first_status, Result.first_option, Result.first_value, Result.diagnoses,
+    )
+    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"))
+)  # fmt: skip
+
+
+def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
+    """What statistics need of every result of a quiz."""
+    return session.execute(STATISTICS, {"course": course, "quiz": quiz}).all()
+
+
+def state(session: Session, course: str, quizzes: Sequence[str]) -> tuple[int, int]:
+    """Two numbers that change whenever a result of these quizzes does."""
+    theirs = (Result.course == course, _among(quizzes))
+    count, changes = session.execute(
+        select(func.count(), func.coalesce(func.sum(Result.changes), 0)).where(*theirs)
+    ).one()
+    return count, changes
+
+
+def keys(session: Session, course: str, quiz: str, learner: str | None = None) -> list[LearnerAt]:
+    """Every learner and question of a quiz with an attempt."""
+    columns = [getattr(Submission, name) for name in LearnerAt._fields]
+    rows = select(*columns).where(Submission.course == course, Submission.quiz == quiz, Submission.uses_attempt)
+    if learner is not None:
+        rows = rows.where(Submission.learner == learner)
+    return [LearnerAt(*row) for row in session.execute(rows.distinct())]
+
+
+def instructors(session: Session, course: str) -> set[str]:
+    """The ids of members who hold or held an instructor's credential: their tries are no results of learners."""
+    held = select(Credential.member).where(Credential.course == course, Credential.role == "instructor")
+    return set(session.scalars(held.distinct()))
+
+
+def has_new(session: Session, course: str) -> bool:
+    """Whether rows of the feed wait for their position."""
+    new = select(ResultRevision.id).where(ResultRevision.course == course, ResultRevision.position.is_(None))
+    return session.execute(new.limit(1)).first() is not None
+
+
+def number_new(session: Session, course: str) -> None:
+    """Gives the committed rows of the feed that have no position the next ones, in the order of their ids.
+
+    Call it under a lock, in a transaction of its own. A row that is committed later gets a later position, whatever
+    its id: on PostgreSQL ids are drawn before the commit.
+    """
+    row = ResultRevision
+    place = func.row_number().over(order_by=row.id).label("place")
+    new = select(row.id, place).where(row.course == course, row.position.is_(None)).subquery()
+    last = session.scalar(select(func.max(row.position)).where(row.course == course)) or 0
+    numbered = update(row).where(row.id == new.c.id).values(position=last + new.c.place)
+    session.execute(numbered, execution_options={"synchronize_session": False})
+
+
+def _among(quizzes: Sequence[str]) -> ColumnElement[bool]:
+    """One quiz as an equality, so that its rows come out of the index in the order of learners."""
+    return Result.quiz == quizzes[0] if len(quizzes) == 1 else Result.quiz.in_(quizzes)
+
+
+def feed(session: Session, course: str, after: int, limit: int) -> list[tuple[ResultRevision, str]]:
+    """At most `limit` rows of the feed after a position, in order, each with the learner's name."""
+    rows = select(ResultRevision, Submission.user).join(Submission, Submission.id == ResultRevision.submission_id)
+    later = rows.where(ResultRevision.course == course, ResultRevision.position > after)
+    return [(row, name) for row, name in session.execute(later.order_by(ResultRevision.position).limit(limit))]

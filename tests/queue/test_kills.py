@@ -1,0 +1,78 @@
+"""Parts of a running service are killed in the middle: every acknowledged submission is graded exactly once."""
+
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select
+
+from grader.queue import jobs
+from grader.store.database import Database
+from grader.store.tables import VerdictRow
+from queue_kills import (
+    client_of,
+    descendants,
+    hand_in,
+    kill_grading_process,
+    kill_zygote,
+    process_of,
+    settings_on,
+    verdicts_of,
+    wait_until_ready,
+)
+
+TRIES = 20
+"""Tries of a job: a test kills more often than a service is killed."""
+
+
+def assert_graded_once(url: str, ids: list[str]) -> None:
+    database = Database(url)
+    with database.read() as session:
+        counts = session.execute(select(VerdictRow.submission_id, func.count()).group_by(VerdictRow.submission_id))
+        assert {row[0]: row[1] for row in counts} == dict.fromkeys(ids, 1)
+        assert jobs.waiting(session) == 0
+    database.close()
+
+
+@pytest.mark.parametrize("kill", [kill_grading_process, kill_zygote])
+def test_a_killed_part_of_the_jail_costs_nobody_a_verdict(
+    url: str, tmp_path: Path, kill: Callable[[int, random.Random], None]
+) -> None:
+    draw = random.Random(1)
+    settings = settings_on(url, tmp_path / "data", tries=TRIES)
+    with process_of("serve", settings) as server:
+        wait_until_ready(server, settings)
+        ids: list[str] = []
+        with client_of(settings, "ann") as client:
+            for number in range(2):
+                ids.append(hand_in(client, number))
+                time.sleep(draw.uniform(0.1, 0.4))
+                kill(server.pid, draw)
+            shown = verdicts_of(client, ids)
+        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    assert_graded_once(url, ids)
+
+
+def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_rest(url: str, tmp_path: Path) -> None:
+    settings = settings_on(url, tmp_path / "data", tries=TRIES)
+    ids: list[str] = []
+    for number in range(2):
+        with process_of("serve", settings) as server:
+            wait_until_ready(server, settings)
+            with client_of(settings, "ann") as client:
+                ids += [hand_in(client, 10 * number + more) for more in range(2)]
+            time.sleep(0.4)
+            below = [pid for pid, _ in descendants(server.pid)]
+            assert below
+        deadline = time.monotonic() + 20
+        while any(Path(f"/proc/{pid}/cmdline").exists() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in below):
+            assert time.monotonic() < deadline, "a process outlived its server"
+            time.sleep(0.05)
+    with process_of("serve", settings) as server:
+        wait_until_ready(server, settings)
+        with client_of(settings, "ann") as client:
+            shown = verdicts_of(client, ids)
+        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    assert_graded_once(url, ids)

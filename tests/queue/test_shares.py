@@ -1,0 +1,120 @@
+"""Fair shares: a learner's next script waits for at most one of every other learner."""
+
+import random
+import time
+from collections import defaultdict
+
+import pytest
+from sqlalchemy import insert
+
+from grader.queue import jobs
+from grader.queue.jobs import JobRow
+from grader.store.database import Database
+
+
+def put(database: Database, user: str, count: int = 1) -> None:
+    with database.write() as session:
+        for _ in range(count):
+            jobs.put(session, "grade", user, share=user)
+
+
+def take(database: Database) -> str | None:
+    with database.write() as session:
+        claimed = jobs.claim(session, owner=1)
+        if claimed is None:
+            return None
+        jobs.finish(session, claimed)
+        return claimed.subject
+
+
+def test_ten_scripts_of_one_learner_make_another_wait_for_one(database: Database) -> None:
+    put(database, "ann", 10)
+    assert take(database) == "ann"
+    put(database, "bob", 2)
+    put(database, "eve")
+    order = [take(database) for _ in range(6)]
+    assert sorted(map(str, order[:3])) == ["ann", "bob", "eve"]
+    assert sorted(map(str, order[3:5])) == ["ann", "bob"]
+    assert order[5] == "ann"
+
+
+def test_a_learner_who_hands_in_again_and_again_does_not_overtake_those_who_wait(database: Database) -> None:
+    put(database, "ann", 5)
+    order = []
+    for _ in range(9):
+        put(database, "bob")
+        order.append(take(database))
+    waits = "".join(str(user)[0] for user in order)
+    assert "bbb" not in waits
+    assert "aaa" not in waits
+    assert waits.count("a") >= 4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_in_any_history_the_next_script_waits_for_at_most_one_of_every_other_learner(
+    database: Database, seed: int
+) -> None:
+    """Counts, while a learner's next script waits, how many scripts of each other learner are claimed before it."""
+    draw = random.Random(seed)
+    users = [f"user{number}" for number in range(6)]
+    waiting: dict[str, int] = defaultdict(int)
+    overtaken: dict[str, dict[str, int]] = {user: defaultdict(int) for user in users}
+    for _ in range(150):
+        if draw.random() < 0.5:
+            user = draw.choice(users[: draw.randint(1, 6)])
+            put(database, user)
+            waiting[user] += 1
+            continue
+        served = take(database)
+        if served is None:
+            assert not any(waiting.values())
+            continue
+        waiting[served] -= 1
+        overtaken[served].clear()
+        for other in users:
+            if other != served and waiting[other]:
+                overtaken[other][served] += 1
+                assert overtaken[other][served] <= 1, f"{served} went twice before {other}"
+
+
+def test_a_job_that_is_tried_again_goes_first_and_lets_no_other_share_jump_ahead(database: Database) -> None:
+    put(database, "ann", 3)
+    with database.write() as session:
+        failed = jobs.claim(session, owner=1)
+        assert failed is not None
+    for _ in range(2):
+        assert take(database) == "ann"
+    put(database, "ann", 3)
+    assert take(database) == "ann"
+    with database.write() as session:
+        jobs.put_back(session, failed, 0.0, tried=True)
+    put(database, "bob", 3)
+    with database.write() as session:
+        again = jobs.claim(session, owner=1)
+        assert again is not None
+        assert again.job_id == failed.job_id
+    assert sorted(str(take(database)) for _ in range(2)) == ["ann", "bob"]
+
+
+def test_a_claim_costs_the_same_in_a_queue_of_10_000(database: Database) -> None:
+    """Paired: the median of claims and puts in a long queue beside that in a short one, on the same database."""
+
+    def median_s() -> float:
+        times = []
+        for _ in range(21):
+            begin = time.perf_counter()
+            put(database, "bob")
+            assert take(database)
+            times.append(time.perf_counter() - begin)
+        return sorted(times)[10]
+
+    put(database, "ann", 10)
+    short_s = median_s()
+    with database.write() as session:
+        rows = [
+            {"topic": "grade", "subject": "x", "share": jobs.share_number(f"user{n % 500}"), "round": n // 500 + 2}
+            for n in range(10_000)
+        ]
+        new = {"tries": 0, "priority": 0}
+        session.execute(insert(JobRow), [{**row, **new} for row in rows])
+    assert median_s() < 3 * short_s + 0.002
