@@ -9,7 +9,8 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from grader.app import in_database
-from grader.identity import Role, create_sign_in_code
+from grader.courses.sign_in import create_sign_in_code
+from grader.identity import Role
 from grader.settings import Settings
 from web.browsing import chromium, service, settings_in
 
@@ -114,7 +115,7 @@ def test_an_open_answer_waits_for_an_instructor_also_after_a_reload(visit: Visit
 
 def test_a_script_is_uploaded_and_its_verdict_awaited(visit: Visit) -> None:
     card = visit.card("1.3-exercises", "servo-threshold")
-    card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__forgets_kv.py")
+    card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__half_a_second.py")
     card.get_by_role("button", name="Hand in").click()
     expect(visit.status("1.3-exercises", "servo-threshold")).to_have_text("Partly correct")
     expect(card.locator(".diagnosis")).to_be_visible()

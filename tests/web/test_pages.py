@@ -23,7 +23,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
         service(Settings(data=tmp_path_factory.mktemp("data"), workers=0)) as origin,
         httpx.Client(base_url=origin, follow_redirects=True) as client,
     ):
-        client.get("/")  # brings the session
+        client.post("/session", headers=SAME_ORIGIN)
         yield client
 
 

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.web.prose import HTML_ATTRIBUTES, HTML_TAGS, MATHML_ATTRIBUTES, MATHML_TAGS, plain_text, safe_html
+from grader.domain.markup import plain_text
+from grader.web.prose import (
+    HTML_ATTRIBUTES,
+    HTML_TAGS,
+    MATHML_ATTRIBUTES,
+    MATHML_TAGS,
+    TAGS_MAX,
+    TEX_BUDGET,
+    safe_html,
+)
 
 
 class Tags(HTMLParser):
@@ -134,3 +143,40 @@ def test_no_tex_takes_the_page_down(tex: str) -> None:
 
 def test_a_label_is_plain_text() -> None:
     assert plain_text("Use <code>a &lt; b</code>") == "Use a < b"
+
+
+def test_a_definition_cannot_blow_a_formula_up() -> None:
+    bomb = r"\newcommand{\a}{" + "x" * 900 + "}" + r"\a" * 500
+    assert safe_html(f"${bomb}$") == f"<code>{bomb}</code>"
+
+
+def test_text_in_a_formula_holds_no_tags() -> None:
+    assert "<mtext>&lt;b/a1&gt;</mtext>" in safe_html(r"$\text{<b/a1>}$")
+
+
+def test_unclosed_elements_are_not_repeated_in_every_paragraph() -> None:
+    text = "".join(f"<b a{i}>" for i in range(500)) + "<p>x" * 500
+    assert len(safe_html(text)) < 20 * len(text)
+
+
+@pytest.mark.parametrize(
+    ("prose", "shown"),
+    [
+        ("a <b and c> d", "a <b> d</b>"),
+        ("if a <b and c <d", "if a &lt;b and c &lt;d"),
+        ("x <!-- y", "x &lt;!-- y"),
+        ("x <!-- $y$ --> z", "x  z"),
+        ("<code>$a$ and $b$", "<code><math"),
+        ("<code>$a$</code> <CODE>$b$</CODE >", "<code>$a$</code> <code>$b$</code>"),
+        ("<br/><mspace width='1em'/>", "<br>"),
+    ],
+)
+def test_what_opens_no_tag_is_text(prose: str, shown: str) -> None:
+    assert safe_html(prose).startswith(shown)
+
+
+def test_tags_and_formulas_beyond_the_limits_are_shown_as_typed() -> None:
+    assert safe_html("<i>x</i>" * TAGS_MAX).count("<i>") == TAGS_MAX / 2
+    many = safe_html("$x$ " * TEX_BUDGET)
+    assert 100 < many.count("<math") < TEX_BUDGET / 10
+    assert "<code>x</code>" in many

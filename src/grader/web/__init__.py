@@ -1,1 +1,1 @@
-"""The pages: HTML for learners and instructors, drawn on the server; they talk to the API by fetch."""
+"""The pages: HTML for learners and instructors, rendered on the server, and the browser sessions."""

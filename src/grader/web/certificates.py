@@ -1,4 +1,4 @@
-"""What the instructor page says of the answer keys: re-derived by physics just now, or why not."""
+"""The table of answer keys on the instructor page: each re-derived by simulation now, or why not."""
 
 import json
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from grader.library import Library
 
 
 def certificate_rows(library: Library) -> Iterator[dict[str, Any]]:
-    """Every question that has a key, with its certificate; the whole lesson takes a few seconds at most."""
+    """A row for every question with an answer key. The whole lesson takes a few seconds at most."""
     for quiz in library.quizzes.values():
         for question in quiz.questions:
             if isinstance(question, OpenQuestion | CodeQuestion):
@@ -20,9 +20,9 @@ def certificate_rows(library: Library) -> Iterator[dict[str, Any]]:
 
 
 def words(certificate: Certificate | None) -> dict[str, Any]:
-    """A certificate as the table takes it."""
+    """A certificate as cells of the table."""
     if certificate is None:
-        return {"state": "not decided by physics", "tone": "", "why": "", "remarks": (), "measured": ""}
+        return {"state": "not derivable by simulation", "tone": "", "why": "", "remarks": (), "measured": ""}
     return {
         "state": "certified" if certificate.ok else "refused",
         "tone": "good" if certificate.ok else "bad",

@@ -1,15 +1,17 @@
-"""What the student page shows of a quiz: the student's view, worded, its prose made safe."""
+"""A quiz as the templates of the student page need it: the student's view with safe HTML."""
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 from markupsafe import Markup
 
+from grader.domain.markup import plain_text
 from grader.domain.quiz import Quiz
 from grader.domain.student_view import student_view
 from grader.library import Library
-from grader.web.prose import plain_text, safe_html
+from grader.web.prose import safe_html
 
 HEADINGS = {
     "mcq": "Choose one",
@@ -25,20 +27,28 @@ BLOCK = re.compile(r"\s*<(p|div|ul|ol|pre|table|figure|h[1-6]|blockquote)\b", re
 prose = lru_cache(maxsize=4096)(safe_html)
 
 
-def page_of(library: Library, quiz: Quiz) -> dict[str, Any]:
-    """The quiz as the templates take it."""
+def page_of(library: Library, quiz: Quiz, notices: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The quiz as the template's variables; `notices` say by question what holds for the learner now."""
     starters = {question.id: library.starter(question) for question in quiz.questions}
-    view = student_view(quiz)
+    view, notices = student_view(quiz), notices or {}
     return {
         "id": view["id"],
         "title": plain_text(view["title"]),
-        "questions": [card_of(quiz.id, question, starters[question["id"]]) for question in view["questions"]],
+        "questions": [
+            card_of(quiz.id, question, starters[question["id"]]) | {"notice": notices.get(question["id"], "")}
+            for question in view["questions"]
+        ],
         "labs": [{"id": lab["id"], "title": plain_text(lab["title"] or "")} for lab in view["labs"]],
     }
 
 
+def unopened_page(quiz: Quiz, opens: str) -> dict[str, Any]:
+    """A quiz before it opens, as the template's variables; `opens` says when."""
+    return {"id": quiz.id, "title": plain_text(quiz.title), "opens": opens, "questions": [], "labs": []}
+
+
 def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict[str, Any]:
-    """One question: text as safe HTML, the rest in words."""
+    """One question: its text as safe HTML, its points, attempts and limits as sentences."""
     return question | {
         "heading": plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]]),
         "prompt": paragraphs(question["q"]),
@@ -51,7 +61,7 @@ def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict
 
 
 def paragraphs(text: str) -> Markup:
-    """The prompt as safe HTML; a text that does not begin with a tag of its own begins a paragraph."""
+    """The prompt as safe HTML, wrapped in a paragraph unless it begins with a block element."""
     return prose(text if BLOCK.match(text) else f"<p>{text}</p>")
 
 
@@ -64,7 +74,7 @@ def worth(points: float, attempts: int | None) -> str:
 
 
 def allowance(limits: dict[str, float]) -> str:
-    """What a script may use, as a sentence."""
+    """The limits of a script as a sentence."""
     return (
         f"A script may use {limits['cpu_s']:g} s of processor time, {limits['memory_mb']:g} MB of memory "
         f"and {limits['output_kb']:g} KB of output. It has no network and no files but its own."

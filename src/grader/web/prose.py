@@ -1,24 +1,35 @@
-"""Authors' HTML with TeX between dollars, made into HTML with MathML that is safe to show."""
+"""Turns authors' HTML with TeX between dollars into safe HTML with MathML, in time linear in its length."""
 
 import html
 import re
+from collections.abc import Iterator
+from xml.etree.ElementTree import tostring
 
 import nh3
 from latex2mathml import converter
 from markupsafe import Markup
 
-TEX_LENGTH_MAX = 2000
+TAGS_MAX = 2000
+"""Tags of one text; further ones are shown as typed. The time of the HTML5 algorithm is quadratic in their nesting."""
 
-TOKEN = re.compile(
-    r"""
-      (?P<verbatim> <(?P<tag>code|pre|kbd|samp)\b[^<>]*> .*? </(?P=tag)\s*> | <!--.*?--> | </?[a-zA-Z][^<>]*> )
-    | (?P<dollar> \\\$ )
-    | \$\$ (?P<display> (?:[^$\\]|\\.)+ ) \$\$
-    | \$ (?! [\s$]) (?P<inline> (?:[^$\\]|\\.)+? ) (?<! \s) \$ (?! \d)
-    """,
-    re.VERBOSE | re.DOTALL | re.IGNORECASE,
-)
-"""What is not plain text. A dollar opens mathematics only before a non-space and closes it only after one."""
+TEX_LENGTH_MAX = 2000
+TEX_BUDGET = 10_000
+"""Characters of TeX in one text, which take about 20 us each to convert; further formulas are shown as typed."""
+
+FORMULA_COST = 10
+"""What a formula takes of the budget besides its length."""
+
+TOKEN = re.compile(r"<!--|</?(?P<name>[a-zA-Z][^\s/<>]*)[^<>]{0,2000}>|<|\\\$|\$")
+"""What is not plain text; a `<` alone opens no tag. A tag is short, since HTML5 compares all its attributes."""
+
+DISPLAY = re.compile(r"\$\$((?:[^$\\]|\\.)++)\$\$", re.DOTALL)
+INLINE = re.compile(r"\$(?![\s$])((?:[^$\\]|\\.)++)(?<!\s)\$(?!\d)", re.DOTALL)
+"""An opening dollar is followed, a closing one preceded by a non-space."""
+
+COMMENT_END = re.compile("-->")
+
+VERBATIM = {tag: re.compile(rf"</{tag}\s*>", re.IGNORECASE) for tag in ("code", "pre", "kbd", "samp")}
+"""Elements whose dollars are dollars, with their end tags."""
 
 _MATHML = (
     "math mrow mi mn mo mtext mspace msup msub msubsup mfrac msqrt mroot mover munder munderover mtable mtr mtd "
@@ -52,43 +63,108 @@ HTML_ATTRIBUTES = {
     "th": {"colspan", "rowspan", "scope"},
 }
 
+ATTRIBUTES = HTML_ATTRIBUTES | MATHML_ATTRIBUTES
+
 _CLEANER = nh3.Cleaner(
     tags=set(HTML_TAGS | MATHML_TAGS),
-    attributes=HTML_ATTRIBUTES | MATHML_ATTRIBUTES,
+    attributes=ATTRIBUTES,
     url_schemes={"http", "https", "mailto"},
     link_rel="noopener noreferrer",
 )
 
 
 def safe_html(prose: str) -> Markup:
-    """`prose` with its TeX as MathML, and nothing in it that could run or load as code.
+    """Converts TeX to MathML, and removes everything that could run or load code.
 
-    TeX inside code, pre, kbd and samp stays as it is; `\\$` is a dollar sign.
+    TeX inside code, pre, kbd and samp is not converted; `\\$` is a dollar sign.
     """
-    clean = _CLEANER.clean(TOKEN.sub(_mathematics, prose))  # sanitised last: MathML is no safer than its TeX
+    clean = _CLEANER.clean("".join(_Reader(prose).pieces()))  # sanitised last: MathML is no safer than its TeX
     return Markup(clean)  # noqa: S704
 
 
-def plain_text(prose: str) -> str:
-    """`prose` without its tags, for titles and labels; TeX stays as typed."""
-    return html.unescape(nh3.clean(prose, tags=set(), link_rel=None)).strip()
+class _Reader:
+    """Reads a text once, from left to right. A search that finds nothing is not made again further on."""
 
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tags, self.tex = TAGS_MAX, TEX_BUDGET
+        self.absent: set[str] = set()
 
-def _mathematics(token: re.Match[str]) -> str:
-    if token["verbatim"] is not None:
-        return token["verbatim"]
-    if token["dollar"] is not None:
-        return "$"
-    if token["display"] is not None:
-        return mathml(html.unescape(token["display"]), "block")
-    return mathml(html.unescape(token["inline"]), "inline")
+    def pieces(self) -> Iterator[str]:
+        """HTML with MathML, not yet sanitised."""
+        position = verbatim_until = 0
+        while token := TOKEN.search(self.text, position):
+            start, found = token.start(), token[0]
+            yield self.text[position:start]
+            position = token.end()
+            if name := token["name"]:
+                yield self._tag(found, name)
+                if start >= verbatim_until and name.lower() in VERBATIM and found[1] != "/":
+                    verbatim_until = self._end_of(VERBATIM[name.lower()], position) or position
+            elif found == "<!--":
+                end = self._end_of(COMMENT_END, position)
+                yield "" if end else "&lt;!--"
+                position = end or position
+            elif found == "<":
+                yield "&lt;"
+            elif start < verbatim_until:
+                yield found
+            elif found == "$" and (formula := DISPLAY.match(self.text, start) or INLINE.match(self.text, start)):
+                yield self._mathml(formula)
+                position = formula.end()
+            else:
+                yield "$"
+        yield self.text[position:]
+
+    def _end_of(self, pattern: re.Pattern[str], position: int) -> int | None:
+        """Where the next match of `pattern` ends."""
+        if pattern.pattern in self.absent:
+            return None
+        if found := pattern.search(self.text, position):
+            return found.end()
+        self.absent.add(pattern.pattern)
+        return None
+
+    def _tag(self, tag: str, name: str) -> str:
+        """The tag without attributes that would be removed anyway: with them, HTML5 repeats unclosed elements."""
+        self.tags -= 1
+        if self.tags < 0:
+            return html.escape(tag)
+        if tag[1] == "/":
+            return f"</{name}>"
+        if name.lower() in ATTRIBUTES:
+            return tag
+        return f"<{name}/>" if tag.endswith("/>") else f"<{name}>"
+
+    def _mathml(self, formula: re.Match[str]) -> str:
+        """A formula as MathML, or as it was typed if it is too long or the budget is spent."""
+        tex = formula[1]
+        self.tex -= len(tex) + FORMULA_COST
+        if len(tex) > TEX_LENGTH_MAX or self.tex < 0:
+            return f"<code>{tex.replace('<', '&lt;')}</code>"
+        return mathml(html.unescape(tex), "block" if formula.re is DISPLAY else "inline")
 
 
 def mathml(tex: str, display: str = "inline") -> str:
-    """`tex` as MathML, not yet sanitised; TeX that cannot be read is shown as it was typed."""
-    if len(tex) <= TEX_LENGTH_MAX:
-        try:
-            return converter.convert(tex, display=display)
-        except Exception:  # noqa: S110 - its errors have no common root, and a typing slip must not take the page down
-            pass
-    return f"<code>{html.escape(tex)}</code>"
+    """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
+    try:
+        return _converted(tex, display)
+    except Exception:  # its errors have no common root, and a typing slip must not take the page down
+        return f"<code>{html.escape(tex)}</code>"
+
+
+def _converted(tex: str, display: str) -> str:
+    """The MathML of a formula. Unlike the library's own text, it holds no markup from inside `\\text{...}`."""
+    reader = converter.Converter(display=display)
+    reader.macros = _NoMacros()
+    tree = reader.convert_to_element(tex)
+    for element in tree.iter():
+        element.text = element.text and html.unescape(element.text)
+    return tostring(tree, encoding="unicode")
+
+
+class _NoMacros(dict[str, tuple[list[str], int]]):
+    """Refuses definitions: a macro used over and over makes a short formula as long as its author likes."""
+
+    def __setitem__(self, name: str, _macro: tuple[list[str], int]) -> None:
+        raise ValueError(f"{name}: macros are not supported")

@@ -1,91 +1,87 @@
-"""The pages: `/` for learners, `/instructor`, and the files that they need."""
+"""The pages: `/` for learners, `/instructor`, and their files."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Depends, Request
+from fastapi import APIRouter, Body, Request
 from fastapi.responses import HTMLResponse, PlainTextResponse, Response
 from fastapi.staticfiles import StaticFiles
-from fastapi.templating import Jinja2Templates
 
-from grader.errors import NotFound, TooLarge, Unauthorized
-from grader.identity import Identity, Role, authenticate
+from grader.courses.policy import before_opening
+from grader.courses.standing import Standing, require_opened, standing_of
+from grader.domain.quiz import Quiz
+from grader.errors import NotFound, Unauthorized
+from grader.identity import DEFAULT_COURSE, Identity, Role, Scope
 from grader.library import Library
+from grader.web import oidc, signin
 from grader.web.certificates import certificate_rows
-from grader.web.page import page_of
+from grader.web.context import Pages, Visitor
+from grader.web.page import page_of, unopened_page
 from grader.web.prose import safe_html
+from grader.web.rendering import HEADERS, ROOM, page
 
-ROOM = Path(__file__).parent
-PROSE_BYTES_MAX = 64 * 1024
 SIGN_IN = "Sign in first."
 
-HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: https:; connect-src 'self'; "
-        "form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
-    ),
-    "Referrer-Policy": "same-origin",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "private, no-cache",
-}
-"""Scripts and styles are our own and never within the HTML; authors may show pictures from elsewhere."""
-
 router = APIRouter(include_in_schema=False)
+router.include_router(signin.router)
+router.include_router(oidc.router)
 static_files = StaticFiles(directory=ROOM / "static")
-templates = Jinja2Templates(directory=ROOM / "templates")
-templates.env.trim_blocks = templates.env.lstrip_blocks = True
-
-
-def library_of(request: Request) -> Library:
-    """The content as it stands now."""
-    library: Library = request.app.state.context.content.library
-    return library
-
-
-def visitor(request: Request) -> Identity | None:
-    """Whose browser this is, if its session is known."""
-    try:
-        return authenticate(request.app.state.context.database, None, request.cookies)
-    except Unauthorized:
-        return None
-
-
-Content = Annotated[Library, Depends(library_of)]
-Visitor = Annotated[Identity | None, Depends(visitor)]
 
 
 @router.get("/")
-def student_page(request: Request, library: Content, who: Visitor, quiz: str | None = None) -> Response:
-    """Every quiz, or the one that `?quiz=` names. On loopback whoever opens the page is let in with it."""
-    if who is None and not request.app.state.doorstep.anonymous:
-        return page(request, "signin.html", 401, who=None)
+def student_page(request: Request, pages: Pages, who: Visitor, quiz: str | None = None) -> Response:
+    """Every quiz, or the one that `?quiz=` names. On loopback anyone may read; the first answer begins a session."""
+    if who is None and not pages.sessions.anonymous:
+        return page(request, "signin.html", 401, who=None, oidc=pages.provider is not None)
+    library = pages.library
     chosen = library.quizzes.values() if quiz is None else [library.quiz(quiz)]
-    return page(request, "student.html", who=who, quizzes=[page_of(library, one) for one in chosen])
+    reader = who or Identity("", "", Role.STUDENT, DEFAULT_COURSE)  # a browser whose session has not begun
+    with pages.database.read() as session:
+        standing = standing_of(session, library, reader)
+    shown = [quiz_page(library, standing, one) for one in chosen]
+    return page(request, "student.html", who=who, begin=who is None, quizzes=shown)
+
+
+def quiz_page(library: Library, standing: Standing, quiz: Quiz) -> dict[str, Any]:
+    """A quiz as this learner may see it now."""
+    if not standing.has_opened(quiz.id):
+        return unopened_page(quiz, before_opening(quiz.policy, standing.at) or "")
+    return page_of(library, quiz, {question.id: standing.notice(quiz, question) for question in quiz.questions})
 
 
 @router.get("/instructor")
-def instructor_page(request: Request, library: Content, who: Visitor) -> Response:
-    """What is loaded, and what was handed in; for anybody else, how to sign in."""
+def instructor_page(request: Request, pages: Pages, who: Visitor) -> Response:
+    """What is loaded and what was handed in; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return page(request, "signin.html", 401 if who is None else 403, who=who)
+        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
+    library = pages.library
     quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "instructor.html", who=who, quizzes=quizzes, warnings=list(map(str, library.warnings)))
 
 
+@router.get("/instructor/people")
+def people_page(request: Request, pages: Pages, who: Visitor) -> Response:
+    """Members, invitations, tokens, the course link and the audit log; the page's script fills them in."""
+    if who is None or not who.is_instructor:
+        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
+    return page(request, "people.html", who=who, roles=list(Role), scopes=list(Scope))
+
+
 @router.get("/instructor/certificates")
-def certificates(request: Request, library: Content, who: Visitor) -> Response:
-    """Every answer key held against physics now, as a part of the instructor page. Raises Unauthorized, Forbidden."""
+def certificates(request: Request, pages: Pages, who: Visitor) -> Response:
+    """Re-derives every answer key, as a part of the instructor page. Raises Unauthorized, Forbidden."""
     if who is None:
         raise Unauthorized(SIGN_IN)
     who.require(Role.INSTRUCTOR)
-    return page(request, "certificates.html", rows=list(certificate_rows(library)))
+    return page(request, "certificates.html", rows=list(certificate_rows(pages.library)))
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
-def starter(quiz_id: str, question_id: str, request: Request, library: Content, who: Visitor) -> Response:
-    """The starter file of an exercise. Raises Unauthorized, NotFound."""
-    if who is None and not request.app.state.doorstep.anonymous:
+def starter(quiz_id: str, question_id: str, pages: Pages, who: Visitor) -> Response:
+    """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
+    if who is None and not pages.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
+    library = pages.library
+    require_opened(library, quiz_id, Role.STUDENT if who is None else who.role)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
         raise NotFound("This question has no starter file.")
@@ -95,28 +91,21 @@ def starter(quiz_id: str, question_id: str, request: Request, library: Content, 
 
 @router.post("/prose")
 def render_prose(body: Annotated[bytes, Body(media_type="text/plain")], who: Visitor) -> Response:
-    """An author's HTML with TeX, as a verdict brings it, made safe to show. Raises Unauthorized, TooLarge."""
+    """Sanitises an author's HTML with TeX, such as a verdict's explanation. Raises Unauthorized."""
     if who is None:
         raise Unauthorized(SIGN_IN)
-    if len(body) > PROSE_BYTES_MAX:
-        raise TooLarge(f"At most {PROSE_BYTES_MAX // 1024} KB of prose are taken.")
     return HTMLResponse(safe_html(body.decode(errors="replace")), headers=HEADERS)
 
 
 @router.get("/favicon.ico")
 async def favicon(request: Request) -> Response:
-    """The icon, for pages that do not name it."""
+    """The icon, at the address where browsers look for it."""
     return await static_file("icon.svg", request)
 
 
 @router.get("/static/{path:path}")
 async def static_file(path: str, request: Request) -> Response:
-    """Style and scripts; a browser asks each time whether they have changed."""
+    """Styles and scripts; a browser revalidates them on every use."""
     response = await static_files.get_response(path, request.scope)
     response.headers.update({"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"})
     return response
-
-
-def page(request: Request, template: str, status: int = 200, **context: Any) -> Response:
-    """A page with the headers that every page has."""
-    return templates.TemplateResponse(request, template, context, status_code=status, headers=HEADERS)

@@ -1,5 +1,7 @@
 // Requests to the API under the session cookie; every failure is an Error whose message is a sentence for the reader.
 
+import { el } from "./dom.js";
+
 const ROOT = "/api/v1";
 const POLL_MS = 700;
 const SILENCE_MS = 4000;
@@ -11,12 +13,36 @@ export class Problem extends Error {
   }
 }
 
+// On the learner's own machine a session begins with the first request; elsewhere the page comes with one.
+let session = document.body.dataset.learner ? Promise.resolve() : null;
+
+function begin() {
+  session ??= beginSession().catch((error) => { session = null; throw error; });
+  return session;
+}
+
+async function beginSession() {
+  let response;
+  try {
+    response = await fetch("/session", { method: "POST", credentials: "same-origin", headers: { Accept: "application/json" } });
+  } catch {
+    throw unreachable();
+  }
+  if (!response.ok) throw await problemOf(response);
+  const { id, user } = await response.json();
+  document.body.dataset.learner = id;
+  document.querySelector(".who")?.replaceWith(el("p", { class: "who" }, el("span", {}, user), " ", el("a", { href: "/signout" }, "Sign out")));
+}
+
+const unreachable = () => new Problem("The server cannot be reached. Check the connection and try again.", 0);
+
 export async function request(method, path, body, headers) {
   return (await tagged(method, path, body, headers)).body;
 }
 
-// The body of the answer, and the ETag of what it tells of.
+// The body and the ETag of a response.
 export async function tagged(method, path, body, headers = {}) {
+  await begin();
   let response;
   try {
     response = await fetch(ROOT + path, {
@@ -26,7 +52,7 @@ export async function tagged(method, path, body, headers = {}) {
       body: body === undefined ? undefined : JSON.stringify(body),
     });
   } catch {
-    throw new Problem("The server cannot be reached. Check the connection and try again.", 0);
+    throw unreachable();
   }
   if (!response.ok) throw await problemOf(response);
   return { body: response.status === 204 ? null : await response.json(), etag: response.headers.get("ETag") };
@@ -39,7 +65,7 @@ async function problemOf(response) {
     const problem = await response.json();
     sentence = problem.detail || problem.title || sentence;
   } catch {
-    // no JSON: the sentence above has to do
+    // not JSON: keep the sentence above
   }
   if (response.status === 401) sentence = "You are not signed in any more. Reload this page.";
   if (response.status === 429 && wait > 0) sentence += ` Try again in ${wait} s.`;
@@ -59,7 +85,7 @@ export function atRest(submission) {
   return Boolean(submission.verdict) && !["queued", "running"].includes(submission.status);
 }
 
-// Waits for the verdict: by server-sent events, or by asking again where they do not come through.
+// Waits for the verdict: by server-sent events, or by polling if the stream fails.
 export async function awaitVerdict(submission, onStatus) {
   const path = `/submissions/${encodeURIComponent(submission.id)}`;
   await lastEvent(path, onStatus);
@@ -88,12 +114,12 @@ export function pause(milliseconds) {
   return new Promise((resolve) => setTimeout(resolve, milliseconds));
 }
 
-// The newest submission of each question, by question; a learner's own. What could not be read does not count.
-export async function latestOf(quiz, user, questions) {
+// The learner's newest submission of each question, by question; unreadable answers are left out.
+export async function latestOf(quiz, learner, questions) {
   const latest = new Map();
   let cursor = null;
   do {
-    const query = new URLSearchParams({ quiz, limit: 100, ...(user ? { user } : {}), ...(cursor ? { cursor } : {}) });
+    const query = new URLSearchParams({ quiz, limit: 100, learner, ...(cursor ? { cursor } : {}) });
     const page = await get(`/submissions?${query}`);
     const readable = page.items.filter((one) => one.verdict?.status !== "invalid_answer");
     for (const one of readable) if (!latest.has(one.question)) latest.set(one.question, one);

@@ -101,7 +101,7 @@ function marked(mark, across, up) {
   ];
 }
 
-// A line that follows the time which is shown elsewhere.
+// A vertical line at the time that the player shows.
 function cursorOn(picture, across) {
   const line = svg("line", { class: "cursor", y1: TOP, y2: HEIGHT - BOTTOM, x1: LEFT, x2: LEFT, visibility: "hidden" });
   picture.append(line);
@@ -133,7 +133,7 @@ function drawn(line, index, across, up) {
   return [svg("path", { class: `line series-${index % COLOURS}${line.faint ? " faint" : ""}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
 }
 
-// Colour is never the only sign: every line has its own dashes.
+// Every line has its own dashes, since not everyone can tell the colours apart.
 function legend(series) {
   const named = series.filter((line) => line.label);
   if (!named.length) return null;

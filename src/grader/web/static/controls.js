@@ -1,4 +1,4 @@
-// A lab's controls: sliders, selects and buttons, each with its label; values are told by label.
+// A lab's controls: sliders, selects and buttons, each with its label; values are keyed by label.
 
 import { el, freshId, number } from "./dom.js";
 
@@ -27,7 +27,7 @@ export class Controls {
     return el("div", { class: "control" }, el("label", { for: id }, spec.label, shown), input);
   }
 
-  // The text of an option stands for its value, which need not be a number.
+  // An option is identified by the text of its value, which need not be a number.
   select(spec, onChange) {
     const id = freshId("control");
     const chosen = JSON.stringify(spec.value);
@@ -38,7 +38,7 @@ export class Controls {
   }
 }
 
-// The browser's own grid carries rounding errors.
+// Rounds to the step: the browser's own values carry rounding errors.
 function onGrid(value, { min, step }) {
   return Number((min + Math.round((value - min) / step) * step).toPrecision(12));
 }

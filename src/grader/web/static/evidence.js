@@ -1,4 +1,4 @@
-// The measurements behind a verdict, as pictures. Which keys there are is up to the checker of the exercise.
+// The measurements behind a verdict, as pictures. The kind of the exercise decides which keys there are.
 
 import { chart } from "./chart.js";
 
@@ -26,7 +26,7 @@ function angleCharts(runs, titleOf) {
   });
 }
 
-// A run that diverges leaves the picture; it must not flatten the others.
+// Clips a run that diverges, so that it does not flatten the others.
 function settledReach(run) {
   const start = 2 * Math.abs(run.angle[0] ?? 1);
   return run.diverged ? start : run.angle.reduce((most, one) => Math.max(most, Math.abs(one)), 0.1);
@@ -36,7 +36,7 @@ function stabilityChart(lines, titleOf) {
   const known = lines.filter((line) => line.radius.length);
   if (!known.length) return [];
   return [chart({
-    title: "Spectral radius of one step at rest: above 1, a small deviation grows for ever",
+    title: "Spectral radius of one step at rest: above 1, a small deviation grows without bound",
     x: { label: "timestep (ms)" },
     y: { label: "spectral radius", max: Math.min(2, Math.max(...known.flatMap((line) => line.radius), 1.05)) },
     series: known.map((line) => ({ label: titleOf(line.case), x: line.timestep_ms, y: line.radius })),
@@ -44,7 +44,7 @@ function stabilityChart(lines, titleOf) {
   })];
 }
 
-// How far a run is from MuJoCo's RK4, on a logarithmic axis; where it is nowhere, there is nothing to draw.
+// The distance from MuJoCo's RK4 on a logarithmic axis; no chart if it is zero everywhere.
 function differenceCharts(cases, titleOf) {
   return cases.filter((one) => [...one.qpos, ...one.qvel].some((value) => value > 0)).map((one) => chart({
     title: `${titleOf(one.case)}: difference from MuJoCo's RK4`,

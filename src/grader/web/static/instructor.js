@@ -1,7 +1,8 @@
-// The instructor page: what was handed in; a row opens the submission under the table, with the form of its review.
+// The instructor page: the table of submissions; a row opens the submission under the table, with the form of its review.
 
 import { get } from "./api.js";
 import { el, number } from "./dom.js";
+import "./statistics.js";
 import { closeReview, openReview } from "./review.js";
 import { showVerdict, toneOf } from "./verdict.js";
 

@@ -1,4 +1,4 @@
-// Plays a recorded run: play and pause, a time slider, and whoever wants to know of the frame that is shown.
+// Plays a recorded run, with a time slider, and calls listeners with each frame that it shows.
 
 import { el } from "./dom.js";
 

@@ -20,6 +20,7 @@ export class Question {
     this.box = card.querySelector(".verdict");
     this.form.addEventListener("submit", (event) => { event.preventDefault(); this.send(); });
     if (this.kind === "numeric") this.echoWhatIsTyped();
+    this.button.disabled = false; // until now the browser would have sent the form itself
   }
 
   async answer() {
@@ -61,9 +62,9 @@ export class Question {
 
   show(submission) {
     showVerdict(this.box, submission);
-    this.onVerdict(this, submission);
+    this.onVerdict();
     const lab = this.card.querySelector("[data-lab-of]");
-    if (lab && submission.verdict.status !== "invalid_answer") openLab(lab, { quiz: this.quiz, question: this.id });
+    if (lab && !submission.withheld && submission.verdict.status !== "invalid_answer") openLab(lab, { quiz: this.quiz, question: this.id });
   }
 
   // After a reload: the newest submission, followed further where it is still being graded.
@@ -73,6 +74,10 @@ export class Question {
     } catch (error) {
       this.say(error.message, true);
     }
+  }
+
+  tell(notice) {
+    this.card.querySelector("[data-notice]").textContent = notice;
   }
 
   say(sentence, bad = false) {

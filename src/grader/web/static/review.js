@@ -1,4 +1,4 @@
-// A review: the submission is claimed when its form opens, and decided over as it was seen then.
+// A review: opening the form claims the submission; If-Match guards against changes since then.
 
 import { setProse, tagged } from "./api.js";
 
@@ -14,7 +14,7 @@ export function closeReview() {
   seen = null;
 }
 
-// Only what waits for a person is claimed at once; over any other verdict a decision may be made all the same.
+// Claims only submissions that need a review; any other verdict may be reviewed too, without a claim.
 export async function openReview(submission, onDecided) {
   const { verdict } = submission;
   const waits = submission.status === "needs_review";

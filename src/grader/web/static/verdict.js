@@ -40,7 +40,7 @@ function head(submission, verdict) {
   const decided = verdict.status !== "needs_review";
   const points = `${number(verdict.points)} of ${number(verdict.max_points)} point${verdict.max_points === 1 ? "" : "s"}`;
   return el("p", { class: "verdict-head" },
-    el("strong", { "data-status": verdict.status }, wordsFor(verdict.status)),
+    el("strong", { "data-status": verdict.status }, submission.withheld && !decided ? "Received" : wordsFor(verdict.status)),
     decided ? el("span", {}, points) : null,
     verdict.read_as ? el("span", { class: "meta" }, `read as ${verdict.read_as}`) : null,
     submission.attempt ? el("span", { class: "meta" }, `attempt ${submission.attempt}`) : null);

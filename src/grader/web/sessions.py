@@ -1,0 +1,63 @@
+"""Browser sessions as cookies."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from sqlalchemy.orm import Session
+
+from grader.courses.sign_in import BrowserSession, end_session
+from grader.errors import Unauthorized
+from grader.identity import COOKIE, SECURE_COOKIE, Identity, authenticate
+from grader.store.database import Database
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class SessionCookies:
+    """Finds and ends browser sessions, and writes their cookies.
+
+    `secure` adds what https allows; `anonymous` says whether anyone may begin a session.
+    """
+
+    database: Database
+    secure: bool
+    anonymous: bool
+
+    def set_cookie(self, opened: BrowserSession) -> str:
+        """The `Set-Cookie` header that starts a session in the browser; the cookie lives as long as the session."""
+        return self._header(opened.secret, int(opened.lifetime.total_seconds()))
+
+    def delete_cookie(self) -> str:
+        """The `Set-Cookie` header that makes the browser forget its session."""
+        return self._header("", 0)
+
+    def reading(self, query: Callable[[Session], Result]) -> Result:
+        """Calls `query` in a transaction for reading."""
+        with self.database.read() as session:
+            return query(session)
+
+    def writing(self, change: Callable[[Session], Result]) -> Result:
+        """Calls `change` in a transaction for writing."""
+        with self.database.write() as session:
+            return change(session)
+
+    def identify(self, cookies: Mapping[str, str]) -> Identity | None:
+        """The user of a browser; None without a valid session."""
+        try:
+            return authenticate(self.database, None, cookies)
+        except Unauthorized:
+            return None
+
+    def end(self, cookies: Mapping[str, str]) -> None:
+        """Ends the browser's session."""
+        with self.database.write() as session:
+            for name in (SECURE_COOKIE, COOKIE):
+                end_session(session, cookies.get(name, ""))
+
+    def _header(self, value: str, max_age_s: int) -> str:
+        attributes = f"Max-Age={max_age_s}; Path=/; HttpOnly; SameSite=Lax"
+        if self.secure:
+            return f"{SECURE_COOKIE}={value}; {attributes}; Secure"
+        return f"{COOKIE}={value}; {attributes}"

@@ -1,0 +1,205 @@
+"""Somebody who is invited gets in and hands in: a real browser, behind nginx with TLS."""
+
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from grader.app import in_database, sign_in_url
+from grader.courses.invitations import invite
+from grader.settings import Settings
+from web.browsing import chromium, service
+
+PATIENCE_MS = 30_000
+START_S = 20.0
+
+NGINX = """
+daemon off;
+pid {folder}/nginx.pid;
+error_log {folder}/error.log;
+worker_processes 1;
+events {{ worker_connections 64; }}
+http {{
+  access_log off;
+  client_body_temp_path {folder}/body;
+  proxy_temp_path {folder}/proxy;
+  fastcgi_temp_path {folder}/fastcgi;
+  uwsgi_temp_path {folder}/uwsgi;
+  scgi_temp_path {folder}/scgi;
+  server {{
+    listen 127.0.0.1:{port} ssl;
+    server_name localhost;
+    ssl_certificate {folder}/certificate.pem;
+    ssl_certificate_key {folder}/key.pem;
+    location / {{
+      proxy_pass {upstream};
+      proxy_set_header Host $http_host;
+      proxy_http_version 1.1;
+      proxy_buffering off;
+    }}
+  }}
+}}
+"""
+
+CERTIFICATE = (
+    *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"),
+    *("-days", "2", "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"),
+)
+
+
+@contextmanager
+def nginx(folder: Path, port: int, upstream: str) -> Iterator[None]:
+    """A proxy with a certificate of its own making, at https://localhost:PORT."""
+    program = shutil.which("nginx", path="/usr/sbin:/usr/bin:/usr/local/sbin:/usr/local/bin")
+    assert program, "nginx is missing: `make test` installs it"
+    keys = ("-keyout", f"{folder}/key.pem", "-out", f"{folder}/certificate.pem")
+    subprocess.run([*CERTIFICATE, *keys], check=True, capture_output=True)
+    config = folder / "nginx.conf"
+    config.write_text(NGINX.format(folder=folder, port=port, upstream=upstream))
+    with subprocess.Popen([program, "-e", f"{folder}/error.log", "-c", str(config), "-p", str(folder)]) as process:
+        try:
+            wait_for(port, process)
+            yield
+        finally:
+            process.terminate()
+
+
+def wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+        except OSError:
+            assert process.poll() is None, "nginx ended while it started"
+            assert time.monotonic() < deadline, "nginx does not start"
+            time.sleep(0.02)
+        else:
+            return
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+    return port
+
+
+@dataclass
+class Public:
+    """The service as the world sees it, and a browser."""
+
+    settings: Settings
+    browser: Browser
+
+    @contextmanager
+    def person(self) -> Iterator[Page]:
+        """A browser of its own, whose console stays quiet."""
+        context = self.browser.new_context(base_url=self.settings.origin, ignore_https_errors=True)
+        context.set_default_timeout(PATIENCE_MS)
+        page, complaints = context.new_page(), list[str]()
+        page.on("console", lambda message: complaints.append(message.text) if message.type != "log" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        yield page
+        context.close()
+        assert [one for one in complaints if "401 (Unauthorized)" not in one] == []  # the page after signing out
+
+
+@pytest.fixture(scope="module")
+def public(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Public]:
+    folder, port = tmp_path_factory.mktemp("public"), free_port()
+    settings = Settings(data=folder / "data", workers=0, public_origin=f"https://localhost:{port}")
+    with service(settings) as upstream, nginx(folder, port, upstream), chromium() as browser:
+        yield Public(settings, browser)
+
+
+def answer(page: Page) -> None:
+    """Answers one question."""
+    card = page.locator('[id="1.3-check--q2"]')
+    card.get_by_label("Your answer").fill("5 ms")
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator("[data-status]")).to_have_text("Correct", timeout=PATIENCE_MS)
+
+
+def new_course_link(desk: Page) -> str:
+    """Makes a new course link on the page of people, and returns it once it is shown."""
+    desk.get_by_role("button", name="Make a new link").click()
+    newest = desk.locator("[data-list=audit] tr").first
+    expect(newest).to_contain_text("course link rotated", timeout=PATIENCE_MS)
+    return desk.get_by_role("textbox", name="Course link").input_value()
+
+
+def test_somebody_invited_from_the_command_line_gets_in_and_hands_in(public: Public) -> None:
+    [made] = in_database(public.settings, lambda session: invite(session, None, None, ["Ada Lovelace"]))
+    with public.person() as page:
+        page.goto(f"{public.settings.origin}/signin?code={made.code}")
+        expect(page.locator("main")).to_contain_text("Ada Lovelace")
+        page.get_by_role("button", name="Sign in").click()
+        answer(page)
+        [cookie] = page.context.cookies()
+        assert (cookie["name"], cookie["secure"], cookie["httpOnly"]) == ("__Host-grader_session", True, True)
+        page.reload()
+        expect(page.locator('[id="1.3-check--q2"] [data-status]')).to_have_text("Correct", timeout=PATIENCE_MS)
+
+
+def test_an_instructor_invites_on_the_page_and_a_course_link_lets_others_in(public: Public) -> None:
+    with public.person() as desk, public.person() as bob, public.person() as eve:
+        desk.goto(sign_in_url(public.settings))
+        desk.get_by_role("button", name="Sign in").click()
+        desk.get_by_role("link", name="People").click()
+        desk.get_by_label("Names, one a line").fill("Bob\nTom")
+        desk.get_by_role("button", name="Make links").click()
+        link = desk.get_by_label("Bob", exact=True).input_value()
+        expect(desk.locator("[data-list=invitations] tr")).to_have_count(2, timeout=PATIENCE_MS)
+
+        bob.goto(link)
+        bob.get_by_role("button", name="Sign in").click()
+        answer(bob)
+
+        course_link = new_course_link(desk)
+        assert course_link.startswith(f"{public.settings.origin}/join?code=")
+        eve.goto(course_link)
+        eve.get_by_label("Your name").fill("Eve")
+        eve.get_by_role("button", name="Join").click()
+        answer(eve)
+
+        desk.reload()
+        expect(desk.locator("[data-list=invitations] tr")).to_have_count(1, timeout=PATIENCE_MS)
+        expect(desk.locator("[data-list=members]")).to_contain_text("Eve")
+        desk.locator("[data-list=invitations]").get_by_role("button", name="Revoke").click()
+        expect(desk.locator("[data-list=invitations] tr")).to_have_count(0, timeout=PATIENCE_MS)
+        expect(desk.locator("[data-list=audit]")).to_contain_text("invitation revoked")
+
+        desk.get_by_label("User", exact=True).fill("nightly")
+        desk.get_by_label("Role").nth(1).select_option("service")
+        desk.get_by_label("results").check()
+        desk.get_by_role("button", name="Create").click()
+        assert desk.get_by_role("textbox", name="nightly").input_value().startswith("grt_")
+        row = desk.locator("[data-list=tokens] tr").filter(has_text="nightly")
+        expect(row).to_contain_text("results")
+        row.get_by_role("button", name="Revoke").click()
+        expect(row).to_have_count(0, timeout=PATIENCE_MS)
+
+
+def test_a_learner_leaves_with_a_link_and_comes_back(public: Public) -> None:
+    with public.person() as desk, public.person() as eve, public.person() as elsewhere:
+        desk.goto(sign_in_url(public.settings))
+        desk.get_by_role("button", name="Sign in").click()
+        desk.get_by_role("link", name="People").click()
+        eve.goto(new_course_link(desk))
+        eve.get_by_label("Your name").fill("Eve")
+        eve.get_by_role("button", name="Join").click()
+        answer(eve)
+        eve.get_by_role("link", name="Sign out").click()
+        expect(eve.locator("main")).to_contain_text("your answers are lost")
+        eve.get_by_role("button", name="Make a link to come back").click()
+        link = eve.get_by_label("Your link").input_value()
+        eve.get_by_role("button", name="Sign out").click()
+        elsewhere.goto(link)
+        elsewhere.get_by_role("button", name="Sign in").click()
+        expect(elsewhere.locator('[id="1.3-check--q2"] [data-status]')).to_have_text("Correct", timeout=PATIENCE_MS)
