@@ -5,10 +5,13 @@ from pathlib import Path
 import pytest
 
 from grader import advise as procedure
-from grader.advise import DISCRETE, IMPLICITFAST, RK4, advise, loses_energy, scene_of
+from grader.advise import advise, loses_energy, scene_of
 from grader.bench.scenes import scene_path, scene_text
 from grader.errors import ContentError, Unprocessable
+from grader.numerics.integrators import DISCRETE, IMPLICITFAST, RK4
 from numerics.models import DELAY, RUNAWAY, TWO_FREE_BODIES, hinge
+
+pytestmark = pytest.mark.slow
 
 
 def test_energy_is_conserved_so_rk4_is_tried_and_wins() -> None:

@@ -1,5 +1,24 @@
-"""Benchmarks that anyone can repeat: run time against error, stability to the limit, and what skipping saves."""
+"""Benchmarks that anyone can repeat: run time against error, stability, what skipping saves, and the service itself.
 
-from grader.bench.run import run
+The service never imports this package. Only the pictures need matplotlib, the extra `bench`.
+"""
 
-__all__ = ["run"]
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from grader.errors import Unprocessable
+
+STUDIES = ("precision", "stability", "skip", "service")
+
+
+def run(name: str, out: Path, quick: bool) -> None:
+    """Run a study into the folder `out`; see Study.run.
+
+    Raises Unprocessable for an unknown name, and where matplotlib is not installed.
+    """
+    if name not in STUDIES:
+        raise Unprocessable(f"there is no benchmark {name!r}; there are {', '.join(STUDIES)}")
+    if find_spec("matplotlib") is None:
+        raise Unprocessable("the pictures need matplotlib: run make install, or pip install 'mujoco-grader[bench]'")
+    import_module(f"grader.bench.{name}").STUDY.run(out, quick)

@@ -1,80 +1,60 @@
-"""Do two runs of a benchmark agree? Results that do not depend on time must be equal, ratios within their spreads.
+"""Do two runs of a study agree? What does not depend on time must be equal, ratios must lie within their spreads.
 
-`python -m grader.bench.agree FIRST.json SECOND.json` prints the counts and every exception; exits 1 where more
-ratios disagree than a band of 80 % leaves to chance, or a result that must be equal is not.
+`python -m grader.bench.agree FIRST.json SECOND.json` prints the counts and every exception. It exits 1 where a result
+is unequal, or more than a fifth of the ratios are apart: medians whose bands hold the middle 80 % of the pairs should
+nearly always lie in bands that meet.
 """
 
 import json
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-SHARE_MIN = 0.8
-"""Two medians whose bands hold the middle 80 % of the pairs should nearly always lie in bands that meet."""
+APART_MAX = 0.2
+SETTING = ("integrator", "timestep_s", "setting")
+"""Which setting is cheapest may change where two cost nearly the same; their spreads are then not compared."""
 
-TIMED = {"ratio", "cost", "spread", "yardstick_s", "machine", "load_1min", "pareto"}
+TIMED = {"ratio", "cost", "yardstick_s", "machine", "load_1min", "pareto"}
 """Keys whose values depend on time."""
 
 
-@dataclass(frozen=True)
 class Agreement:
-    """Counts, and the paths of what disagrees."""
+    """Compares two documents of one study; keeps the number of ratios and the paths of what disagrees."""
 
-    ratios: int
-    apart: tuple[str, ...]
-    unequal: tuple[str, ...]
+    def __init__(self, one: Any, other: Any) -> None:
+        self.ratios = 0
+        self.apart: list[str] = []
+        self.unequal: list[str] = []
+        self._compare(one, other, "$")
 
     @property
     def holds(self) -> bool:
-        """Nothing unequal, and at least SHARE_MIN of the ratios within their spreads."""
-        return not self.unequal and len(self.apart) <= (1 - SHARE_MIN) * self.ratios
+        """Nothing is unequal, and few ratios are apart."""
+        return not self.unequal and len(self.apart) <= APART_MAX * self.ratios
 
-
-def compare(first: Any, second: Any) -> Agreement:
-    """Two documents of the same benchmark."""
-    ratios, apart, unequal = 0, [], []
-    for path, one, other in walk(first, second, "$"):
+    def _compare(self, one: Any, other: Any, path: str) -> None:
         if path.endswith("/spread"):
-            ratios += 1
+            self.ratios += 1
             if one[0] > other[1] or other[0] > one[1]:
-                apart.append(f"{path}: {one} and {other}")
-        else:
-            unequal.append(f"{path}: {one} and {other}")
-    return Agreement(ratios, tuple(apart), tuple(unequal))
+                self.apart.append(f"{path}: {one} and {other}")
+        elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+            if all(one[key] == other[key] for key in SETTING if key in one):
+                for key in one.keys() - TIMED:
+                    self._compare(one[key], other[key], f"{path}/{key}")
+        elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+            for number, (here, there) in enumerate(zip(one, other, strict=True)):
+                self._compare(here, there, f"{path}[{number}]")
+        elif one != other:
+            self.unequal.append(f"{path}: {one} and {other}")
 
 
-def walk(one: Any, other: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
-    """Every pair of spreads, and every pair of values outside TIMED that differ."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        if same_setting(one, other):
-            for key, value in one.items():
-                if key == "spread":
-                    yield f"{path}/{key}", value, other[key]
-                elif key not in TIMED:
-                    yield from walk(value, other[key], f"{path}/{key}")
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        for number, (here, there) in enumerate(zip(one, other, strict=True)):
-            yield from walk(here, there, f"{path}[{number}]")
-    elif one != other:
-        yield path, one, other
-
-
-def same_setting(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Which setting is cheapest may change where two cost nearly the same; their spreads are then no pair."""
-    return all(one[key] == other[key] for key in ("integrator", "timestep_s", "setting") if key in one)
-
-
-def main(arguments: list[str]) -> int:
+def main(paths: list[str]) -> int:
     """Compare two files."""
-    first, second = (json.loads(Path(path).read_text(encoding="utf-8")) for path in arguments)
-    found = compare(first, second)
+    found = Agreement(*(json.loads(Path(path).read_text(encoding="utf-8")) for path in paths))
     print(f"{found.ratios - len(found.apart)} of {found.ratios} ratios agree within their spreads")
-    for line in found.apart:
-        print(f"apart: {line}")
-    for line in found.unequal:
-        print(f"unequal: {line}")
+    for word, lines in (("apart", found.apart), ("unequal", found.unequal)):
+        for line in lines:
+            print(f"{word}: {line}")
     return 0 if found.holds else 1
 
 

@@ -1,194 +1,196 @@
 """Beyond smooth scenes: a fast ball and a thin wall, a box started inside the floor, a wheel and its stop.
 
-Every run says what became of the scene, and what MuJoCo's warning and silent reset did to it.
+Each run is classified by its outcome; the first one that warned is kept with what MuJoCo's reset did to it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from grader.bench.journal import Record, Task
+from grader.bench.grid import Plane, as_grid
+from grader.bench.picture import new_figure, words
 from grader.bench.scenes import load_scene
-from grader.bench.settings_grid import INTEGRATORS
+from grader.bench.study import Key, Record, Records, Task
+from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import first_warning
-from grader.numerics.workspace import Workspace
 
-WALL_NEAR, WALL_FAR = 0.495, 0.505
-"""Faces of the wall [m]."""
+WALL_FAR = 0.505
+"""Position of the wall's far face [m]."""
 
-BALL_RADIUS = 0.02
 FLOOR_HALF = 0.1
 """Half the side of the box [m]: its height at rest."""
 
 LAUNCHED = 2 * FLOOR_HALF
 """A box that was at rest inside the floor and whose centre then rises by its own side was thrown out."""
 
+STEPS_MIN = 40
+WARNED = "warned"
+
+FINE, PUSHED, LOST, RESET = "#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0"
+
 
 @dataclass(frozen=True)
-class Case:
-    """A family of runs over one parameter: how to start, how long, and how to name the end."""
+class Collision(Key):
+    """The outcomes of one case over the grid of (timestep, parameter)."""
 
-    scene: str
-    parameter: str
-    unit: str
-    span: tuple[float, float]
-    timestep_span_s: tuple[float, float]
-    start: Callable[[Scene, float], Scene]
-    seconds: Callable[[float], float]
-    outcome: Callable[["Trace"], str]
-    outcomes: tuple[str, ...]
+    case: str
+    integrator: str
 
 
 @dataclass
 class Trace:
-    """What one run went through, by step: coordinate, whether there was a contact or limit force; and the warning."""
+    """One run up to its end or its first warning: the coordinate by step, and whether a constraint force acted.
+
+    `reset` says which warning, and what time [s] and qpos the user's loop reads after it.
+    """
 
     coordinate: list[float]
-    touched: bool
-    warning: str | None
-    warned_at_s: float | None
-    time_after_s: float | None
-    qpos_after: list[float] | None
+    touched: bool = False
+    reset: Record | None = None
 
 
-def ball_outcome(trace: Trace) -> str:
-    """Where the ball ended: before the wall, beyond it with or without ever having touched it."""
-    if trace.warning:
-        return "warned"
+@dataclass(frozen=True, kw_only=True)
+class Case(Plane):
+    """Runs over one parameter: how to start, how long [s], which coordinate of qpos decides, and what it may show.
+
+    `outcomes` gives the colour of each possible outcome.
+    """
+
+    coordinate: int
+    start: Callable[[Scene, float], Scene]
+    seconds: Callable[[float], float]
+    judge: Callable[[Trace], str]
+    outcomes: dict[str, str]
+
+    def outcome(self, trace: Trace) -> str:
+        """The word for how a run ended."""
+        return WARNED if trace.reset else self.judge(trace)
+
+    def follow(self, start: Scene, value: float, integrator: str, timestep_s: float) -> Trace:
+        """Step from `start` until the end, or the first warning and the reset that comes with it."""
+        steps = max(STEPS_MIN, round(self.seconds(value) / timestep_s))
+        with start.borrow(timestep_s=timestep_s, integrator=BY_NAME[integrator].code) as workspace:
+            model, data = workspace.model, workspace.data
+            trace = Trace([float(data.qpos[self.coordinate])])
+            for _ in range(steps):
+                before_s = float(data.time)
+                mujoco.mj_step(model, data)
+                warning = first_warning(workspace)
+                if warning is not None:
+                    after: Record = {"time_after_s": float(data.time), "qpos_after": data.qpos.round(6).tolist()}
+                    trace.reset = {"warning": warning.name, "warned_at_s": before_s} | after
+                    break
+                trace.touched = trace.touched or data.nefc > 0
+                trace.coordinate.append(float(data.qpos[self.coordinate]))
+        return trace
+
+
+def judge_ball(trace: Trace) -> str:
+    """Where the ball ended: before the wall, or beyond it with or without having touched it."""
     if trace.coordinate[-1] < WALL_FAR:
         return "stopped"
     return "pushed through" if trace.touched else "tunnelled"
 
 
-def box_outcome(trace: Trace) -> str:
+def judge_box(trace: Trace) -> str:
     """Whether the box settled, was thrown out, or fell through."""
-    if trace.warning:
-        return "warned"
     if max(trace.coordinate) > FLOOR_HALF + LAUNCHED:
         return "launched"
     return "settled" if trace.coordinate[-1] > FLOOR_HALF / 2 else "sunk"
 
 
-def wheel_outcome(trace: Trace) -> str:
-    """Whether the wheel bounced between its stops without ever gaining speed, or was kicked."""
-    if trace.warning:
-        return "warned"
+def judge_wheel(trace: Trace) -> str:
+    """Whether the wheel bounced between its stops without gaining speed, or was kicked."""
     steps = np.abs(np.diff(trace.coordinate))
     return "kicked" if steps.max() > 1.05 * steps[0] else "stopped"
 
 
-def ball_start(scene: Scene, speed: float) -> Scene:
-    """At the origin, flying towards the wall at `speed` [m/s]."""
-    return scene.at(qvel=[speed, 0, 0, 0, 0, 0])
-
-
-def box_start(scene: Scene, depth: float) -> Scene:
-    """At rest, its lower face `depth` [m] inside the floor."""
-    return scene.at(qpos=[0, 0, FLOOR_HALF - depth, 1, 0, 0, 0])
-
-
-def wheel_start(scene: Scene, speed: float) -> Scene:
-    """At 0 rad, turning towards its stop at `speed` [rad/s]."""
-    return scene.at(qvel=[speed])
-
-
 CASES = {
     "ball": Case(
-        "ball_and_wall",
-        "speed",
-        "m/s",
-        (1, 100),
-        (1e-4, 2e-2),
-        ball_start,
-        lambda speed: 1 / speed,
-        ball_outcome,
-        ("stopped", "pushed through", "tunnelled", "warned"),
+        scene="ball_and_wall",
+        parameter="speed [m/s]",
+        span=(1, 100),
+        timestep_span_s=(1e-4, 2e-2),
+        coordinate=0,
+        start=lambda scene, speed: scene.at(qvel=[speed, 0, 0, 0, 0, 0]),
+        seconds=lambda speed: 1 / speed,
+        judge=judge_ball,
+        outcomes={"stopped": FINE, "pushed through": PUSHED, "tunnelled": LOST, WARNED: RESET},
     ),
     "box": Case(
-        "box_in_floor",
-        "depth",
-        "m",
-        (0.001, 0.09),
-        (2e-4, 4e-2),
-        box_start,
-        lambda _depth: 1.0,
-        box_outcome,
-        ("settled", "launched", "sunk", "warned"),
+        scene="box_in_floor",
+        parameter="depth [m]",
+        span=(0.001, 0.09),
+        timestep_span_s=(2e-4, 4e-2),
+        coordinate=2,
+        start=lambda scene, depth: scene.at(qpos=[0, 0, FLOOR_HALF - depth, 1, 0, 0, 0]),
+        seconds=lambda _depth: 1.0,
+        judge=judge_box,
+        outcomes={"settled": FINE, "launched": PUSHED, "sunk": LOST, WARNED: RESET},
     ),
     "wheel": Case(
-        "joint_stop",
-        "speed",
-        "rad/s",
-        (0.5, 200),
-        (2e-4, 4e-2),
-        wheel_start,
-        lambda speed: 1.5 / speed + 0.1,
-        wheel_outcome,
-        ("stopped", "kicked", "warned"),
+        scene="joint_stop",
+        parameter="speed [rad/s]",
+        span=(0.5, 200),
+        timestep_span_s=(2e-4, 4e-2),
+        coordinate=0,
+        start=lambda scene, speed: scene.at(qvel=[speed]),
+        seconds=lambda speed: 1.5 / speed + 0.1,
+        judge=judge_wheel,
+        outcomes={"stopped": FINE, "kicked": PUSHED, WARNED: RESET},
     ),
 }
 
-COORDINATE = {"ball": 0, "box": 2, "wheel": 0}
-STEPS_MIN = 40
 
-
-def follow(scene: Scene, case: str, integrator: int, timestep_s: float, seconds: float) -> Trace:
-    """Step by step until the end, or the first warning and the reset that comes with it."""
-    steps = max(STEPS_MIN, round(seconds / timestep_s))
-    with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
-        return _follow(workspace, COORDINATE[case], steps)
-
-
-def _follow(workspace: Workspace, address: int, steps: int) -> Trace:
-    model, data = workspace.model, workspace.data
-    coordinate, touched = [float(data.qpos[address])], False
-    for _ in range(steps):
-        before = float(data.time)
-        mujoco.mj_step(model, data)
-        if workspace.counts.any():
-            warning = first_warning(workspace)
-            assert warning is not None
-            return Trace(coordinate, touched, warning.name, before, float(data.time), data.qpos.round(6).tolist())
-        touched = touched or data.nefc > 0
-        coordinate.append(float(data.qpos[address]))
-    return Trace(coordinate, touched, None, None, None, None)
-
-
-def case_task(name: str, integrator: str, size: int) -> Task:
-    """Outcomes over a size x size grid of (timestep, parameter), and the first warned run in full."""
-    case = CASES[name]
-
-    def measure() -> Record:
-        scene, code = load_scene(case.scene), INTEGRATORS[integrator]
-        starts = [(float(v), case.start(scene, float(v))) for v in np.geomspace(*case.span, size)]
-        rows, reset = [], None
-        for timestep_s in np.geomspace(*case.timestep_span_s, size):
-            row = ""
-            for value, start in starts:
-                trace = follow(start, name, code, float(timestep_s), case.seconds(value))
-                row += str(case.outcomes.index(case.outcome(trace)))
-                if trace.warning and reset is None:
-                    reset = {"timestep_s": float(timestep_s), "parameter": value} | reset_of(trace)
-            rows.append(row)
-        return {"outcomes": rows, "names": list(case.outcomes), "reset": reset}
-
-    return Task(f"case/{name}/{integrator}", measure)
-
-
-def reset_of(trace: Trace) -> Record:
-    """What a warning did: which, when, and the time and state that the user's loop reads next."""
-    return {
-        "warning": trace.warning,
-        "warned_at_s": trace.warned_at_s,
-        "time_after_s": trace.time_after_s,
-        "qpos_after": trace.qpos_after,
-    }
+def collide(case: Case, integrator: str, size: int) -> Record:
+    """Outcomes over a size x size grid of (timestep, parameter), and the first run that warned."""
+    scene, outcomes = load_scene(case.scene), list(case.outcomes)
+    starts = [(float(value), case.start(scene, float(value))) for value in case.parameters(size)]
+    rows, reset = [], None
+    for timestep_s in case.timesteps_s(size).tolist():
+        row = ""
+        for value, start in starts:
+            trace = case.follow(start, value, integrator, timestep_s)
+            row += str(outcomes.index(case.outcome(trace)))
+            if trace.reset and reset is None:
+                reset = {"timestep_s": timestep_s, "parameter": value} | trace.reset
+        rows.append(row)
+    return {"outcomes": rows, "names": outcomes, "reset": reset}
 
 
 def collision_tasks(quick: bool) -> list[Task]:
     """Three cases under five integrators."""
     size = 13 if quick else 33
-    return [case_task(name, integrator, size) for name in CASES for integrator in INTEGRATORS]
+    pairs = [(name, integrator) for name in CASES for integrator in BY_NAME]
+    return [Task(Collision(name, kind), partial(collide, CASES[name], kind, size)) for name, kind in pairs]
+
+
+def summarise_case(records: Records, case: str) -> Record:
+    """Shares of the outcomes under each integrator, and what the first warned run went through."""
+    found = {}
+    for integrator in BY_NAME:
+        record = records[Collision(case, integrator)]
+        grid = as_grid(record["outcomes"])
+        shares = {name: float((grid == number).mean()) for number, name in enumerate(record["names"])}
+        found[integrator] = {"shares": shares, "reset": record["reset"]}
+    return found
+
+
+def draw_cases(records: Records) -> Figure:
+    """Three cases by five integrators."""
+    figure = new_figure(15, 9)
+    panels = figure.subplots(len(CASES), len(BY_NAME))
+    for line, (name, case) in zip(panels, CASES.items(), strict=True):
+        for axes, integrator in zip(line, BY_NAME, strict=True):
+            case.draw(axes, as_grid(records[Collision(name, integrator)]["outcomes"]), case.outcomes.values())
+            axes.set_title(f"{words(case.scene)}: {integrator}")
+        line[0].set_ylabel("h [ms]")
+        handles = [Patch(color=colour, label=outcome) for outcome, colour in case.outcomes.items()]
+        line[-1].legend(handles=handles, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
+    return figure

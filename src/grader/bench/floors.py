@@ -1,103 +1,137 @@
-"""A fast check that no speed was lost: ratios, each with a stated floor, so that any machine can run it.
+"""A fast check that no speed was lost: ratios of CPU time, each with a floor, so that any machine can run it.
 
-`python -m grader.bench.floors` prints every ratio with its floor and exits 1 where one is below. The floors are
-generous: about two thirds of what a quiet machine measures, so that only a real loss falls below them.
+`python -m grader.bench.floors [WORD]` prints every ratio (of the floors whose name contains WORD) beside its floor and
+exits 1 where one is below.
 """
 
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
+from grader.bench.lines import LINES, speed
+from grader.bench.loops import (
+    SCENES,
+    LoopInC,
+    NoLoop,
+    course_scene,
+    in_use,
+    lessons_bisection,
+    lessons_run,
+    ours,
+    stiff_servo,
+)
 from grader.bench.peers import over_mj_forward, python_loop
-from grader.bench.precision import Stepping
+from grader.bench.precision import END_TIMES_S, Stepping
 from grader.bench.scenes import load_scene
-from grader.bench.settings_grid import END_TIMES_S
-from grader.bench.skip import Run, with_timer
-from grader.bench.timing import Paired, paired
+from grader.bench.skip import CHUNK, Run
+from grader.bench.timing import Paired, paired, with_timer
+from grader.numerics.integrators import EULER
 from grader.numerics.process import prepare
 from grader.numerics.scene import Scene
-
-BUDGET_S = 0.4
+from grader.numerics.trials import check_bracket
 
 Work = Callable[[], object]
+
+ratio = partial(paired, budget_s=0.4)
+"""The CPU time of the first work over that of the second: how many times faster the second is."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """`slow` must take at least `least` times the CPU time of `fast`."""
+    """The ratio that `measure` returns must be at least `least`; `source` says what that number rests on."""
 
     name: str
+    measure: Callable[[], Paired]
     least: float
-    slow: Callable[[], Work]
-    fast: Callable[[], Work]
+    source: str
 
 
-def skipping(scene: Scene) -> Run:
-    """With every proven flag."""
+def plain(scene: str, *, timer: bool = False, chunk: int = 1) -> Work:
+    """A run with nothing skipped: a Python loop, or chunks of steps in C."""
+    run = Run(load_scene(scene), chunk=chunk)
+    return with_timer(run) if timer else run
+
+
+def skipping(name: str) -> Work:
+    """A run with every proven flag, in chunks."""
+    scene = load_scene(name)
     return Run(scene, bits=scene.flags)
 
 
-def loop(name: str) -> Work:
-    """The lesson's Python loop, RK4 at 2 ms."""
-    run = python_loop(load_scene(name), "RK4")
-    return lambda: run(0.002, END_TIMES_S)
+def rk4(scene: str, timestep_s: float) -> Work:
+    """Our stepping over the horizon of the precision study."""
+    return Stepping(load_scene(scene), "RK4", timestep_s)
 
 
-def scipy(name: str) -> Work:
-    """DOP853 over mj_forward to 1e-6."""
-    run = over_mj_forward(load_scene(name), "DOP853")
-    return lambda: run(1e-6, END_TIMES_S)
+def looped_rk4(scene: str) -> Work:
+    """The lesson's Python loop over the same horizon, at 2 ms."""
+    return partial(python_loop(load_scene(scene), "RK4"), 0.002, END_TIMES_S)
 
 
-def bare(name: str, chunk: int) -> Work:
-    """A run with nothing skipped and the timer off."""
-    return Run(load_scene(name), chunk=chunk)
+def scipy(scene: str) -> Work:
+    """DOP853 over mj_forward to 1e-6 over the same horizon."""
+    return partial(over_mj_forward(load_scene(scene), "DOP853"), 1e-6, END_TIMES_S)
 
 
-FLOORS = (
-    Floor("timer off, servo", 1.2, lambda: with_timer(bare("servo", 1)), lambda: bare("servo", 1)),
-    Floor("steps in C, servo", 1.1, lambda: bare("servo", 1), lambda: bare("servo", 50)),
-    Floor("proven flags, servo", 1.12, lambda: bare("servo", 50), lambda: skipping(load_scene("servo"))),
-    Floor("proven flags, sensed arm", 1.2, lambda: bare("sensed_arm", 50), lambda: skipping(load_scene("sensed_arm"))),
-    Floor("proven flags, cube", 0.93, lambda: bare("cube", 50), lambda: skipping(load_scene("cube"))),
-    Floor(
-        "everything, double pendulum",
-        1.8,
-        lambda: with_timer(bare("double_pendulum", 1)),
-        lambda: skipping(load_scene("double_pendulum")),
-    ),
-    Floor(
-        "Python loop to our stepping, RK4",
-        1.5,
-        lambda: loop("double_pendulum"),
-        lambda: Stepping(load_scene("double_pendulum"), "RK4", 0.002),
-    ),
-    Floor(
-        "SciPy over mj_forward to our RK4 at 4 ms",
-        2.0,
-        lambda: scipy("double_pendulum"),
-        lambda: Stepping(load_scene("double_pendulum"), "RK4", 0.004),
-    ),
-)
+def against_c(name: str, integrator: str) -> Paired:
+    """A loop in C with nothing around it, over our rollout without skipping."""
+    scene = course_scene(name)
+    return ratio(LoopInC(scene, integrator), ours(scene, integrator, skip=False))
 
 
-def measure(floor: Floor) -> Paired:
-    """The ratio of one floor."""
-    return paired(floor.slow(), floor.fast(), BUDGET_S)
+def against_the_lesson(name: str, integrator: str) -> Paired:
+    """The lesson's loop, over our rollout."""
+    scene = course_scene(name)
+    return ratio(with_timer(lessons_run(scene, integrator)), ours(scene, integrator, skip=True))
 
 
-def main() -> int:
-    """Print every ratio; 1 where one is below its floor."""
+def bisection() -> Paired:
+    """The lesson's bisection, over the two simulations that certify its bracket."""
+    scene = in_use(Scene.from_xml(stiff_servo())).at(qpos=[1.0])
+    certified = partial(check_bracket, scene, *lessons_bisection(), integrator=EULER.code)
+    return ratio(lessons_bisection, certified, least=3)
+
+
+TWO_THIRDS = "two thirds of docs/measured.md"
+TWO = "double_pendulum"
+COURSE = [(name, integrator) for name in SCENES for integrator in ("Euler", "RK4")]
+
+# To add a floor, add a line. Floors are about two thirds of what a quiet machine measures: only a real loss is below.
+FLOORS = [
+    Floor("timer off, servo", lambda: ratio(plain("servo", timer=True), plain("servo")), 1.2, TWO_THIRDS),
+    Floor("steps in C, servo", lambda: ratio(plain("servo"), plain("servo", chunk=CHUNK)), 1.1, TWO_THIRDS),
+    Floor("flags, servo", lambda: ratio(plain("servo", chunk=CHUNK), skipping("servo")), 1.12, TWO_THIRDS),
+    Floor("flags, arm", lambda: ratio(plain("sensed_arm", chunk=CHUNK), skipping("sensed_arm")), 1.2, TWO_THIRDS),
+    Floor("flags, cube", lambda: ratio(plain("cube", chunk=CHUNK), skipping("cube")), 0.93, "1.02, which is no loss"),
+    Floor("all, double pendulum", lambda: ratio(plain(TWO, timer=True), skipping(TWO)), 1.8, TWO_THIRDS),
+    Floor("Python loop, RK4 at 2 ms", lambda: ratio(looped_rk4(TWO), rk4(TWO, 0.002)), 1.5, TWO_THIRDS),
+    Floor("SciPy to 1e-6, RK4 at 4 ms", lambda: ratio(scipy(TWO), rk4(TWO, 0.004)), 2.0, TWO_THIRDS),
+    *(Floor(f"C, {n}, {i}", partial(against_c, n, i), 0.67, "1 / 1.15 when quiet") for n, i in COURSE),
+    *(Floor(f"lesson, {n}, {i}", partial(against_the_lesson, n, i), 1.8, "3 when quiet") for n, i in COURSE),
+    *(Floor(line.name, partial(speed, line), line.least, "by hand in Python; loops 2 x at most") for line in LINES),
+    Floor("bisection to certificate", bisection, 20, "100 when quiet"),
+]
+
+
+def main(words: list[str]) -> int:
+    """Print every ratio; return 1 where one is below its floor."""
     prepare()
     failed = 0
     for floor in FLOORS:
-        found = measure(floor)
+        if not all(word in floor.name for word in words):
+            continue
+        try:
+            found = floor.measure()
+        except NoLoop as why:
+            print(f"{'-':6}{floor.name:32}not measured: {why}")
+            continue
         below = found.ratio < floor.least
         failed += below
-        band = f"{found.low:.2f} to {found.high:.2f}"
-        print(f"{'BELOW' if below else 'ok':6}{floor.name:44}x{found.ratio:.2f} ({band}), floor x{floor.least:g}")
+        measured = f"x{found.ratio:.2f} ({found.low:.2f} to {found.high:.2f})"
+        print(f"{'BELOW' if below else 'ok':6}{floor.name:32}{measured:28}floor x{floor.least:g}: {floor.source}")
     return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

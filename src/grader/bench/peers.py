@@ -1,52 +1,65 @@
-"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake, each at several settings.
+"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake.
 
-A peer is a function of one setting (a timestep or a tolerance) that integrates a scene over the sample times and
-returns qpos there, shape (len(times), nq), in MuJoCo's coordinates.
+A peer's `run` integrates a scene with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape
+(len(times), nq), in MuJoCo's coordinates. Pinocchio and Drake run where the extra `peers` is installed.
 """
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from importlib import import_module
+from importlib.util import find_spec
+from math import cos, sin
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from scipy.integrate import solve_ivp
+from numpy.typing import NDArray
 
-from grader.bench.by_hand import EQUATIONS, Array
-from grader.bench.settings_grid import INTEGRATORS, TIMESTEPS_S
-from grader.bench.wheel_timer import profiling_timer
+from grader.bench.scenes import scene_path
+from grader.bench.timing import profiling_timer
+from grader.numerics.integrators import BY_NAME, EULER
+from grader.numerics.reference import Method, rate_of, solve
 from grader.numerics.scene import Scene
 
-TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-"""Relative tolerances that the adaptive peers are run with."""
-
+Array = NDArray[np.float64]
 Run = Callable[[float, Array], Array]
+Derivative = Callable[[float, Array], list[float]]
+
+GRAVITY = 9.81
+PINOCCHIO_SCENES = ("double_pendulum", "servo", "stiff_servo", "spinning_body")
+DRAKE_SCENES = ("double_pendulum", "spinning_body")
+GAINS = {"servo": (100.0, 5.0), "stiff_servo": (20000.0, 5.0)}
+"""kp [N m/rad] and kv [N m s/rad] of the scenes with a servo."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """One alternative on one scene; `settings` are timesteps [s] or tolerances."""
+    """One alternative on one scene."""
 
     name: str
     run: Run
-    settings: Sequence[float]
+    setting: Literal["timestep", "tolerance"]
 
 
 def peers_of(name: str, scene: Scene) -> list[Peer]:
-    """The peers of a scene that are there on this machine; SciPy needs no package that we do not have."""
-    from grader.bench.peers_optional import optional_peers
-
-    found = [Peer(f"Python loop, {kind}", python_loop(scene, kind), TIMESTEPS_S) for kind in ("Euler", "RK4")]
-    for method in ("LSODA", "DOP853"):
+    """The peers of a scene that this machine has."""
+    found = [Peer(f"Python loop, {kind}", python_loop(scene, kind), "timestep") for kind in ("Euler", "RK4")]
+    methods: tuple[Method, Method] = ("LSODA", "DOP853")
+    for method in methods:
         if name in EQUATIONS:
-            found.append(Peer(f"SciPy {method}, by hand", by_hand(name, scene, method), TOLERANCES))
-        found.append(Peer(f"SciPy {method}, mj_forward", over_mj_forward(scene, method), TOLERANCES))
-    return found + optional_peers(name, scene)
+            found.append(Peer(f"SciPy {method}, by hand", by_hand(name, scene, method), "tolerance"))
+        found.append(Peer(f"SciPy {method}, mj_forward", over_mj_forward(scene, method), "tolerance"))
+    if name in PINOCCHIO_SCENES and find_spec("pinocchio"):
+        found.append(Peer("Pinocchio ABA + RK4", pinocchio_rk4(name, scene), "timestep"))
+    if name in DRAKE_SCENES and find_spec("pydrake"):
+        found.append(Peer("Drake RK5", drake_rk5(name, scene), "tolerance"))
+    return found
 
 
 def python_loop(scene: Scene, integrator: str) -> Run:
-    """The lesson's loop: one `mj_step` per call from Python, the wheel's timer on, nothing skipped."""
-    with scene.borrow(integrator=INTEGRATORS[integrator], keep=False) as workspace:
+    """The lesson's loop: one `mj_step` per call from Python, with the wheel's timer and nothing skipped."""
+    with scene.borrow(integrator=BY_NAME[integrator].code, keep=False) as workspace:
         model, data = workspace.model, workspace.data
     start = scene.start
 
@@ -66,64 +79,160 @@ def python_loop(scene: Scene, integrator: str) -> Run:
     return run
 
 
-def by_hand(name: str, scene: Scene, method: str) -> Run:
-    """SciPy on the equations that the user derived."""
-    derivative = EQUATIONS[name]
+def by_hand(name: str, scene: Scene, method: Method) -> Run:
+    """SciPy on the equations of motion that the user derived."""
     state = np.concatenate([scene.start.qpos, scene.start.qvel])
-    nq = len(scene.start.qpos)
-
-    def run(tolerance: float, times: Array) -> Array:
-        return solve(derivative, state, method, tolerance, times)[:, :nq]
-
-    return run
+    return adaptive(EQUATIONS[name], state, len(scene.start.qpos), method)
 
 
-def over_mj_forward(scene: Scene, method: str) -> Run:
-    """SciPy with accelerations from `mj_forward`; quaternions move by q (0, w) / 2, normalised before use."""
-    with scene.borrow(keep=False, skip=True) as workspace:
+def over_mj_forward(scene: Scene, method: Method) -> Run:
+    """SciPy with accelerations from `mj_forward`, constraint forces included."""
+    with scene.borrow(integrator=EULER.code, keep=False, skip=True) as workspace:
         model, data = workspace.model, workspace.data
-    start = scene.start
-    nq = int(model.nq)
-    rates = position_rates(model)
+    run = adaptive(rate_of(workspace), np.concatenate([data.qpos, data.qvel, data.act]), int(model.nq), method)
 
-    def derivative(time: float, state: Array) -> Array:
-        data.time = time
-        data.qpos, data.qvel = state[:nq], state[nq:]
-        mujoco.mj_normalizeQuat(model, data.qpos)
-        mujoco.mj_forward(model, data)
-        return np.concatenate([rates(state[:nq], state[nq:]), data.qacc])
+    def afresh(tolerance: float, times: Array) -> Array:
+        mujoco.mj_resetData(model, data)  # the warm start of the last run
+        return run(tolerance, times)
+
+    return afresh
+
+
+def adaptive(rate: Callable[[float, Array], Any], state: Array, nq: int, method: Method) -> Run:
+    """`solve` with rtol = tolerance and atol a tenth of it."""
 
     def run(tolerance: float, times: Array) -> Array:
-        mujoco.mj_resetData(model, data)
-        states = solve(derivative, np.concatenate([start.qpos, start.qvel]), method, tolerance, times)
-        return states[:, :nq]
+        return solve(rate, state, times, rtol=tolerance, atol=tolerance / 10, method=method)[:, :nq]
 
     return run
 
 
-def position_rates(model: mujoco.MjModel) -> Callable[[Array, Array], Array]:
-    """dqpos/dt from qpos and qvel: qvel itself on hinges and slides, q (0, w) / 2 on one free joint."""
-    if model.nq == model.nv:
-        return lambda _qpos, qvel: qvel
-    if model.njnt != 1:
-        raise ValueError("only a scene of one free joint has quaternion rates here")
-    turn, spin = np.empty(4), np.zeros(4)
+def double_pendulum(_t: float, state: Array) -> list[float]:
+    """Two point masses of 1 kg (own inertia 1e-4) on links of 0.3 m; state (q1, q2, v1, v2), the second relative.
 
-    def rates(qpos: Array, qvel: Array) -> Array:
-        spin[1:] = qvel[3:6] / 2
-        mujoco.mju_mulQuat(turn, qpos[3:7], spin)  # mju_derivQuat takes the velocity in the world's frame
-        return np.concatenate([qvel[:3], turn])
+    Lagrange's equations in the absolute angles a = q1 and b = q1 + q2.
+    """
+    q1, q2, v1, v2 = state
+    mass, length, own = 1.0, 0.3, 1e-4
+    square = mass * length**2
+    coupling, swirl = square * cos(q2), square * sin(q2)
+    b, vb = q1 + q2, v1 + v2
+    upper = swirl * vb * vb - 2 * mass * GRAVITY * length * sin(q1)
+    lower = -swirl * v1 * v1 - mass * GRAVITY * length * sin(b)
+    m11, m22 = 2 * square + own, square + own
+    determinant = m11 * m22 - coupling * coupling
+    a1 = (m22 * upper - coupling * lower) / determinant
+    ab = (m11 * lower - coupling * upper) / determinant
+    return [v1, v2, a1, ab - a1]
 
-    return rates
+
+def servo_with(kp: float, kv: float) -> Derivative:
+    """A pendulum (1 kg, 0.5 m, own inertia 1e-4) under the torque -kp q - kv v; state (q, v)."""
+    mass, length = 1.0, 0.5
+    inertia = mass * length**2 + 1e-4
+
+    def derivative(_t: float, state: Array) -> list[float]:
+        q, v = state
+        return [v, (-kp * q - kv * v - mass * GRAVITY * length * sin(q)) / inertia]
+
+    return derivative
 
 
-def solve(
-    derivative: Callable[[float, Array], Any], state: Array, method: Any, tolerance: float, times: Array
-) -> Array:
-    """`solve_ivp` at one tolerance, absolute and relative; states at the times, shape (len(times), n)."""
-    solution = solve_ivp(
-        derivative, (times[0], times[-1]), state, method=method, t_eval=times, rtol=tolerance, atol=tolerance / 10
+def spinning_body(_t: float, state: Array) -> list[float]:
+    """A torque-free rigid body: Euler's equations in the body's frame and the quaternion's derivative q (0, w) / 2.
+
+    State (position, quaternion w x y z, velocity, angular velocity in the body's frame), inertia (0.01, 0.02, 0.03).
+    """
+    _x, _y, _z, w, i, j, k, u1, u2, u3, p, q, r = state
+    one, two, three = 0.01, 0.02, 0.03
+    return [
+        *(u1, u2, u3),
+        (-i * p - j * q - k * r) / 2,
+        (w * p + j * r - k * q) / 2,
+        (w * q + k * p - i * r) / 2,
+        (w * r + i * q - j * p) / 2,
+        *(0.0, 0.0, 0.0),
+        (two - three) * q * r / one,
+        (three - one) * r * p / two,
+        (one - two) * p * q / three,
+    ]
+
+
+EQUATIONS: dict[str, Derivative] = {
+    "double_pendulum": double_pendulum,
+    "servo": servo_with(*GAINS["servo"]),
+    "stiff_servo": servo_with(*GAINS["stiff_servo"]),
+    "spinning_body": spinning_body,
+}
+"""The equations of motion by hand, in MuJoCo's coordinates, where a user of SciPy would derive them."""
+
+
+def pinocchio_rk4(name: str, scene: Scene) -> Run:
+    """Classical RK4 in Python over Pinocchio's articulated-body algorithm; a servo is a torque written in Python."""
+    pinocchio: Any = import_module("pinocchio")
+    model = pinocchio.buildModelFromMJCF(str(scene_path(name)))
+    model.gravity.linear = scene.model.opt.gravity
+    data = model.createData()
+    kp, kv = GAINS.get(name, (0.0, 0.0))
+    order = [0, 1, 2, 4, 5, 6, 3] if model.nq == 7 else list(range(model.nq))  # its quaternions end with w
+    back = np.argsort(order)
+    start_q, start_v = scene.start.qpos[order].copy(), scene.start.qvel.copy()
+    idle = np.zeros(model.nv)
+
+    def acceleration(q: Array, v: Array) -> Array:
+        torque = -kp * q - kv * v if kp else idle
+        return np.array(pinocchio.aba(model, data, q, v, torque))
+
+    def run(timestep_s: float, times: Array) -> Array:
+        h, q, v = timestep_s, start_q, start_v
+        samples = np.empty((len(times), model.nq))
+        samples[0] = q
+        for row in range(1, len(times)):
+            for _ in range(round((times[row] - times[row - 1]) / h)):
+                k1 = acceleration(q, v)
+                v2 = v + h / 2 * k1
+                k2 = acceleration(pinocchio.integrate(model, q, h / 2 * v), v2)
+                v3 = v + h / 2 * k2
+                k3 = acceleration(pinocchio.integrate(model, q, h / 2 * v2), v3)
+                v4 = v + h * k3
+                k4 = acceleration(pinocchio.integrate(model, q, h * v3), v4)
+                q = pinocchio.integrate(model, q, h / 6 * (v + 2 * v2 + 2 * v3 + v4))
+                v = v + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            samples[row] = q
+        return samples[:, back]
+
+    return run
+
+
+def drake_rk5(name: str, scene: Scene) -> Run:
+    """Drake's error-controlled fifth-order Runge-Kutta on its MultibodyPlant, with dense output as in SciPy."""
+    parsing, multibody, analysis = (
+        import_module(f"pydrake.{module}") for module in ("multibody.parsing", "multibody.plant", "systems.analysis")
     )
-    if not solution.success:
-        raise ArithmeticError(solution.message)
-    return np.asarray(solution.y.T)
+    logging.getLogger("drake").setLevel(logging.ERROR)  # warnings list every MJCF element that it ignores
+    plant: Any = multibody.MultibodyPlant(0.0)
+    parsing.Parser(plant).AddModels(str(scene_path(name)))
+    plant.mutable_gravity_field().set_gravity_vector(scene.model.opt.gravity)
+    plant.Finalize()
+    simulator = analysis.Simulator(plant)
+    context = simulator.get_mutable_context()
+    free = scene.model.nq == 7
+    # Drake puts the quaternion before the position and the angular velocity before the linear one.
+    order_q = [3, 4, 5, 6, 0, 1, 2] if free else list(range(scene.model.nq))
+    order_v = [3, 4, 5, 0, 1, 2] if free else list(range(scene.model.nv))
+    start = np.concatenate([scene.start.qpos[order_q], scene.start.qvel[order_v]])
+    back = np.argsort(order_q)
+
+    def run(tolerance: float, times: Array) -> Array:
+        analysis.ResetIntegratorFromFlags(simulator, "runge_kutta5", 0.1)
+        integrator = simulator.get_mutable_integrator()
+        integrator.set_target_accuracy(tolerance)
+        context.SetTime(0.0)
+        plant.SetPositionsAndVelocities(context, start)
+        simulator.Initialize()
+        integrator.StartDenseIntegration()
+        simulator.AdvanceTo(float(times[-1]))
+        dense = integrator.StopDenseIntegration()
+        return np.asarray(dense.vector_values(times)).T[:, : len(order_q)][:, back]
+
+    return run

@@ -1,50 +1,156 @@
 """Run time against error: five integrators and ten timesteps on seven scenes, and what a user would pick instead."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
+from matplotlib.figure import Figure
 
-from grader.bench.by_hand import Array
-from grader.bench.journal import Record, Task
-from grader.bench.peers import Peer, peers_of
+from grader.bench.peers import EQUATIONS, Array, Peer, by_hand, over_mj_forward, peers_of
+from grader.bench.picture import COLOURS, MARKERS, new_figure, words
 from grader.bench.scenes import load_scene
-from grader.bench.settings_grid import END_TIMES_S, HORIZON_S, INTEGRATORS, SAMPLE_TIMES_S, TIMESTEPS_S, YARDSTICK
-from grader.bench.timing import paired
-from grader.bench.truth import error_of, truth_task
-from grader.bench.wheel_timer import timer_is_known
+from grader.bench.study import Do, Key, Record, Records, Study, Task, of_kind
+from grader.bench.timing import paired, timer_is_known
+from grader.numerics.convergence import observed_order
+from grader.numerics.integrators import BY_NAME
+from grader.numerics.reference import dop853
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import advance_coarsely
 
-SCENES = (
-    "double_pendulum",
-    "servo",
-    "stiff_servo",
-    "spinning_body",
-    "eccentric_body",
-    "joint_limits",
-    "cube",
-)
+SCENES = ("double_pendulum", "servo", "stiff_servo", "spinning_body", "eccentric_body", "joint_limits", "cube")
+PEER_SCENES = ("double_pendulum", "spinning_body", "joint_limits")
+"""The scenes whose peers are drawn."""
+
+TIMESTEPS_S = tuple(0.016 / 2**k for k in range(10))
+"""16 ms down to 31 us by halves, with the default 2 ms among them."""
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+"""Relative tolerances of the adaptive peers."""
+
+SAMPLES, SAMPLE_EVERY_S = 64, 0.016
+HORIZON_S = SAMPLES * SAMPLE_EVERY_S
+"""1.024 s: every timestep divides the sampling interval, so that all runs are compared at the same instants."""
+
+SAMPLE_TIMES_S: Array = SAMPLE_EVERY_S * np.arange(SAMPLES + 1, dtype=np.float64)
+"""Start included; shape (SAMPLES + 1,)."""
+
+END_TIMES_S: Array = SAMPLE_TIMES_S[[0, -1]]
+"""Start and end alone: timed runs record nothing in between."""
+
+YARDSTICK = ("Euler", 0.002)
+"""MuJoCo's defaults: every CPU time is quoted in runs of this setting on the same scene."""
+
+ALL, FEW = slice(None), slice(0, 7, 2)
+"""Every setting; or four, without the finest, which take longest."""
+
+ERRORS = tuple(10.0**-k for k in range(1, 11))
+"""The position errors [rad or m] that the cheapest setting is sought for."""
+
+NOISE_FACTOR = 30
+"""Errors below this many times the reference's own error say nothing about the order."""
+
+COARSE = 0.05
+"""Errors above this [rad or m] are not yet in the asymptotic range."""
+
+PROCEDURE = {"start": ("implicitfast", 0.002), "quarter": ("RK4", 0.0005), "four_times": ("RK4", 0.008)}
+"""The lesson's start, and RK4 at a quarter and at four times its timestep [s]."""
+
+
+@dataclass(frozen=True)
+class Truth(Key):
+    """The reference solution of a scene."""
+
+    scene: str
+
+
+@dataclass(frozen=True)
+class Setting(Key):
+    """MuJoCo's integrator `method` at the timestep `setting` [s]."""
+
+    scene: str
+    method: str
+    setting: float
+
+
+@dataclass(frozen=True)
+class PeerSetting(Key):
+    """The peer `method` at a timestep [s] or a tolerance."""
+
+    scene: str
+    method: str
+    setting: float
+
+
+@dataclass(frozen=True)
+class Timer(Key):
+    """Whether the wheel's profiling timer was on where it is said to be."""
 
 
 class Stepping:
-    """Called, it runs the scene once over the horizon as cheaply as MuJoCo can: proven flags off, chunks in C."""
+    """Called, it runs a scene over the horizon as fast as we can: proven flags off, chunks of steps in C."""
 
     def __init__(self, scene: Scene, integrator: str, timestep_s: float) -> None:
         self.start = scene.start_vector
         self.steps = round(HORIZON_S / timestep_s)
-        code = INTEGRATORS[integrator]
+        code = BY_NAME[integrator].code
         with scene.borrow(timestep_s=timestep_s, integrator=code, skip=True, keep=False) as workspace:
             self.workspace = workspace
 
     def __call__(self) -> int:
-        """The number of whole steps that were done."""
+        """Return the number of steps without a warning."""
         model, data = self.workspace.model, self.workspace.data
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, self.start, FULL_STATE)
         return advance_coarsely(self.workspace, self.steps)
+
+
+def error_of(scene: Scene, qpos: Array, truth: Array) -> float:
+    """Sup norm over the samples of the position error in tangent space [rad, m], rotations as rotation vectors."""
+    difference = np.empty(scene.model.nv)
+    worst = 0.0
+    for here, there in zip(qpos, truth, strict=True):
+        mujoco.mj_differentiatePos(scene.model, difference, 1.0, there, here)
+        worst = max(worst, float(np.abs(difference).max()))
+    return worst
+
+
+def reference(name: str) -> Record:
+    """The reference solution, and its own error: the largest distance to a solution found another way."""
+    scene = load_scene(name)
+    constrained = any(need.part == "constraints" and need.needed for need in scene.needs)
+    best, others, method = through_impacts(scene) if constrained else smooth(name, scene)
+    return {"qpos": best.tolist(), "own_error": max(error_of(scene, o, best) for o in others), "method": method}
+
+
+def smooth(name: str, scene: Scene) -> tuple[Array, list[Array], str]:
+    """DOP853 over mj_forward, beside itself at ten times the tolerance and beside the equations by hand."""
+    best = np.asarray(dop853(scene, SAMPLE_TIMES_S).qpos)
+    others = [np.asarray(dop853(scene, SAMPLE_TIMES_S, rtol=3e-13, atol=1e-14).qpos)]
+    method = "DOP853 at rtol 3e-14 over mj_forward; own error: distance to rtol 3e-13"
+    if name in EQUATIONS:
+        others.append(by_hand(name, scene, "DOP853")(3e-14, SAMPLE_TIMES_S))
+        method += " and to the equations by hand"
+    return best, others, method
+
+
+def through_impacts(scene: Scene) -> tuple[Array, list[Array], str]:
+    """Two solvers of different families, whose error control finds every impact.
+
+    The constraint solver is made exact first, so that its own tolerance is no part of the reference.
+    """
+
+    def exactly(model: mujoco.MjModel) -> None:
+        model.opt.tolerance, model.opt.iterations = 0.0, 200
+
+    exact = scene.changed(exactly)
+    best = over_mj_forward(exact, "DOP853")(1e-13, SAMPLE_TIMES_S)
+    other = over_mj_forward(exact, "LSODA")(1e-12, SAMPLE_TIMES_S)
+    return best, [other], "DOP853 at 1e-13 over mj_forward; own error: distance to LSODA at 1e-12"
 
 
 @dataclass(frozen=True)
@@ -56,58 +162,248 @@ class Subject:
     truth: Array
     budget_s: float
 
-    def setting_task(self, integrator: str, timestep_s: float) -> Task:
-        """Error and CPU time of one setting of MuJoCo; no error where it warned: the rest is of a reset state."""
-
-        def measure() -> Record:
-            work = Stepping(self.scene, integrator, timestep_s)
-            timed = asdict(paired(work, Stepping(self.scene, *YARDSTICK), self.budget_s))
-            return {"error": None, "steps": work.steps} | self.error(integrator, timestep_s) | timed
-
-        return Task(f"setting/{self.name}/{integrator}/{timestep_s:g}", measure)
+    def measure_setting(self, integrator: str, timestep_s: float) -> Record:
+        """Error and CPU time of one setting of MuJoCo."""
+        work = Stepping(self.scene, integrator, timestep_s)
+        timed = asdict(paired(work, Stepping(self.scene, *YARDSTICK), self.budget_s))
+        return {"error": None, "steps": work.steps} | self.error(integrator, timestep_s) | timed
 
     def error(self, integrator: str, timestep_s: float) -> Record:
-        """The error, or the warning and the step before it."""
-        code = INTEGRATORS[integrator]
-        run = simulate(
-            self.scene, seconds=HORIZON_S, timestep_s=timestep_s, integrator=code, at_s=SAMPLE_TIMES_S.tolist()
-        )
+        """The error; or the warning and the step before it, since MuJoCo resets the state then."""
+        code, times = BY_NAME[integrator].code, SAMPLE_TIMES_S.tolist()
+        run = simulate(self.scene, seconds=HORIZON_S, timestep_s=timestep_s, integrator=code, at_s=times)
         if run.warning is not None:
             return {"warning": run.warning.name, "diverged_at_step": run.diverged_at_step}
         return {"error": error_of(self.scene, run.qpos, self.truth)}
 
-    def peer_task(self, peer: Peer, setting: float) -> Task:
+    def measure_peer(self, peer: Peer, setting: float) -> Record:
         """Error and CPU time of a peer, against the same reference and the same yardstick."""
-
-        def measure() -> Record:
-            try:
-                error = error_of(self.scene, peer.run(setting, SAMPLE_TIMES_S), self.truth)
-            except ArithmeticError as failure:
-                return {"error": None, "why": str(failure)}
-            yardstick = Stepping(self.scene, *YARDSTICK)
-            return {"error": error} | asdict(
-                paired(lambda: peer.run(setting, END_TIMES_S), yardstick, self.budget_s, least=3)
-            )
-
-        return Task(f"peer/{self.name}/{peer.name}/{setting:g}", measure)
+        try:
+            error = error_of(self.scene, peer.run(setting, SAMPLE_TIMES_S), self.truth)
+        except RuntimeError as failure:
+            return {"error": None, "why": str(failure)}
+        yardstick = Stepping(self.scene, *YARDSTICK)
+        timed = paired(lambda: peer.run(setting, END_TIMES_S), yardstick, self.budget_s, least=3)
+        return {"error": error} | asdict(timed)
 
     def tasks(self, choose: slice) -> list[Task]:
         """The chosen settings of MuJoCo and of the peers."""
-        found = [self.setting_task(kind, h) for kind in INTEGRATORS for h in TIMESTEPS_S[choose]]
+        found = [
+            Task(Setting(self.name, kind, h), partial(self.measure_setting, kind, h))
+            for kind in BY_NAME
+            for h in TIMESTEPS_S[choose]
+        ]
         for peer in peers_of(self.name, self.scene):
-            found += [self.peer_task(peer, setting) for setting in peer.settings[choose]]
+            settings = TIMESTEPS_S if peer.setting == "timestep" else TOLERANCES
+            found += [
+                Task(PeerSetting(self.name, peer.name, s), partial(self.measure_peer, peer, s))
+                for s in settings[choose]
+            ]
         return found
 
 
-ALL, FEW = slice(None), slice(0, 7, 2)
-"""Every setting; or four, without the finest, which take longest."""
-
-
-def measure_precision(quick: bool, do: Callable[[list[Task]], dict[str, Record]]) -> Mapping[str, Record]:
+def measure(quick: bool, do: Do) -> Records:
     """References first, then every setting against them."""
-    truths = do([truth_task(name) for name in SCENES])
+    truths = do([Task(Truth(name), partial(reference, name)) for name in SCENES])
     tasks = []
     for name in SCENES:
-        truth = np.array(truths[f"truth/{name}"]["qpos"])
+        truth = np.array(truths[Truth(name)]["qpos"])
         tasks += Subject(name, load_scene(name), truth, 0.02 if quick else 0.3).tasks(FEW if quick else ALL)
-    return truths | do(tasks) | {"timer": {"profiling_timer": timer_is_known()}}
+    return {**truths, **do(tasks), Timer(): {"profiling_timer": timer_is_known()}}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting of one method on one scene; cost in yardsticks with its band, error None where it failed."""
+
+    method: str
+    setting: float
+    error: float | None
+    cost: float
+    low: float
+    high: float
+
+
+def points_of(records: Records, kind: type[Setting] | type[PeerSetting], scene: str) -> list[Point]:
+    """All points of a scene that could be timed."""
+    return [
+        Point(key.method, key.setting, record["error"], record["ratio"], record["low"], record["high"])
+        for key, record in of_kind(records, kind).items()
+        if key.scene == scene and "ratio" in record
+    ]
+
+
+def pareto(points: Sequence[Point]) -> list[Point]:
+    """The points that no other point beats in both cost and error, cheapest first."""
+    front: list[Point] = []
+    for point in sorted((p for p in points if p.error is not None), key=lambda p: (p.cost, p.error)):
+        if not front or point.error < front[-1].error:  # type: ignore[operator]
+            front.append(point)
+    return front
+
+
+def cheapest(points: Sequence[Point], error: float) -> Point | None:
+    """The cheapest point within this error."""
+    good = [point for point in points if point.error is not None and point.error <= error]
+    return min(good, key=lambda point: point.cost, default=None)
+
+
+def fitted_order(points: Sequence[Point], own_error: float) -> Record | None:
+    """Order with its 95 % interval over the asymptotic range; None for fewer than three points.
+
+    The range begins below COARSE and ends at NOISE_FACTOR times `own_error`, or where a smaller timestep no longer
+    lowers the error.
+    """
+    floor = NOISE_FACTOR * max(own_error, 1e-15)
+    usable = [p for p in sorted(points, key=lambda p: -p.setting) if p.error and floor < p.error < COARSE]
+    falling = usable[:1] + [finer for coarser, finer in pairwise(usable) if finer.error < coarser.error]  # type: ignore[operator]
+    if len(falling) < 3:
+        return None
+    fit = observed_order([p.setting for p in falling], [p.error for p in falling if p.error])
+    return {"order": fit.order, "interval": [fit.low, fit.high], "points": len(falling)}
+
+
+def against(mujoco: Point | None, peer: Point | None) -> Record | None:
+    """The peer's cost over MuJoCo's, each at its cheapest setting within the same error."""
+    if peer is None:
+        return None
+    if mujoco is None:
+        return {"setting": peer.setting, "ratio": None}
+    spread = [peer.low / mujoco.high, peer.high / mujoco.low]
+    return {"setting": peer.setting, "ratio": peer.cost / mujoco.cost, "spread": spread}
+
+
+def procedure(points: Sequence[Point]) -> Record | None:
+    """Errors of the settings of PROCEDURE, and their costs in runs of the start."""
+    found = {(point.method, point.setting): point for point in points}
+    if not all(setting in found for setting in PROCEDURE.values()):
+        return None
+    start = found[PROCEDURE["start"]]
+    chosen = {name: found[setting] for name, setting in PROCEDURE.items()}
+    return {name: {"error": point.error, "cost": point.cost / start.cost} for name, point in chosen.items()}
+
+
+def summarise(records: Records) -> Record:
+    """Per scene: reference, front, cheapest settings, orders, peers."""
+    return {
+        "horizon_s": HORIZON_S,
+        "profiling_timer": records[Timer()]["profiling_timer"],
+        "scenes": {name: summarise_scene(records, name) for name in SCENES},
+    }
+
+
+def summarise_scene(records: Records, scene: str) -> Record:
+    """Everything the tables need about one scene."""
+    truth = records[Truth(scene)]
+    points, peers = points_of(records, Setting, scene), points_of(records, PeerSetting, scene)
+    best = {error: cheapest(points, error) for error in ERRORS}
+    by_method = {name: [p for p in points if p.method == name] for name in BY_NAME}
+    by_peer = {name: [p for p in peers if p.method == name] for name in dict.fromkeys(p.method for p in peers)}
+    yardsticks = [r["yardstick_s"] for key, r in of_kind(records, Setting).items() if key.scene == scene]
+    return {
+        "reference": {"method": truth["method"], "own_error": truth["own_error"]},
+        "pareto": [[p.method, p.setting, p.cost, p.error] for p in pareto(points)],
+        "cheapest": {f"{error:.0e}": point and summarise_point(point) for error, point in best.items()},
+        "orders": {name: fitted_order(own, truth["own_error"]) for name, own in by_method.items()},
+        "peers": {
+            name: {f"{error:.0e}": against(best[error], cheapest(own, error)) for error in ERRORS}
+            for name, own in by_peer.items()
+        },
+        "procedure": procedure(points),
+        "yardstick_s": min(yardsticks),
+        "warned": sum(1 for point in points if point.error is None),
+    }
+
+
+def summarise_point(point: Point) -> Record:
+    """One setting of MuJoCo for JSON."""
+    return {
+        "integrator": point.method,
+        "timestep_s": point.setting,
+        "cost": point.cost,
+        "spread": [point.low, point.high],
+        "error": point.error,
+    }
+
+
+def rows(key: Key, record: Record) -> list[Record]:
+    """One row a setting."""
+    return [record] if isinstance(key, Setting | PeerSetting) else []
+
+
+def draw(records: Records, summary: Record) -> dict[str, Figure]:
+    """MuJoCo's settings on every scene, and its front beside the peers on three."""
+    return {"precision": draw_settings(records, summary), "precision_peers": draw_peers(records, summary)}
+
+
+def draw_settings(records: Records, summary: Record) -> Figure:
+    """Error against CPU time, one panel a scene, the Pareto front in grey."""
+    figure = new_figure(14, 7.4)
+    panels = figure.subplots(2, 4).flat
+    for axes, name in zip(panels, SCENES, strict=False):
+        points = points_of(records, Setting, name)
+        for kind in BY_NAME:
+            own = [p for p in points if p.method == kind]
+            draw_line(axes, own, color=COLOURS[kind], marker=MARKERS[kind], ms=4)
+        draw_line(axes, pareto(points), color="black", lw=4, alpha=0.15, zorder=1)
+        draw_axes(axes, summary["scenes"][name], words(name))
+    draw_legend(panels[len(SCENES)], summary)
+    return figure
+
+
+def draw_line(axes: Any, points: Sequence[Point], **look: Any) -> None:
+    """One method's settings with an error, in the order of cost."""
+    ordered = sorted((p for p in points if p.error), key=lambda p: p.cost)
+    axes.plot([p.cost for p in ordered], [p.error for p in ordered], **{"lw": 1} | look)
+
+
+def draw_axes(axes: Any, scene: Record, title: str) -> None:
+    """Logarithmic axes, and the level below which the reference itself is not known."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.axhspan(1e-17, scene["reference"]["own_error"], color="#dddddd")
+    axes.set_ylim(1e-15, 20)
+    axes.set_title(title)
+    axes.set_xlabel(f"CPU time / ({1e3 * scene['yardstick_s']:.2f} ms: Euler at 2 ms)")
+    axes.set_ylabel("sup-norm error [rad, m]")
+
+
+def draw_legend(axes: Any, summary: Record) -> None:
+    """The last panel explains the others."""
+    axes.axis("off")
+    for kind in BY_NAME:
+        axes.plot([], [], color=COLOURS[kind], marker=MARKERS[kind], label=kind)
+    axes.plot([], [], color="black", lw=4, alpha=0.15, label="Pareto front")
+    axes.fill_between([], [], color="#dddddd", label="own error of the reference")
+    axes.legend(loc="upper left", frameon=False)
+    said = (
+        f"{HORIZON_S:g} s simulated, timesteps 16 ms to 31 us by halves\n"
+        f"MuJoCo {summary['versions']['mujoco']}, {summary['machine']['processor']}\n"
+        "A setting that warned has no point."
+    )
+    axes.text(0.02, 0.02, said, transform=axes.transAxes, fontsize=8)
+
+
+PEER_COLOURS = {"Python loop": "#999999", "SciPy": "#0077bb", "Pinocchio": "#cc3311", "Drake": "#009988"}
+
+
+def draw_peers(records: Records, summary: Record) -> Figure:
+    """MuJoCo's Pareto front beside what a user would pick instead."""
+    figure = new_figure(14, 5)
+    for axes, name in zip(figure.subplots(1, 3), PEER_SCENES, strict=True):
+        front = pareto(points_of(records, Setting, name))
+        draw_line(axes, front, color="black", marker="o", ms=4, label="MuJoCo in C, its best settings")
+        peers = points_of(records, PeerSetting, name)
+        for method in dict.fromkeys(p.method for p in peers):
+            colour = next(colour for family, colour in PEER_COLOURS.items() if method.startswith(family))
+            dash = ":" if "LSODA" in method or "Euler" in method else "-"
+            marker = "x" if "mj_forward" in method else "."
+            own = [p for p in peers if p.method == method]
+            draw_line(axes, own, ls=dash, color=colour, marker=marker, ms=5, label=method)
+        draw_axes(axes, summary["scenes"][name], words(name))
+    handles = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    return figure
+
+
+STUDY = Study("precision", measure, summarise, rows, draw)

@@ -12,15 +12,20 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache, partial
 from http.client import HTTPConnection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from grader.bench.journal import Record, Task
+from grader.bench.jail import overheads
+from grader.bench.picture import new_figure
+from grader.bench.study import Do, Key, Record, Records, Study, Task
 from grader.settings import Settings
 
 GRADER = Path(sys.executable).parent / "grader"
@@ -30,12 +35,8 @@ GRADED_S = 60.0
 POLL_S = 0.01
 UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
 
-SCRIPT = """\
-def largest_stable_timestep(model, integrator):
-    return None
-"""
+SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
 """Costs the jail a whole run and the grader a whole certificate, whatever the verdict."""
-
 
 JUDGED = (
     "servo-threshold/correct__the_lessons_script_and_a_bisection.py",
@@ -43,6 +44,26 @@ JUDGED = (
     "rk4-free-joint/correct__quaternion_derivative.py",
 )
 """Right answers; the last is judged by its convergence, which costs most."""
+
+
+@dataclass(frozen=True)
+class Load(Key):
+    """`answers` (typed numbers) or `scripts`, submitted by so many students at once."""
+
+    load: str
+    students: int
+
+
+@dataclass(frozen=True)
+class Judging(Key):
+    """Our own simulating for one exercise, without the script's run."""
+
+    exercise: str
+
+
+@dataclass(frozen=True)
+class Overhead(Key):
+    """The jail's cost above the script's own time, and what it is compared with."""
 
 
 class Client:
@@ -58,37 +79,33 @@ class Client:
         answer = self.connection.getresponse()
         return answer.status, json.loads(answer.read())
 
-    def answer_s(self) -> float:
-        """How long a typed number takes until its verdict is back [s]."""
-        begin = time.perf_counter()
+    def answer(self) -> None:
+        """Submit a typed number and check its verdict."""
         status, body = self.request("POST", "/submissions", {"quiz": "1.3-check", "question": "q2", "answer": "5 ms"})
-        expect(status == 201 and body["verdict"]["status"] == "correct", body)
-        return time.perf_counter() - begin
+        require(status == 201 and body["verdict"]["status"] == "correct", body)
 
-    def script_s(self) -> float:
-        """How long a script takes from the request until its verdict can be fetched [s]."""
-        begin = time.perf_counter()
+    def script(self) -> None:
+        """Submit a script and wait until its verdict can be fetched."""
         self.graded("servo-threshold", SCRIPT)
-        return time.perf_counter() - begin
 
     def graded(self, question: str, source: str) -> dict[str, Any]:
-        """The verdict on a script of the exercises, once it is there."""
+        """The verdict on a script of the exercises. Raises TimeoutError after GRADED_S."""
         end = time.perf_counter() + GRADED_S
         body = {"quiz": "1.3-exercises", "question": question, "answer": {"source": source}}
         status, submission = self.request("POST", "/submissions", body)
-        expect(status == 202, submission)
+        require(status == 202, submission)
         while time.perf_counter() < end:
             _, found = self.request("GET", f"/submissions/{submission['id']}")
             if found["status"] in ("graded", "needs_review"):
-                expect(found["verdict"]["status"] != "grader_fault", found)
+                require(found["verdict"]["status"] != "grader_fault", found)
                 verdict: dict[str, Any] = found["verdict"]
                 return verdict
             time.sleep(POLL_S)
         raise TimeoutError("a script was not graded in time")
 
 
-def expect(held: bool, body: Any) -> None:
-    """A benchmark of wrong answers would measure nothing."""
+def require(held: bool, body: Any) -> None:
+    """Raise RuntimeError for an unexpected answer: its time would say nothing."""
     if not held:
         raise RuntimeError(f"the service answered {body}")
 
@@ -97,13 +114,12 @@ def expect(held: bool, body: Any) -> None:
 def server(students: int) -> Iterator[list[Client]]:
     """`grader serve` on a free port with fresh data, and a client for each student."""
     with TemporaryDirectory() as folder:
-        environment = os.environ | UNLIMITED
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             port = int(free.getsockname()[1])
         arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
         process = subprocess.Popen(  # noqa: S603  our own command
-            arguments, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            arguments, env=os.environ | UNLIMITED, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         try:
             wait_until_ready(process, port)
@@ -114,7 +130,7 @@ def server(students: int) -> Iterator[list[Client]]:
 
 
 def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
-    """Until /readyz says so; RuntimeError where the server ended or took too long."""
+    """Return once /readyz answers 200. Raises RuntimeError where the server ended or took too long."""
     end = time.perf_counter() + START_S
     while time.perf_counter() < end and process.poll() is None:
         with suppress(OSError):
@@ -136,53 +152,97 @@ def token_of(folder: str, user: str) -> str:
 Clients = Callable[[], list[Client]]
 
 
-def load_task(name: str, students: int, each: int, one: Callable[[Client], float], clients: Clients) -> Task:
-    """`students` at once, `each` submissions one after the other."""
+def load(clients: Clients, submit: Callable[[Client], None], students: int, each: int) -> Record:
+    """`students` at once submit `each` times one after the other; wall times from request to verdict [s]."""
 
-    def measure() -> Record:
-        busy = clients()[:students]
-        one(busy[0])
-        with ThreadPoolExecutor(students) as pool:
-            begin = time.perf_counter()
-            rounds = pool.map(lambda client: [one(client) for _ in range(each)], busy)
-            times = np.concatenate(list(rounds))
-            spent = time.perf_counter() - begin
-        middle, late = np.percentile(times, [50, 95])
-        return {
-            "students": students,
-            "submissions": len(times),
-            "per_second": len(times) / spent,
-            "median_s": float(middle),
-            "p95_s": float(late),
-        }
+    def time_all(client: Client) -> list[float]:
+        stamps = [time.perf_counter()]
+        for _ in range(each):
+            submit(client)
+            stamps.append(time.perf_counter())
+        return np.diff(stamps).tolist()
 
-    return Task(f"{name}/{students}", measure)
+    busy = clients()[:students]
+    submit(busy[0])
+    with ThreadPoolExecutor(students) as pool:
+        begin = time.perf_counter()
+        times = [one for several in pool.map(time_all, busy) for one in several]
+        per_second = len(times) / (time.perf_counter() - begin)
+    return {"submissions": len(times), "per_second": per_second} | percentiles(times)
 
 
-def judging_task(program: Path, count: int, clients: Clients) -> Task:
-    """The CPU time of our own simulating, without the script's run; every submission draws its cases anew."""
-    question = program.parent.name
-
-    def measure() -> Record:
-        source = program.read_text(encoding="utf-8")
-        verdicts = [clients()[0].graded(question, f"{source}\n# {number}\n") for number in range(count)]
-        times = [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
-        middle, late = np.percentile(times, [50, 95])
-        return {"submissions": count, "median_s": float(middle), "p95_s": float(late)}
-
-    return Task(f"judging {question}/1", measure)
+def judging(clients: Clients, program: Path, count: int) -> Record:
+    """The CPU time of our own simulating [s]; every submission draws its cases anew."""
+    source = program.read_text(encoding="utf-8")
+    verdicts = [clients()[0].graded(program.parent.name, f"{source}\n# {number}\n") for number in range(count)]
+    return {"submissions": count} | percentiles([verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts])
 
 
-def service_tasks(quick: bool, clients: Clients) -> list[Task]:
+def overhead(quick: bool) -> Record:
+    """Wall times of the jail [s] and of what it is compared with, and the rate of bursts [jobs/s]."""
+    times, per_second = overheads(Settings().content / "models", *((10, 1) if quick else (40, 3)))
+    return {"per_second": per_second, "runs": [{"run": name} | percentiles(one) for name, one in times.items()]}
+
+
+def percentiles(times_s: list[float]) -> Record:
+    """Median and 95th percentile."""
+    middle, late = np.percentile(times_s, [50, 95])
+    return {"median_s": float(middle), "p95_s": float(late)}
+
+
+def measure(quick: bool, do: Do) -> Records:
     """Typed numbers and scripts, by one student and by four at once, and what judging costs alone.
 
-    `clients` starts the server when first called.
+    One server serves all, and is started only if something is left to measure.
     """
     answers, scripts = (25, 3) if quick else (200, 15)
-    loads = [
-        load_task(name, students, each, one, clients)
-        for students in (1, STUDENTS)
-        for name, each, one in (("answers", answers, Client.answer_s), ("scripts", scripts, Client.script_s))
-    ]
-    programs = (Settings().content / "reference_solutions/1.3-exercises" / program for program in JUDGED)
-    return loads + [judging_task(program, scripts, clients) for program in programs]
+    programs = [Settings().content / "reference_solutions/1.3-exercises" / program for program in JUDGED]
+    with ExitStack() as stack:
+
+        @cache
+        def clients() -> list[Client]:
+            return stack.enter_context(server(STUDENTS))
+
+        tasks = [Task(Overhead(), partial(overhead, quick))]
+        for students in (1, STUDENTS):
+            tasks += [
+                Task(Load("answers", students), partial(load, clients, Client.answer, students, answers)),
+                Task(Load("scripts", students), partial(load, clients, Client.script, students, scripts)),
+            ]
+        tasks += [Task(Judging(path.parent.name), partial(judging, clients, path, scripts)) for path in programs]
+        return do(tasks)
+
+
+def summarise(records: Records) -> Record:
+    """The records, as rows."""
+    return {"loads": [key.row() | row for key, record in records.items() for row in rows(key, record)]}
+
+
+def rows(_key: Key, record: Record) -> list[Record]:
+    """One row a load; for the jail, one a kind of run."""
+    return [run | {"per_second": record["per_second"]} for run in record["runs"]] if "runs" in record else [record]
+
+
+def draw(records: Records, _summary: Record) -> dict[str, Figure]:
+    """Median and 95th percentile of each load."""
+    figure = new_figure(7, 4)
+    axes = figure.subplots()
+    bars = [(label_of(key, row), row) for key, record in records.items() for row in rows(key, record)]
+    for place, (label, row) in enumerate(bars):
+        axes.barh(place, 1e3 * row["p95_s"], color="#bbccee", height=0.6)
+        axes.barh(place, 1e3 * row["median_s"], color="#335599", height=0.6)
+        axes.text(1e3 * row["p95_s"], place, f" {label}", va="center", fontsize=8)
+    axes.set_yticks([])
+    axes.set_xlim(0, 2.2e3 * max(row["p95_s"] for _, row in bars))
+    axes.set_xlabel("ms until the verdict is back: median (dark) and 95th percentile (light)")
+    return {"service": figure}
+
+
+def label_of(key: Key, row: Record) -> str:
+    """What a bar shows."""
+    if isinstance(key, Load):
+        return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
+    return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
+
+
+STUDY = Study("service", measure, summarise, rows, draw)

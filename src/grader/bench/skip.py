@@ -2,17 +2,21 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
 
+import matplotlib as mpl
 import mujoco
 import numpy as np
+from matplotlib.figure import Figure
 
-from grader.bench.by_hand import Array
-from grader.bench.journal import Record, Task
+from grader.bench.peers import Array
+from grader.bench.picture import new_figure, words
 from grader.bench.scenes import load_scene, scene_text
-from grader.bench.settings_grid import INTEGRATORS
-from grader.bench.timing import paired
-from grader.bench.wheel_timer import profiling_timer
+from grader.bench.study import Do, Key, Record, Records, Study, Task, of_kind
+from grader.bench.timing import paired, with_timer
+from grader.numerics.integrators import BY_NAME
 from grader.numerics.needs import Need
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.visuals import without_visuals
@@ -35,10 +39,25 @@ CHUNK = 50
 """Steps per call into C; divides STEPS."""
 
 
+@dataclass(frozen=True)
+class Flag(Key):
+    """One part of the engine on one scene."""
+
+    scene: str
+    part: str
+
+
+@dataclass(frozen=True)
+class Ladder(Key):
+    """All savings of one scene, one after the other."""
+
+    scene: str
+
+
 class Run:
     """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set.
 
-    `bare` is a model that moves alike, to be stepped in place of the scene's own.
+    `bare` is a model that moves alike and is stepped in place of the scene's own.
     """
 
     def __init__(
@@ -51,7 +70,7 @@ class Run:
     ) -> None:
         self.start, self.chunk = scene.start_vector, chunk
         self.model = copy.copy(bare or scene.model)
-        self.model.opt.timestep, self.model.opt.integrator = TIMESTEP_S, INTEGRATORS[integrator]
+        self.model.opt.timestep, self.model.opt.integrator = TIMESTEP_S, BY_NAME[integrator].code
         self.model.opt.disableflags |= bits
         self.data = mujoco.MjData(self.model)
 
@@ -71,90 +90,156 @@ class Run:
             for _ in range(STEPS // chunk):
                 mujoco.mj_step(model, data, nstep=chunk)
 
+    def state(self) -> Array:
+        """qpos and qvel now, shape (nq + nv,)."""
+        return np.concatenate([self.data.qpos, self.data.qvel])
+
     def trajectory(self) -> Array:
         """qpos and qvel after every step, shape (STEPS, nq + nv)."""
         self.reset()
         rows = np.empty((STEPS, self.model.nq + self.model.nv))
         for row in rows:
             mujoco.mj_step(self.model, self.data)
-            row[:] = np.concatenate([self.data.qpos, self.data.qvel])
+            row[:] = self.state()
         return rows
-
-
-def with_timer(work: Callable[[], object]) -> Callable[[], None]:
-    """The same with the wheel's profiling timer on."""
-
-    def timed() -> None:
-        with profiling_timer():
-            work()
-
-    return timed
 
 
 def largest_difference(scene: Scene, bits: int, bare: mujoco.MjModel | None = None) -> dict[str, float]:
     """Per integrator, the largest difference of any state over the run; 0 only if bitwise equal."""
     found = {}
-    for integrator in INTEGRATORS:
+    for integrator in BY_NAME:
         whole, less = Run(scene, integrator).trajectory(), Run(scene, integrator, bits, bare=bare).trajectory()
         same = whole.tobytes() == less.tobytes()
         found[integrator] = 0.0 if same else max(float(np.abs(whole - less).max()), 5e-324)
     return found
 
 
-def flag_task(name: str, need: Need, budget_s: float) -> Task:
-    """One part of the engine on one scene: the proof, the bits, and the time without it."""
-
-    def measure() -> Record:
-        scene = load_scene(name)
-        differences = largest_difference(scene, need.flag)
-        timed = paired(Run(scene), Run(scene, bits=need.flag), budget_s)
-        return {
-            "part": need.part,
-            "proven": is_proven(need),
-            "reason": need.reason,
-            "bitwise": all(difference == 0 for difference in differences.values()),
-            "largest_difference": max(differences.values()),
-            **asdict(timed),
-        }
-
-    return Task(f"flag/{name}/{need.part}", measure)
-
-
 def is_proven(need: Need) -> bool:
-    """Proven not to change the motion. Sensors never do; they are skipped only where nobody reads them."""
+    """Whether skipping provably does not change the motion. Sensors never do; they are skipped where unread."""
     return not need.needed or (need.part == "sensors" and "read" in need.reason)
 
 
-def ladder_task(name: str, budget_s: float) -> Task:
+def flag(name: str, need: Need, budget_s: float) -> Record:
+    """One part of the engine on one scene: the proof, the bits, and the time without it."""
+    scene = load_scene(name)
+    differences = largest_difference(scene, need.flag)
+    return {
+        "part": need.part,
+        "proven": is_proven(need),
+        "reason": need.reason,
+        "bitwise": not any(differences.values()),
+        "largest_difference": max(differences.values()),
+        **asdict(paired(Run(scene), Run(scene, bits=need.flag), budget_s)),
+    }
+
+
+def ladder(name: str, budget_s: float) -> Record:
     """Cumulative: from a Python loop as the wheel comes, by timer off, chunks in C, each proven flag, no visuals."""
-
-    def measure() -> Record:
-        scene = load_scene(name)
-        first = with_timer(Run(scene, chunk=1))
-        rungs: list[tuple[str, Callable[[], object]]] = [
-            ("timer off", Run(scene, chunk=1)),
-            ("steps in C", Run(scene)),
-        ]
-        bits = 0
-        for need in scene.needs:
-            if need.flag and is_proven(need):
-                bits |= need.flag
-                rungs.append((need.part, Run(scene, bits=bits)))
-        bare = without_visuals(scene_text(name), scene.model, scene.needs)
-        if bare is not None:
-            rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
-        timed = [{"rung": rung} | asdict(paired(first, work, budget_s)) for rung, work in rungs]
-        differences = largest_difference(scene, bits, bare)
-        return {"rungs": timed, "bitwise": all(d == 0 for d in differences.values()), "bits": bits}
-
-    return Task(f"ladder/{name}", measure)
+    scene = load_scene(name)
+    first = with_timer(Run(scene, chunk=1))
+    rungs: list[tuple[str, Callable[[], object]]] = [("timer off", Run(scene, chunk=1)), ("steps in C", Run(scene))]
+    bits = 0
+    for need in scene.needs:
+        if need.flag and is_proven(need):
+            bits |= need.flag
+            rungs.append((need.part, Run(scene, bits=bits)))
+    bare = without_visuals(scene_text(name), scene.model, scene.needs)
+    if bare is not None:
+        rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
+    timed = [{"rung": rung} | asdict(paired(first, work, budget_s)) for rung, work in rungs]
+    return {"rungs": timed, "bitwise": not any(largest_difference(scene, bits, bare).values()), "bits": bits}
 
 
-def skip_tasks(quick: bool) -> list[Task]:
+def measure(quick: bool, do: Do) -> Records:
     """Every part with a flag on every scene, and the cumulative ladder of each scene."""
     budget_s = 0.05 if quick else 0.5
     tasks = []
     for name in SCENES:
-        tasks += [flag_task(name, need, budget_s) for need in load_scene(name).needs if need.flag]
-        tasks.append(ladder_task(name, budget_s))
-    return tasks
+        needs = [need for need in load_scene(name).needs if need.flag]
+        tasks += [Task(Flag(name, need.part), partial(flag, name, need, budget_s)) for need in needs]
+        tasks.append(Task(Ladder(name), partial(ladder, name, budget_s)))
+    return do(tasks)
+
+
+def summarise(records: Records) -> Record:
+    """Per scene the flags and the ladder; `broken_proofs`, which must be empty: proven flags that changed a bit."""
+    flags = of_kind(records, Flag)
+    scenes = {
+        key.scene: {
+            "flags": [
+                {name: record[name] for name in ("part", "proven", "reason", "bitwise", "largest_difference")}
+                | summarise_ratio(record)
+                for one, record in flags.items()
+                if one.scene == key.scene
+            ],
+            "ladder": [{"rung": rung["rung"]} | summarise_ratio(rung) for rung in ladder["rungs"]],
+            "bitwise": ladder["bitwise"],
+        }
+        for key, ladder in of_kind(records, Ladder).items()
+    }
+    broken = [key.row() for key, record in flags.items() if record["proven"] and not record["bitwise"]]
+    return {"scenes": scenes, "broken_proofs": broken}
+
+
+def summarise_ratio(timed: Record) -> Record:
+    """A ratio and the range of its middle 80 %."""
+    return {"ratio": timed["ratio"], "spread": [timed["low"], timed["high"]]}
+
+
+def rows(key: Key, record: Record) -> list[Record]:
+    """One row a flag and a rung."""
+    if isinstance(key, Flag):
+        return [record]
+    return [{"part": rung["rung"]} | {name: rung[name] for name in rung if name != "rung"} for rung in record["rungs"]]
+
+
+def draw(records: Records, _summary: Record) -> dict[str, Figure]:
+    """Left: the cumulative speed-up. Right: each flag alone, proven or not."""
+    figure = new_figure(12.5, 5.2)
+    left, right = figure.subplots(1, 2, width_ratios=[1, 1.25])
+    draw_ladders(left, records)
+    draw_flags(right, records)
+    figure.align_labels()
+    return {"skip": figure}
+
+
+STAGES = {"timer off": "#bbccee", "steps in C": "#88aadd", "what is not needed": "#335599"}
+
+
+def draw_ladders(axes: Any, records: Records) -> None:
+    """Stacked by stage: timer off, steps in C, all that is not needed."""
+    for row, name in enumerate(reversed(SCENES)):
+        rungs = records[Ladder(name)]["rungs"]
+        left, last = 1.0, rungs[-1]
+        for colour, rung in zip(STAGES.values(), (rungs[0], rungs[1], last), strict=True):
+            axes.barh(row, max(rung["ratio"] - left, 0), left=left, color=colour, height=0.6)
+            left = max(rung["ratio"], left)
+        error = [[last["ratio"] - last["low"]], [last["high"] - last["ratio"]]]
+        axes.errorbar(last["ratio"], row, xerr=error, color="black", lw=1)
+        axes.text(max(last["high"], left) + 0.05, row, f"x{last['ratio']:.2f}", va="center")
+    axes.set_yticks(range(len(SCENES)), [words(name) for name in reversed(SCENES)])
+    axes.set_xlim(1, 4.6)
+    axes.set_xlabel("times faster than a Python loop as the wheel comes")
+    axes.set_title("Cumulative, all of it bitwise the same")
+    axes.legend([mpl.patches.Patch(color=colour) for colour in STAGES.values()], STAGES, loc="lower right")
+    axes.grid(axis="y", visible=False)
+
+
+def draw_flags(axes: Any, records: Records) -> None:
+    """A table of ratios, coloured; what a needed flag would change in its place."""
+    flags = of_kind(records, Flag)
+    parts = list(dict.fromkeys(key.part for key in flags))
+    ratios = np.array([[flags[Flag(name, part)]["ratio"] for part in parts] for name in SCENES])
+    axes.imshow(np.log(ratios), cmap="Blues", vmin=0, vmax=np.log(2.5), aspect="auto")
+    for key, record in flags.items():
+        text = f"{record['ratio']:.2f}" if record["proven"] else f"needed\n({record['largest_difference']:.0e})"
+        colour = "white" if record["ratio"] > 1.7 else "black"
+        column, row = parts.index(key.part), SCENES.index(key.scene)
+        axes.text(column, row, text, ha="center", va="center", color=colour, fontsize=7.5)
+    axes.set_xticks(range(len(parts)), parts, rotation=30, ha="right")
+    axes.set_yticks(range(len(SCENES)), [words(name) for name in SCENES])
+    axes.set_title("Each flag alone: times faster (needed: what it would change)")
+    axes.grid(visible=False)
+
+
+STUDY = Study("skip", measure, summarise, rows, draw)

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from grader.bench.agree import compare
-from grader.bench.measured import PICTURES
-from grader.bench.tables import BENCHMARKS, BLOCKS, MARKED, fill, load_results
+from grader.bench.agree import Agreement
+from grader.bench.measured import BLOCKS, MARKED, PICTURES, STUDIES, fill, load_results
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "measured"
@@ -31,7 +30,7 @@ def test_the_page_uses_every_block_and_picture() -> None:
 
 def test_the_results_are_of_whole_runs_and_no_proof_was_broken() -> None:
     results = load_results(RESULTS)
-    assert not any(results[name]["quick"] for name in BENCHMARKS)
+    assert not any(results[name]["quick"] for name in STUDIES)
     assert results["skip"]["broken_proofs"] == []
     assert all(scene["bitwise"] for scene in results["skip"]["scenes"].values())
     assert results["precision"]["profiling_timer"] is True
@@ -46,13 +45,13 @@ def test_another_figure_is_noticed() -> None:
 
 def test_runs_agree_with_themselves_and_not_with_others() -> None:
     one = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 1e-3}
-    assert compare(one, one).holds
+    assert Agreement(one, one).holds
     near = {"a": {"ratio": 2.05, "spread": [1.95, 2.2]}, "error": 1e-3}
-    assert compare(one, near).holds
+    assert Agreement(one, near).holds
     far = {"a": {"ratio": 3.0, "spread": [2.9, 3.1]}, "error": 1e-3}
-    assert compare(one, far).apart
+    assert Agreement(one, far).apart
     other = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 2e-3}
-    assert compare(one, other).unequal == ("$/error: 0.001 and 0.002",)
+    assert Agreement(one, other).unequal == ["$/error: 0.001 and 0.002"]
 
 
 def test_the_three_findings_hold_in_the_results() -> None:

@@ -1,13 +1,14 @@
 """Skipping: what is called proven changes no bit; a whole run writes its files and is not repeated."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from grader.bench import run
 from grader.bench import skip as skipping
-from grader.bench.report import skip as skip_report
 from grader.bench.scenes import load_scene
 from grader.bench.skip import SCENES, Run, is_proven, largest_difference
 from grader.bench.timing import paired
@@ -51,10 +52,10 @@ def test_a_ratio_is_a_ratio() -> None:
 
 @pytest.fixture
 def one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (skipping, skip_report):
-        monkeypatch.setattr(module, "SCENES", ("servo",))
+    monkeypatch.setattr(skipping, "SCENES", ("servo",))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_scene")
 def test_a_run_writes_what_it_promises_and_is_not_repeated(tmp_path: Path) -> None:
     run("skip", tmp_path, quick=True)
@@ -71,6 +72,21 @@ def test_a_run_writes_what_it_promises_and_is_not_repeated(tmp_path: Path) -> No
     run("skip", tmp_path, quick=True)
     assert (tmp_path / "skip.jsonl").read_text() == lines
     assert json.loads((tmp_path / "skip.json").read_text())["scenes"] == summary["scenes"]
+
+
+WITHOUT_MATPLOTLIB = """
+import sys
+from grader.cli import main
+sys.modules["matplotlib"] = None
+sys.argv = ["grader", "bench", "skip"]
+main()
+"""
+
+
+def test_without_matplotlib_the_command_says_how_to_get_it() -> None:
+    done = subprocess.run([sys.executable, "-c", WITHOUT_MATPLOTLIB], capture_output=True, text=True, check=False)
+    hint = "the pictures need matplotlib: run make install, or pip install 'mujoco-grader[bench]'\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", hint)
 
 
 def test_an_unknown_benchmark_is_refused(tmp_path: Path) -> None:

@@ -1,15 +1,60 @@
-"""A map of classes on a grid, evaluated only where the class changes: quadtree refinement of the edges."""
+"""Maps of classes over two logarithmic axes: stored as digits, refined where the class changes, drawn as cells."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from numpy.typing import NDArray
 
 Classify = Callable[[int, int], int]
 Grid = NDArray[np.int8]
 
 UNKNOWN = -1
+
+
+def as_rows(grid: NDArray[Any]) -> list[str]:
+    """One string of digits a row: compact in JSON, readable in a pager."""
+    return ["".join(str(int(cell)) for cell in row) for row in grid]
+
+
+def as_grid(rows: list[str]) -> Grid:
+    """Rows of digits as an array again."""
+    return np.array([[int(digit) for digit in row] for row in rows], dtype=np.int8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """A parameter of a scene and the timestep [s], both on logarithmic axes."""
+
+    scene: str
+    parameter: str
+    span: tuple[float, float]
+    timestep_span_s: tuple[float, float]
+
+    def parameters(self, size: int) -> NDArray[np.float64]:
+        """The parameter's grid, ascending, shape (size,)."""
+        return np.geomspace(*self.span, size)
+
+    def timesteps_s(self, size: int) -> NDArray[np.float64]:
+        """The timestep's grid [s], ascending, shape (size,)."""
+        return np.geomspace(*self.timestep_span_s, size)
+
+    def draw(self, axes: Any, grid: Grid, colours: Iterable[str], scale: float = 1e3) -> None:
+        """Draw the classes, numbered as the colours, as cells; timesteps are multiplied by `scale`."""
+        listed = list(colours)
+        x, y = borders(self.parameters(len(grid))), scale * borders(self.timesteps_s(len(grid)))
+        norm = BoundaryNorm(range(len(listed) + 1), len(listed))
+        axes.pcolormesh(x, y, grid, cmap=ListedColormap(listed), norm=norm, rasterized=True)
+        axes.set(xscale="log", yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel=self.parameter)
+        axes.grid(visible=False)
+
+
+def borders(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cell borders around logarithmically spaced values, one more than there are values."""
+    ratio = np.sqrt(values[1] / values[0])
+    return np.append(values / ratio, values[-1] * ratio)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,26 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.bench.by_hand import EQUATIONS
-from grader.bench.peers import by_hand, over_mj_forward, peers_of, position_rates, python_loop
-from grader.bench.precision import SCENES, Stepping, Subject
-from grader.bench.report.precision_analysis import Point, against, cheapest, fitted_order, pareto
+from grader.bench.peers import EQUATIONS, by_hand, over_mj_forward, peers_of, python_loop
+from grader.bench.precision import (
+    HORIZON_S,
+    SAMPLE_TIMES_S,
+    SCENES,
+    TIMESTEPS_S,
+    YARDSTICK,
+    Point,
+    Stepping,
+    Subject,
+    against,
+    cheapest,
+    error_of,
+    fitted_order,
+    pareto,
+    reference,
+)
 from grader.bench.scenes import load_scene
-from grader.bench.settings_grid import HORIZON_S, SAMPLE_TIMES_S, TIMESTEPS_S, YARDSTICK
-from grader.bench.truth import error_of, truth_task
-from grader.bench.wheel_timer import profiling_timer, timer_is_known
+from grader.bench.timing import profiling_timer, timer_is_known
+from grader.numerics.reference import rate_of
 
 
 @pytest.mark.parametrize("name", EQUATIONS)
@@ -19,14 +31,12 @@ def test_the_equations_by_hand_are_mujocos(name: str) -> None:
     scene = load_scene(name)
     generator = np.random.default_rng(1)
     with scene.borrow() as workspace:
-        model, data = workspace.model, workspace.data
+        model, rate = workspace.model, rate_of(workspace)
         for _ in range(20):
-            data.qpos, data.qvel = generator.normal(size=model.nq), 3 * generator.normal(size=model.nv)
-            mujoco.mj_normalizeQuat(model, data.qpos)
-            mujoco.mj_forward(model, data)
-            state = np.concatenate([data.qpos, data.qvel])
-            expected = np.concatenate([position_rates(model)(data.qpos, data.qvel), data.qacc])
-            assert EQUATIONS[name](0.0, state) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+            qpos, qvel = generator.normal(size=model.nq), 3 * generator.normal(size=model.nv)
+            mujoco.mj_normalizeQuat(model, qpos)
+            state = np.concatenate([qpos, qvel])
+            assert EQUATIONS[name](0.0, state) == pytest.approx(rate(0.0, state), rel=1e-9, abs=1e-9)
 
 
 def test_every_timestep_divides_the_sampling_interval() -> None:
@@ -40,7 +50,7 @@ def test_every_timestep_divides_the_sampling_interval() -> None:
 @pytest.mark.parametrize("name", ["servo", "spinning_body"])
 def test_two_peers_meet_at_the_reference(name: str) -> None:
     scene = load_scene(name)
-    found = truth_task(name).measure()
+    found = reference(name)
     truth = np.array(found["qpos"])
     assert found["own_error"] < 1e-10
     for run in (by_hand(name, scene, "LSODA"), over_mj_forward(scene, "DOP853")):
@@ -49,7 +59,7 @@ def test_two_peers_meet_at_the_reference(name: str) -> None:
 
 def test_the_reference_goes_through_impacts() -> None:
     scene = load_scene("joint_limits")
-    found = truth_task("joint_limits").measure()
+    found = reference("joint_limits")
     assert found["own_error"] < 1e-9
     finest = python_loop(scene, "RK4")(TIMESTEPS_S[-1], SAMPLE_TIMES_S)
     assert error_of(scene, finest, np.array(found["qpos"])) < 1e-4

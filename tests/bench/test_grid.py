@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grader.bench.refine import refined_map
+from grader.bench.grid import refined_map
 
 
 def line(row: int, column: int) -> int:

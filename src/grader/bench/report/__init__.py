@@ -1,1 +1,0 @@
-"""From records to summaries, tables and pictures; nothing here measures."""

@@ -1,0 +1,231 @@
+"""One way to run every study: measure what is missing, keep it in a journal, summarise, tabulate, draw."""
+
+import ast
+import csv
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, TypeVar
+
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from grader.bench import STUDIES, picture
+from grader.numerics.process import prepare
+
+PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
+ROOM = Path(__file__).parent
+UNRELATED = {"__init__", "picture", "floors", "loops", "measured", "agree"}
+"""Modules of this package that take no part in a study's measurements."""
+
+NOT_MEASURING = ("draw", "summarise", "rows")
+"""How the names of functions begin that only evaluate records."""
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Key:
+    """What one measurement is of. A study derives a class for each kind of measurement; its fields tell them apart."""
+
+    def row(self) -> Record:
+        """The kind and the fields, for JSON and CSV."""
+        return {"kind": type(self).__name__.lower(), **asdict(self)}
+
+
+Records = Mapping[Key, Record]
+KindT = TypeVar("KindT", bound=Key)
+
+
+def of_kind(records: Records, kind: type[KindT]) -> dict[KindT, Record]:
+    """The records whose key is of one class."""
+    return {key: record for key, record in records.items() if isinstance(key, kind)}
+
+
+@dataclass(frozen=True)
+class Task:
+    """One measurement that is still to be made."""
+
+    key: Key
+    measure: Callable[[], Record]
+
+
+Do = Callable[[Sequence[Task]], Records]
+
+
+@dataclass(frozen=True)
+class Study:
+    """`measure(quick, do)` makes tasks and has them done; the other functions only evaluate records.
+
+    `rows` gives the lines of the CSV for one record, `draw` the figures by file name. Functions that only evaluate
+    begin with a word of NOT_MEASURING, so that changing them does not discard what was measured.
+    """
+
+    name: str
+    measure: Callable[[bool, Do], Records]
+    summarise: Callable[[Records], Record]
+    rows: Callable[[Key, Record], list[Record]]
+    draw: Callable[[Records, Record], dict[str, Figure]]
+
+    def run(self, out: Path, quick: bool) -> None:
+        """Run the study; interrupted and started again with the same `out`, it resumes.
+
+        Writes `<name>.jsonl` (each measurement as it is finished), `<name>.json` (machine, versions, summary),
+        `<name>.csv` and each picture as SVG and PNG.
+        """
+        prepare()
+        console = Console(stderr=True)
+        out.mkdir(parents=True, exist_ok=True)
+        journal = Journal(out / f"{self.name}.jsonl", digest_of(versions(), code_digest(self.name), quick))
+        summary: Record = {"benchmark": self.name, "quick": quick, "machine": machine(), "versions": versions()}
+        try:
+            records = self.measure(quick, lambda tasks: carry_out(self.name, tasks, journal, console))
+        except KeyboardInterrupt:
+            console.print(f"{self.name}: stopped; {journal.path} keeps what is finished, the same command resumes")
+            raise
+        summary |= {"measurements": len(records)} | self.summarise(records)
+        written = [out / f"{self.name}.json", out / f"{self.name}.csv"]
+        written[0].write_text(json.dumps(rounded(summary), indent=1) + "\n", encoding="utf-8")
+        write_csv(written[1], [key.row() | row for key, record in records.items() for row in self.rows(key, record)])
+        with picture.style():
+            for name, figure in self.draw(records, summary).items():
+                written += picture.save(figure, out / name)
+        for path in written:
+            console.print(f"{self.name}: wrote {path}")
+
+
+class Journal:
+    """Finished measurements on disk, one JSON line each.
+
+    Only lines of the same context (versions, code, scenes) are read; the others stay in the file.
+    """
+
+    def __init__(self, path: Path, context: str) -> None:
+        self.path, self.context = path, context
+        self._records: dict[str, Record] = {}
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        if text and not text.endswith("\n"):
+            self._append("\n")  # a run was killed while it wrote its last line
+        for line in text.splitlines():
+            try:
+                entry = json.loads(line)
+            except ValueError:
+                continue
+            if entry["context"] == context:
+                self._records[json.dumps(entry["key"])] = entry["record"]
+
+    def find(self, key: Key) -> Record | None:
+        """The record of a finished measurement."""
+        return self._records.get(json.dumps(key.row()))
+
+    def add(self, key: Key, record: Record) -> None:
+        """Append one finished measurement."""
+        line = json.dumps({"context": self.context, "key": key.row(), "record": record})
+        self._append(line + "\n")
+        # Keep what a later run would read back, so that resumed and whole runs agree.
+        self._records[json.dumps(key.row())] = json.loads(line)["record"]
+
+    def _append(self, text: str) -> None:
+        with self.path.open("a", encoding="utf-8") as lines:
+            lines.write(text)
+
+
+def carry_out(title: str, tasks: Sequence[Task], journal: Journal, console: Console) -> dict[Key, Record]:
+    """Do what the journal does not hold yet, in order, with a progress bar; return the records of all tasks.
+
+    Raises ValueError where two tasks share a key.
+    """
+    if len({task.key for task in tasks}) != len(tasks):
+        raise ValueError(f"{title}: two tasks share a key")
+    due = [task for task in tasks if journal.find(task.key) is None]
+    if len(due) < len(tasks):
+        console.print(f"{title}: {len(tasks) - len(due)} of {len(tasks)} measurements are already in {journal.path}")
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(TextColumn("{task.description}"), *columns, console=console) as progress:
+        bar = progress.add_task(title, total=len(tasks), completed=len(tasks) - len(due))
+        for task in due:
+            progress.update(bar, description=f"{title}: {' '.join(map(str, task.key.row().values()))}")
+            journal.add(task.key, task.measure())
+            progress.advance(bar)
+    return {task.key: journal.find(task.key) or {} for task in tasks}
+
+
+def rounded(value: Any) -> Any:
+    """The same JSON with floats to four significant digits: times are no more precise, and the file stays small."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, dict):
+        return {key: rounded(inner) for key, inner in value.items()}
+    return [rounded(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def write_csv(path: Path, rows: list[Record]) -> None:
+    """Write rows with the union of their columns, in order of first appearance."""
+    with path.open("w", encoding="utf-8", newline="") as lines:
+        writer = csv.DictWriter(lines, list(dict.fromkeys(column for row in rows for column in row)))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of each package; `not installed` where an optional one is missing."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def machine() -> dict[str, str | int | float]:
+    """Processor, cores, system and load now: what a reader needs to judge a time."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return {
+        "processor": names[0] if names else platform.machine(),
+        "cores": os.cpu_count() or 1,
+        "architecture": platform.machine(),
+        "system": f"{platform.system()} {platform.release()}",
+        "load_1min": round(os.getloadavg()[0], 2),
+    }
+
+
+def digest_of(*parts: object) -> str:
+    """A short digest of the representation of the parts."""
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+
+
+def code_digest(study: str) -> str:
+    """A digest of what a study measures with: numerics, scenes, its own module and those that studies share.
+
+    Comments, docstrings and the functions of NOT_MEASURING are left out.
+    """
+    others = UNRELATED.union(STUDIES) - {study}
+    modules = [path for path in ROOM.glob("*.py") if path.stem not in others] + [*ROOM.parent.glob("numerics/*.py")]
+    texts = [measuring_part(path.read_text(encoding="utf-8")) for path in sorted(modules)]
+    return digest_of(texts, [path.read_bytes() for path in sorted(ROOM.glob("scenes/*.xml"))])
+
+
+def measuring_part(source: str) -> str:
+    """The syntax tree of a module without docstrings and without the functions of NOT_MEASURING."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [part for part in node.body if not _is_left_out(part)]
+    return ast.dump(tree)
+
+
+def _is_left_out(part: ast.stmt) -> bool:
+    if isinstance(part, ast.FunctionDef):
+        return part.name.startswith(NOT_MEASURING)
+    return isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)

@@ -1,0 +1,74 @@
+"""The loops that speed is measured with do the same work: the same bits, and a bracket that is right."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from grader.bench import floors, loops
+from grader.bench.timing import Paired
+from grader.numerics.integrators import EULER
+from grader.numerics.scene import Scene
+from grader.numerics.trials import check_bracket
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+@pytest.mark.parametrize("name", loops.SCENES)
+def test_all_loops_give_the_same_bits(name: str, integrator: str) -> None:
+    scene = loops.course_scene(name)
+    plain, lesson = loops.ours(scene, integrator, skip=False)(), loops.lessons_run(scene, integrator)
+    lesson()
+    assert plain == loops.ours(scene, integrator, skip=True)() == lesson.state().tobytes()
+    try:
+        in_c = loops.LoopInC(scene, integrator)
+        in_c()
+    except loops.NoLoop as why:
+        assert "no C compiler" in str(why)
+    else:
+        assert in_c.state().tobytes() == plain
+
+
+def test_the_lessons_bisection_finds_what_is_certified() -> None:
+    low, high = loops.lessons_bisection()
+    assert 19.5e-3 < low < 20.117e-3 < high < 20.7e-3
+    assert check_bracket(Scene.from_xml(loops.stiff_servo()).at(qpos=[1.0]), low, high, integrator=EULER.code).holds
+
+
+@pytest.fixture
+def loop_not_compiled_yet() -> Iterator[None]:
+    loops.compiled_loop.cache_clear()
+    yield
+    loops.compiled_loop.cache_clear()
+
+
+@pytest.mark.usefixtures("loop_not_compiled_yet")
+def test_without_a_compiler_the_reason_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _name: None)
+    with pytest.raises(loops.NoLoop, match="no C compiler"):
+        loops.compiled_loop()
+
+
+@pytest.mark.usefixtures("loop_not_compiled_yet")
+def test_without_headers_the_reason_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(loops, "PACKAGE", tmp_path)
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    with pytest.raises(loops.NoLoop, match="headers or library"):
+        loops.compiled_loop()
+
+
+def no_loop() -> Paired:
+    raise loops.NoLoop("no compiler")
+
+
+@pytest.mark.parametrize(("least", "code", "said"), [(1.0, 0, "ok"), (2.5, 1, "BELOW")])
+def test_a_ratio_below_its_floor_fails_and_one_not_measured_says_why(
+    least: float, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twice = floors.Floor("twice as fast", lambda: Paired(2.0, 1.9, 2.1, 2.0, 1.0, 5), least, "a test")
+    monkeypatch.setattr(floors, "FLOORS", [twice, floors.Floor("in C", no_loop, 1.0, "a test")])
+    assert floors.main([]) == code
+    assert floors.main(["in C"]) == 0
+    shown = capsys.readouterr().out
+    assert f"{said:6}twice as fast" in shown
+    assert "not measured: no compiler" in shown
