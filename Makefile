@@ -3,55 +3,82 @@ PYTHON ?= python3
 HOST ?= 127.0.0.1
 PORT ?= 8000
 DATA ?= .data
+UV ?= uv
 
 BIN := .venv/bin
-INSTALLED := .venv/installed-$(shell cat requirements.lock pyproject.toml | cksum | cut -d' ' -f1)
+PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
+PAGES := README.md docs/measured.md
+
+# Each stamp names the state of the locks that was installed. What development needs includes what serving needs.
+STATE := $(shell cat requirements.lock requirements-dev.lock pyproject.toml | cksum | cut -d' ' -f1)
+SERVING := .venv/serving-$(STATE)
+DEVELOPING := .venv/developing-$(STATE)
 
 .DEFAULT_GOAL := help
-.PHONY: help install serve test check lint lock bench-check measured measured-tables clean
+.PHONY: help install serve test test-fast check lint lock bench-check measured measured-tables clean jail-package
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
-install: $(INSTALLED) ## the virtual environment, the locked packages and bubblewrap
-	@.ci/system-packages bwrap:bubblewrap
+install: $(DEVELOPING) jail-package ## the virtual environment, every locked package and bubblewrap
 
-$(INSTALLED): requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
-	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || .ci/system-packages -:python3-venv
-	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	@rm -f .venv/installed-*
-	@touch $@
-
-serve: install ## the lesson at http://127.0.0.1:8000 (PORT=, HOST=, DATA=)
+serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HOST=, DATA=)
 	@exec $(BIN)/grader serve --host $(HOST) --port $(PORT) --data $(DATA)
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser
-	@.ci/system-packages chromium:chromium node:nodejs
+	@.ci/system-packages chromium:chromium node:nodejs nginx:nginx openssl:openssl
 	$(BIN)/python -m pytest
+
+test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: under a minute
+	$(BIN)/python -m pytest -q -n 2 -m fast
 
 check: install ## every answer key re-derived, every reference solution graded
 	$(BIN)/grader check
 
-lint: install ## ruff and mypy alone
+lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
-lock: install ## rewrite requirements.lock from pyproject.toml (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	  --no-emit-index-url --no-emit-find-links --group dev --group build pyproject.toml -o requirements.lock
+lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
+	$(LOCK) --group build -o requirements.lock
+	$(LOCK) --group build --group dev --extra bench --extra oidc --constraint requirements.lock -o requirements-dev.lock
 
-bench-check: install ## fail where a speed ratio falls below its floor
+bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.bench.floors
+	$(BIN)/python -m pytest -q -m cost
 
 measured: install ## measure all over again (half an hour), and rewrite the figures of README.md and docs/measured.md
-	$(BIN)/python -m grader.bench.measured docs README.md docs/measured.md --work $(DATA)/bench
+	$(BIN)/python -m grader.bench.measured docs $(PAGES) --work $(DATA)/bench
 
-measured-tables: install ## rewrite those figures from the committed results
-	$(BIN)/python -m grader.bench.measured docs README.md docs/measured.md --tables-only
+measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
+	$(BIN)/python -m grader.bench.measured docs $(PAGES) --tables-only
 
 clean: ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+
+jail-package:
+	@.ci/system-packages bwrap:bubblewrap
+
+LOCK = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	--no-emit-index-url --no-emit-find-links pyproject.toml
+
+define install_from
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || .ci/system-packages -:python3-venv
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo 'Creating the virtual environment .venv'; $(PYTHON) -m venv .venv; }
+	@echo 'Installing the packages of $(1) into .venv'
+	@$(PIP) --require-hashes -r $(1)
+	@echo 'Installing grader itself into .venv'
+	@$(PIP) --no-deps --no-build-isolation -e .
+	@rm -f .venv/serving-* .venv/developing-* .venv/installed-*
+endef
+
+$(SERVING):
+	$(call install_from,requirements.lock)
+	@touch $@
+
+$(DEVELOPING):
+	$(call install_from,requirements-dev.lock)
+	@touch $(SERVING) $@

@@ -9,14 +9,19 @@ from contextlib import contextmanager
 import uvicorn
 from fastapi import FastAPI
 
-START_S = 20.0
+from grader.api.connections import TimedProtocol
+
+START_S = 120.0
 
 
 @contextmanager
-def serving(app: FastAPI) -> Iterator[str]:
+def serving(app: FastAPI, http: type[TimedProtocol] = TimedProtocol) -> Iterator[str]:
     """The origin under which the app answers."""
     listener = socket.create_server(("127.0.0.1", 0))
-    config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=2)
+    config = uvicorn.Config(
+        app, http=http, ws="none", log_level="warning", access_log=False, proxy_headers=False,
+        timeout_graceful_shutdown=2,
+    )  # fmt: skip
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()

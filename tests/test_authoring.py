@@ -7,15 +7,17 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
+from grader import expressions as fields
 from grader.certify import certify_question
 from grader.domain import lab, quiz
+from grader.domain.policy import Late, Policy
+from grader.domain.rubric import RubricItem
 from grader.domain.run import Limits
-from grader.domain.verify import Servo, Verify
-from grader.grading.exercise import CHECKERS
-from grader.grading.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
-from grader.grading.threshold.parameters import ThresholdParameters
-from grader.grading.variant import Number
-from grader.labs import fields
+from grader.domain.verify import ServoJoint, Verify
+from grader.exercises import Case, Number, installed_kinds
+from grader.exercises.kinds.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
+from grader.exercises.kinds.threshold.parameters import ThresholdParameters
+from grader.exercises.kinds.values import parameters as values
 from grader.library import load
 
 ROOT = Path(__file__).parents[1]
@@ -25,13 +27,36 @@ NAMED = set(re.findall(r"`([A-Za-z_0-9]+)`", PAGE))
 WAYS = get_args(get_args(Verify)[0])
 QUESTIONS = get_args(get_args(quiz.Question)[0])
 LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.Select, lab.Button]
-CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number]
-PARTS: list[type[BaseModel]] = [*WAYS, Servo, *QUESTIONS, Limits, *LABS, lab.Readout, lab.Plot, lab.Trace, *CHECKS]
+CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number, Case]
+CHECKS += [values.ValuesParameters, values.ValuesCase, values.Function, values.Result, values.Residual, values.Start]
+CHECKS += [values.Array, values.Integer, values.WrongProgram]
+RULES: list[type[BaseModel]] = [Policy, Late, RubricItem]
+PARTS: list[type[BaseModel]] = [
+    *WAYS,
+    ServoJoint,
+    *QUESTIONS,
+    *RULES,
+    Limits,
+    *LABS,
+    lab.Readout,
+    lab.Plot,
+    lab.PlotTrace,
+    *CHECKS,
+]
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_every_key_is_named(part: type[BaseModel]) -> None:
     assert set(part.model_fields) - {"type"} <= NAMED
+
+
+@pytest.mark.parametrize("key", ["counts", "feedback", "solutions"])
+def test_every_choice_of_a_policy_is_named_and_its_default_first(key: str) -> None:
+    field = Policy.model_fields[key]
+    (row,) = re.findall(rf"^\| `{key}` \| (.*) \|$", PAGE, re.MULTILINE)
+    named = [word for word in re.findall(r"`(\w+)`", row) if word != "explain"]
+    assert set(named) == set(get_args(field.annotation))
+    assert named[0] == field.default
 
 
 def test_every_field_that_a_verify_may_fill_or_set_is_named() -> None:
@@ -40,9 +65,10 @@ def test_every_field_that_a_verify_may_fill_or_set_is_named() -> None:
 
 
 def test_every_kind_of_check_has_its_section() -> None:
-    assert set(re.findall(r'^### `"kind": "(\w+)"`', PAGE, re.MULTILINE)) == set(CHECKERS)
+    assert set(re.findall(r'^### `"kind": "(\w+)"`', PAGE, re.MULTILINE)) == set(installed_kinds())
 
 
+@pytest.mark.slow
 def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_path: Path) -> None:
     assert len(FILES) == PAGE.count("\n```") / 2
     for name, text in FILES:
@@ -50,6 +76,7 @@ def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_pat
         (tmp_path / name).write_text(text, encoding="utf-8")
     library = load(tmp_path)
     assert library.warnings == ()
+    assert library.quiz("2-graded").policy.late is not None
     questions = [question for quiz in library.quizzes.values() for question in quiz.questions]
     assert {question.kind for question in questions} >= {"mcq", "numeric", "predict", "open", "code"}
     certificates = [certify_question(question, library.model_xml) for question in questions if question.verify]

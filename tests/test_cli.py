@@ -1,14 +1,21 @@
-"""The command line as people call it: exit codes, one JSON document, errors that name the cure."""
+"""The command line: exit codes, one JSON document, helpful errors."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy.orm import Session
+
+from grader.domain.policy import Extension
+from grader.identity import DEFAULT_COURSE
+from grader.store import extensions, people
+from grader.store.database import Database
 
 ROOT = Path(__file__).parents[1]
 GRADER = Path(sys.executable).parent / "grader"
@@ -91,6 +98,26 @@ def test_a_right_script_exits_0_and_a_wrong_one_1() -> None:
         assert done.returncode == code
 
 
+def test_grade_prints_the_seed_that_repeats_the_verdict() -> None:
+    script = str(ROOT / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py")
+
+    def grade(*options: str) -> dict[str, Any]:
+        done = grader("grade", "1.3-exercises", "servo-threshold", script, "--json", *options)
+        verdict: dict[str, Any] = json.loads(done.stdout)
+        return verdict
+
+    first, other = grade(), grade()
+    again = grade("--seed", str(first["seed"]))
+    assert again["seed"] == first["seed"] != other["seed"]
+    assert [finding["measured"] for finding in again["findings"]] == [f["measured"] for f in first["findings"]]
+    assert again["evidence"] == first["evidence"]
+    assert (
+        f"--seed {first['seed']}"
+        in grader("grade", "1.3-exercises", "servo-threshold", script, "--seed", str(first["seed"])).stdout
+    )
+    assert verdict_of("q2", "5 ms")[1]["seed"] is None
+
+
 def test_reference_programs_that_cannot_be_read_are_faults_with_their_names(tmp_path: Path) -> None:
     folder = tmp_path / "reference_solutions/one/q1"
     for made in ("models", "quizzes", "reference_solutions/one/q1/correct__folder.py"):
@@ -107,9 +134,9 @@ def test_reference_programs_that_cannot_be_read_are_faults_with_their_names(tmp_
     assert done.returncode == 2
     told = {Path(fault["file"]).stem: fault["why"] for fault in json.loads(done.stdout)["faults"]}
     assert {name: why.split(":")[0] for name, why in told.items() if name != "correct__number"} == {
-        "correct__folder": "is no file of the content folder",
+        "correct__folder": "is not a file of the content folder",
         "correct__latin": "is not UTF-8",
-        "correct__link": "is no file of the content folder",
+        "correct__link": "is not a file of the content folder",
         "correct__long": "is larger than 256 KB",
     }
     assert "correct__number" in told
@@ -149,9 +176,34 @@ def test_check_names_every_fault_at_once(broken_content: Path) -> None:
     assert len(faults) == 5
 
 
-def test_streams_that_the_caller_closed_are_not_mistaken_for_others() -> None:
+def test_closed_standard_streams_are_opened_on_dev_null() -> None:
     program = ROOT / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py"
     command = f"exec {GRADER} grade 1.3-exercises servo-threshold {program} <&- 2>&-"
     done = subprocess.run(["sh", "-c", command], stdout=subprocess.PIPE, text=True, check=False, timeout=60)
     assert done.returncode == 0
     assert done.stdout.startswith("correct")
+
+
+def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'grader.db'}")
+
+    def extend(*options: str) -> subprocess.CompletedProcess[str]:
+        return grader("extend", "1.3-check", "--user", "ada", "--data", str(tmp_path), *options)
+
+    def ada(session: Session) -> str:
+        member = people.with_account(session, DEFAULT_COURSE, "name:ada")
+        assert member is not None
+        return member.id
+
+    def kept() -> dict[str, Extension]:
+        with database.read() as session:
+            return extensions.of_learner(session, DEFAULT_COURSE, ada(session), ["1.3-check"])
+
+    given = extend("--attempts", "1", "--due", "2026-10-26T18:00+01:00")
+    assert (given.returncode, json.loads(given.stdout)["attempts"]) == (0, 1)
+    assert kept() == {"1.3-check": Extension(attempts=1, due=datetime(2026, 10, 26, 17, tzinfo=UTC))}
+    refused = extend("--due", "2026-10-26")
+    assert (refused.returncode, refused.stderr.startswith("--due: ")) == (2, True)
+    assert extend().returncode == 0
+    assert kept() == {}
+    database.close()

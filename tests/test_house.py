@@ -1,6 +1,7 @@
-"""The checks that are part of the build: style, types, floors, and sizes."""
+"""The checks that are part of the build: style, types, floors, locks, and what it installs."""
 
-import ast
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -26,31 +27,55 @@ def test_the_tree_passes(name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def sources() -> list[Path]:
-    return sorted((ROOT / "src").rglob("*.py"))
+@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-dev.lock"])
+def test_the_locks_name_no_addresses(lock: str) -> None:
+    text = (ROOT / lock).read_text()
+    assert "://" not in text
+    assert "--hash=sha256:" in text
 
 
-def test_no_module_is_longer_than_300_lines() -> None:
-    long = {str(path): n for path in sources() if (n := len(path.read_text().splitlines())) > 300}
-    assert not long
+def pins(lock: str) -> set[str]:
+    """`name==version` of every package."""
+    return set(re.findall(r"^[\w.-]+(?:\[\w,]+\])?==[\w.]+", (ROOT / lock).read_text(), re.MULTILINE))
 
 
-def test_no_function_is_longer_than_60_lines() -> None:
-    functions = [
-        (path.name, node.name, (node.end_lineno or 0) - node.lineno + 1)
-        for path in sources()
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    ]
-    assert not [function for function in functions if function[2] > 60]
+def test_what_serving_needs_is_locked_alike_for_development_and_draws_nothing() -> None:
+    assert pins("requirements.lock") < pins("requirements-dev.lock")
+    assert not [pin for pin in pins("requirements.lock") if pin.startswith(("matplotlib", "pytest", "ruff"))]
 
 
-def test_the_lock_names_no_addresses() -> None:
-    lock = (ROOT / "requirements.lock").read_text()
-    assert "://" not in lock
-    assert "--hash=sha256:" in lock
+FAKE_APT = """#!/bin/sh
+echo "$@" >> "$CALLS"
+[ "$(wc -l < "$CALLS")" -gt 2 ] || { echo "E: Could not get lock /var/lib/apt/lists/lock" >&2; exit 100; }
+case "$*" in *broken*) echo "E: Unable to locate package broken" >&2; exit 100 ;; esac
+"""
 
 
+def install(folder: Path, package: str) -> subprocess.CompletedProcess[str]:
+    """`.ci/system-packages` with an apt-get that is busy twice, and no waiting."""
+    for name, text in (("apt-get", FAKE_APT), ("sleep", "#!/bin/sh\n"), ("sudo", '#!/bin/sh\nexec "$@"\n')):
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+    environment = {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}", "CALLS": str(folder / "calls")}
+    command = [str(ROOT / ".ci/system-packages"), f"no-such-command:{package}"]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_a_busy_package_manager_is_waited_for(tmp_path: Path) -> None:
+    done = install(tmp_path, "fine")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("Another package manager is busy") == 1
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert [call.split()[1] for call in calls] == ["update", "update", "update", "install"]
+
+
+def test_another_failure_of_the_package_manager_is_shown(tmp_path: Path) -> None:
+    done = install(tmp_path, "broken")
+    assert done.returncode == 1
+    assert "Unable to locate package" in done.stderr
+
+
+@pytest.mark.process
 @pytest.mark.parametrize("tool", ["bwrap", "chromium", "node"])
 def test_the_tools_that_the_suite_needs_are_here(tool: str) -> None:
     assert shutil.which(tool), f"make test installs {tool}"

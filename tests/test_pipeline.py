@@ -1,5 +1,6 @@
-"""A submission through the pipeline, without the jail: what breaks on our side never costs the learner."""
+"""The pipeline: reading, seeds, retries; a fault of ours never costs the learner an attempt."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.library import Library, load
-from grader.pipeline import JAIL_TRIES, Pipeline
+from grader.pipeline import COMMAND_RETRIES, Pipeline, Retries, canonical, keyed_seed, submission_digest
 from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[1]
@@ -38,7 +39,19 @@ def test_a_jail_that_stays_broken_is_a_grader_fault(library: Library) -> None:
     verdict = Pipeline(library, jail.run).grade("1.3-exercises", "servo-threshold", SCRIPT)
     assert verdict.status is Status.GRADER_FAULT
     assert not verdict.status.uses_attempt
-    assert jail.calls == JAIL_TRIES
+    assert jail.calls == COMMAND_RETRIES.tries
+
+
+def test_one_try_is_one_run_of_the_jail(library: Library) -> None:
+    jail = BrokenJail(times=1)
+    pipeline = Pipeline(library, jail.run)
+    assert pipeline.judge(pipeline.read("1.3-exercises", "servo-threshold", SCRIPT)).status is Status.GRADER_FAULT
+    assert jail.calls == 1
+
+
+def test_pauses_double_until_the_last_try() -> None:
+    retries = Retries(tries=3, pause_s=2.0)
+    assert [retries.pause_after(tried) for tried in (1, 2, 3, 4)] == [2.0, 4.0, None, None]
 
 
 def test_a_jail_that_broke_once_is_tried_again(library: Library) -> None:
@@ -88,11 +101,13 @@ def test_an_unusable_source_is_refused(library: Library, answer: object, error: 
 
 
 def test_an_empty_script_uses_no_attempt(library: Library) -> None:
+    parsed = Pipeline(library).read("1.3-exercises", "servo-threshold", {"source": " \n"})
+    assert parsed.is_instant and parsed.seed is None
     verdict = Pipeline(library).grade("1.3-exercises", "servo-threshold", {"source": " \n"})
     assert verdict.status is Status.INVALID_ANSWER
 
 
-def test_what_is_not_there(library: Library) -> None:
+def test_an_unknown_question_is_not_found(library: Library) -> None:
     with pytest.raises(NotFound):
         Pipeline(library).grade("1.3-check", "q99", 1)
 
@@ -101,7 +116,57 @@ def test_the_explanation_of_an_exercise_comes_with_full_marks_only(library: Libr
     folder = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
     with Jail(ROOT / "models", workers=1) as jail:
         pipeline = Pipeline(library, jail.run)
-        for name in ("correct__spectral_radius.py", "partial__forgets_kv.py"):
+        for name in ("correct__spectral_radius.py", "partial__half_a_second.py"):
             source = (folder / name).read_text(encoding="utf-8")
             verdict = pipeline.grade("1.3-exercises", "servo-threshold", {"source": source})
             assert (verdict.explain is not None) == name.startswith("correct")
+
+
+def test_a_submission_is_read_into_everything_that_is_stored(library: Library) -> None:
+    parsed = Pipeline(library).read("1.3-check", "q2", "5\u00a0ms")
+    assert parsed.text == '"5\\u00a0ms"'
+    assert parsed.digest == hashlib.sha256(b'["1.3-check","q2","5\\u00a0ms"]').hexdigest()
+    assert (parsed.question.id, parsed.is_instant, parsed.seed) == ("q2", True, None)
+
+
+def test_equal_answers_have_one_canonical_text() -> None:
+    assert canonical({"b": [1, {}], "a": None}) == canonical({"a": None, "b": [1, {}]}) == '{"a":null,"b":[1,{}]}'
+    assert submission_digest("a", "b", "1") != submission_digest("a", "b", '"1"')
+
+
+@pytest.mark.parametrize("answer", ["\ud800", {"source": "\ud800"}, {"\ud800": 1}, [["\udfff"]]])
+def test_text_that_is_not_utf8_is_refused(library: Library, answer: object) -> None:
+    with pytest.raises(Unprocessable, match="UTF-8"):
+        Pipeline(library).read("1.3-check", "q2", answer)
+
+
+def test_the_seed_depends_on_the_secret_and_on_the_submission(library: Library) -> None:
+    ours, theirs = (Pipeline(library, secret=secret) for secret in (b"a" * 32, b"b" * 32))
+    other = {"source": SCRIPT["source"] + "# another comment\n"}
+
+    def seed(pipeline: Pipeline, answer: object) -> int | None:
+        return pipeline.read("1.3-exercises", "servo-threshold", answer).seed
+
+    assert seed(ours, SCRIPT) == seed(ours, SCRIPT)
+    assert len({seed(ours, SCRIPT), seed(theirs, SCRIPT), seed(ours, other), seed(theirs, other)}) == 4
+    assert "aaaa" not in repr(ours)
+
+
+def test_without_the_installations_secret_seeds_are_random(library: Library) -> None:
+    one, other = (Pipeline(library).read("1.3-exercises", "servo-threshold", SCRIPT).seed for _ in range(2))
+    assert one != other
+
+
+def test_a_recorded_seed_is_used_again(library: Library) -> None:
+    assert Pipeline(library).read("1.3-exercises", "servo-threshold", SCRIPT, seed=7).seed == 7
+    assert Pipeline(library).read("1.3-exercises", "servo-threshold", SCRIPT, seed=0).seed == 0
+
+
+def test_ten_thousand_ground_comments_do_not_give_a_seed_away() -> None:
+    """Of 10,000 ground comments none gets the seed that the digest alone would give, or the same as another one."""
+    digests = [submission_digest("q", "e", f'"# {n}"') for n in range(10_000)]
+    seeds = [keyed_seed(b"k" * 32, digest) for digest in digests]
+    assert len(set(seeds)) == len(seeds)
+    assert not {int(digest[:8], 16) for digest in digests} & set(seeds)
+    assert 2**52 < max(seeds) < 2**53
+    assert float(max(seeds)) == max(seeds)

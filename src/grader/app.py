@@ -1,4 +1,4 @@
-"""Puts the service together: settings, database, content, jail, worker, routes."""
+"""Assembles the service: settings, database, content, jail, worker, routes."""
 
 import signal
 import socket
@@ -13,23 +13,34 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from grader.api import problems, routes
-from grader.api.content import Content
-from grader.api.context import Context
-from grader.api.gate import Gate, Rules
-from grader.api.lab_cache import LabCache
+from grader.api.admission import AdmissionMiddleware, AdmissionRules
+from grader.api.connections import TimedProtocol
+from grader.api.context import Check, Context, context_in
+from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
-from grader.api.signin import Doorstep, Welcome
-from grader.identity import Role, create_sign_in_code, create_token, revoke_all
-from grader.sandbox.jail import Jail
+from grader.content import Content
+from grader.courses import people, results
+from grader.courses.sign_in import create_sign_in_code
+from grader.courses.tokens import create_token, revoke_all
+from grader.domain.policy import Extension
+from grader.grading_process import Graders
+from grader.identity import Role
+from grader.library import load
+from grader.queue.worker import Worker
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
+from grader.store.installation import hidden_case_secret
+from grader.web.context import PageContext
+from grader.web.provider import Provider
 from grader.web.routes import router as pages
-from grader.worker import Worker, worker_of
+from grader.web.sessions import SessionCookies
+from grader.worker import graders_of, worker_of
 
 SHUTDOWN_S = 5
-"""How long open event streams may hold up a shutdown [s]."""
+"""How long a shutdown waits for open event streams [s]."""
 
 FAULT = 3
 
@@ -37,91 +48,132 @@ Result = TypeVar("Result")
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """The whole service as one ASGI app. Raises ContentError where the content has faults."""
+    """The whole service as one ASGI app. Raises ContentError if the content has faults."""
     log_to_stderr()
-    content = Content(settings.content)
     database = Database(settings.database)
     database.migrate()
-    worker = worker_of(settings, database, content)
+    content = Content(settings.content, hidden_case_secret(database))
+    graders = graders_of(settings, content)
+    worker = worker_of(settings, database, content, graders)
+    labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
+    checks: dict[str, Check] = {"database": lambda: check_database(database), "content": lambda: check_content(content)}
+    public_origin = settings.public_origin and settings.origin
+    context = Context(database, content, settings.queue_per_user, labs, checks, public_origin)
+    sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
         title="MuJoCo grader",
         version=version("mujoco-grader"),
-        lifespan=lifespan_of(settings, worker, content),
+        lifespan=lifespan_of(settings, worker, graders, context),
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
     )
-    app.state.context = Context(
-        database, content, settings.queue_per_user, worker.wake, LabCache(settings.lab_cache_mb * 1024 * 1024)
-    )
-    app.state.doorstep = Doorstep(database, settings.origin.startswith("https:"), settings.is_local)
-    app.state.checks = {"database": lambda: look_at(database), "content": lambda: describe(content)}
+    app.state.context = context
+    app.state.pages = PageContext(content, sessions, public_origin, provider_of(settings))
     problems.install(app)
     app.include_router(routes.router)
     app.include_router(pages)
-    app.add_middleware(Welcome, doorstep=app.state.doorstep)
-    rules = Rules(settings.hosts, settings.public_origin, settings.body_kb * 1024)
-    limit = RateLimit(settings.rate_per_s, settings.rate_burst)
-    app.add_middleware(Gate, database=database, rules=rules, limit=limit)
+    app.add_middleware(AdmissionMiddleware, database=database, rules=admission_rules(settings))
+    if settings.trusted_proxies:
+        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))
     return app
 
 
-def lifespan_of(settings: Settings, worker: Worker, content: Content) -> Any:
-    """Starts the jail and the embedded worker with the app, and ends them with it."""
+def admission_rules(settings: Settings) -> AdmissionRules:
+    """What the settings say about admission."""
+    return AdmissionRules(
+        settings.hosts,
+        settings.public_origin,
+        settings.body_kb * 1024,
+        by_user=RateLimit(settings.rate_per_s, settings.rate_burst),
+        by_address=RateLimit(settings.address_rate_per_s, settings.address_rate_burst),
+    )
+
+
+def provider_of(settings: Settings) -> Provider | None:
+    """The OpenID provider of the settings, if they name one."""
+    if settings.oidc_issuer is None or settings.oidc_client_id is None:
+        return None
+    secret = settings.oidc_client_secret
+    text = None if secret is None else secret.get_secret_value()
+    return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
+
+
+def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: Context) -> Any:
+    """The app's lifespan: it starts the grading processes and the embedded worker, and ends them and the lab runs."""
 
     @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        if not settings.workers:
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        try:
+            if settings.workers:
+                await run_in_threadpool(graders.start)
+                context.checks["jail"] = lambda: check_jail(graders)
+                context.checks["worker"] = lambda: check_worker(worker)
+                worker.start()
             yield
-            return
-        # In this thread, not in one of a pool: the kernel ends the jail with the thread that started it.
-        with Jail(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2) as jail:
-            content.run_in(jail.run)
-            app.state.checks["jail"] = lambda: inspect(jail)
-            worker.start()
-            try:
-                yield
-            finally:
-                await run_in_threadpool(worker.stop)
+        finally:
+            await run_in_threadpool(worker.stop)
+            await run_in_threadpool(graders.close)
+            context.labs.close()
 
     return lifespan
 
 
-def look_at(database: Database) -> dict[str, Any]:
-    """What /readyz says of the database. Raises where it does not answer."""
+def check_database(database: Database) -> dict[str, Any]:
+    """The state of the database for /readyz. Raises if it does not answer."""
     database.ping()
     return {"backend": database.backend}
 
 
-def describe(content: Content) -> dict[str, Any]:
-    """What /readyz says of the content."""
+def check_content(content: Content) -> dict[str, Any]:
+    """The quizzes that are loaded, with their digests, for /readyz."""
     library = content.library
     return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
 
 
-def inspect(jail: Jail) -> dict[str, Any]:
-    """What /readyz says of the jail: it was attacked, and held, before anything was let in."""
-    return {"tier": jail.tier, "self_test": str(jail.self_test), "workers": jail.workers}
+def check_jail(graders: Graders) -> dict[str, Any]:
+    """The jail's tier and the result of its self-test, for /readyz."""
+    return {**graders.jail, "workers": len(graders.pids())}
+
+
+def check_worker(worker: Worker) -> dict[str, Any]:
+    """The number of jobs that the embedded worker does at a time, for /readyz. Raises if a thread of it has ended."""
+    if not worker.alive:
+        raise RuntimeError("The embedded worker has ended.")
+    return {"threads": worker.threads}
 
 
 def issue_token(settings: Settings, user: str, role: str, course: str | None) -> str:
-    """A new bearer token, kept in the database of these settings. Raises Unprocessable."""
+    """Creates a bearer token in the database of these settings. Raises Unprocessable."""
     return in_database(settings, lambda session: create_token(session, user, role, course))
 
 
 def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:
-    """Ends whatever lets this user in; how many tokens and sessions that were."""
+    """Revokes the tokens and sessions of a user. Returns how many were valid."""
     return in_database(settings, lambda session: revoke_all(session, user, course))
 
 
+def give_extension(settings: Settings, key: tuple[str | None, str, str], granted: Extension) -> None:
+    """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz, and Unprocessable."""
+    course, quiz, user = key
+    database = Database(settings.database)
+    database.migrate()
+    try:
+        with database.write() as session:
+            learner = people.named(session, user, Role.STUDENT, course)
+            results.grant(database, load(settings.content), session, learner, quiz, granted=granted, by=None)
+    finally:
+        database.close()
+
+
 def sign_in_url(settings: Settings) -> str:
-    """Where the instructor signs in, once."""
+    """The address where the instructor signs in; good for one sign-in."""
     code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
     return f"{settings.origin}/signin?code={code}"
 
 
 def in_database(settings: Settings, change: Callable[[Session], Result]) -> Result:
-    """What `change` returns, in a transaction on a database opened for it alone."""
+    """Calls `change` in a transaction on a newly opened database, and returns its result."""
     database = Database(settings.database)
     database.migrate()
     try:
@@ -132,9 +184,9 @@ def in_database(settings: Settings, change: Callable[[Session], Result]) -> Resu
 
 
 class Server(uvicorn.Server):
-    """Says where its pages are as soon as they can be opened, and how well the jail holds."""
+    """Prints the addresses of the pages as soon as they can be opened, and the state of the jail."""
 
-    def __init__(self, config: uvicorn.Config, settings: Settings, checks: Mapping[str, Callable[[], Any]]) -> None:
+    def __init__(self, config: uvicorn.Config, settings: Settings, checks: Mapping[str, Check]) -> None:
         super().__init__(config)
         self.settings, self.checks = settings, checks
 
@@ -147,17 +199,16 @@ class Server(uvicorn.Server):
             print(f"Student page:    {bound.origin}/")
             print(f"Instructor page: {sign_in_url(bound)}  (good for one sign-in)")
             if "jail" in self.checks:
-                told = self.checks["jail"]()
-                print(f"Jail:            tier {told['tier']}, {told['self_test']}", flush=True)
+                jail = self.checks["jail"]()
+                print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 
 
-def run_server(settings: Settings) -> None:
-    """Serves until it is told to end; SIGHUP loads the content again. Exits 3 where it cannot start."""
-    app = create_app(settings)
-    content: Content = app.state.context.content
-    signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())
-    config = uvicorn.Config(
+def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+    """How uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
+    return uvicorn.Config(
         app,
+        http=TimedProtocol,
+        ws="none",
         host=settings.host,
         port=settings.port,
         log_level="warning",
@@ -166,7 +217,15 @@ def run_server(settings: Settings) -> None:
         server_header=False,
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
-    server = Server(config, settings, app.state.checks)
+
+
+def run_server(settings: Settings) -> None:
+    """Serves until a signal ends it; SIGHUP loads the content again. Exits 3 if it cannot start."""
+    app = create_app(settings)
+    context = context_in(app)
+    signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=context.content.reload_or_log).start())
+    config = server_config(app, settings)
+    server = Server(config, settings, context.checks)
     server.run()
     if not server.started:
         sys.exit(FAULT)

@@ -1,24 +1,25 @@
 """Every error this service raises on purpose, by whose fault it is.
 
 GraderError
-├── ContentError      the author's: a quiz, model or exercise is wrong; all of them are listed at once
+├── ContentError      the author's: a quiz, model or exercise is wrong; all faults are listed at once
 ├── InvalidAnswer     the student's: an answer that cannot be read; it uses no attempt
-├── CallerError       the caller's: becomes an HTTP status, in one place
-│   ├── Unauthorized     401
-│   ├── Forbidden        403
-│   ├── NotFound         404
-│   ├── Conflict         409
-│   ├── Outdated         412
-│   ├── TooLarge         413
-│   ├── Unprocessable    422
-│   ├── Unconditional    428
-│   └── TooManyRequests  429
-├── LabError          a lab's expression went wrong while it ran: question, control, line and column
+├── CallerError       the caller's: a request that cannot be served
+│   ├── Unauthorized     no valid token
+│   ├── Forbidden        the wrong role
+│   ├── NotFound         not there, or not the caller's to see
+│   ├── Conflict         not in this state
+│   ├── Outdated         changed since the caller saw it
+│   ├── TooLarge         more bytes than allowed
+│   ├── Unprocessable    well-formed, but not meaningful
+│   ├── Unconditional    a precondition is missing
+│   └── TooManyRequests  too often
+├── LabError          a lab's expression failed while it ran: question, control, line and column
+├── LabRefused        a lab does not offer these settings: controls, presses, lengths
 └── JailFault         ours: the jail broke; retried, then `grader_fault`, and no attempt is used
-    └── JailRefused   this machine cannot hold the jail: refuse to start
+    └── JailRefused   this machine cannot isolate a script: refuse to start
 
-What a student's script does wrong is no exception but a status in its Verdict; what physics does (divergence) is
-data in a Rollout.
+A student's script that fails is no exception but a status in its Verdict; a simulation that diverges is data in a
+Rollout. The faces give an error its HTTP status.
 """
 
 from collections.abc import Iterable
@@ -31,7 +32,7 @@ class GraderError(Exception):
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """One thing that is wrong with the content: where it stands, and how to mend it."""
+    """One thing that is wrong with the content: the file, the key in it, and how to mend it."""
 
     file: str
     key: str
@@ -43,7 +44,7 @@ class Fault:
 
 
 class ContentError(GraderError):
-    """The content folder is wrong; `faults` lists everything that is."""
+    """The content folder is wrong; `faults` lists every fault."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
@@ -51,67 +52,47 @@ class ContentError(GraderError):
 
 
 class InvalidAnswer(GraderError):
-    """An answer that cannot be understood; the message tells the student why and what would be."""
+    """An answer that cannot be read; the message tells the student why, and what can be read."""
 
 
 class CallerError(GraderError):
-    """A request that cannot be served; `status` is the HTTP code."""
-
-    status = 400
+    """A request that cannot be served; the message says why."""
 
 
 class Unauthorized(CallerError):
     """No valid token."""
 
-    status = 401
-
 
 class Forbidden(CallerError):
     """A valid token of the wrong role."""
 
-    status = 403
-
 
 class NotFound(CallerError):
-    """Not there, or not yours to see: both look the same."""
-
-    status = 404
+    """Not there, or not the caller's to see: both give the same answer."""
 
 
 class Conflict(CallerError):
     """Not now: the state of the resource forbids it."""
 
-    status = 409
-
 
 class Outdated(CallerError):
     """The resource has changed since the caller last saw it."""
-
-    status = 412
 
 
 class TooLarge(CallerError):
     """More bytes than the limit."""
 
-    status = 413
-
 
 class Unprocessable(CallerError):
     """Well-formed, but not meaningful."""
 
-    status = 422
-
 
 class Unconditional(CallerError):
-    """A change that must say which state of the resource it was made for."""
-
-    status = 428
+    """A change must name the state of the resource that it was made for."""
 
 
 class TooManyRequests(CallerError):
-    """Slow down; `retry_after_s` says by how much."""
-
-    status = 429
+    """Too many requests; the caller may try again after `retry_after_s` seconds."""
 
     def __init__(self, message: str, retry_after_s: int) -> None:
         super().__init__(message)
@@ -119,7 +100,18 @@ class TooManyRequests(CallerError):
 
 
 class LabError(GraderError):
-    """A lab's expression failed while it ran; the message names control, line and column."""
+    """A lab's expression failed while it ran.
+
+    `key` names the expression, such as `q3.sim.controls.0.apply`; `why` gives line, column and reason.
+    """
+
+    def __init__(self, key: str, why: str) -> None:
+        self.key, self.why = key, why
+        super().__init__(f"{key}: {why}")
+
+
+class LabRefused(GraderError):
+    """A lab cannot run with these settings; the message names what it offers."""
 
 
 class JailFault(GraderError):
@@ -127,4 +119,4 @@ class JailFault(GraderError):
 
 
 class JailRefused(JailFault):
-    """This machine lacks a layer without which no student's code may run."""
+    """This machine lacks a layer of isolation that is required."""

@@ -1,48 +1,58 @@
-"""Who is asking, and what may they do: bearer tokens, browser sessions and one-time sign-in codes.
+"""Authentication and roles: who sent a request, by a bearer token or a browser session.
 
-All three are one thing, a Credential: `prefix_id_secret` with 256 random bits, of which only a hash is kept.
+Both are Credentials, as sign-in links are: `prefix_id_secret` with 256 random bits, of which only a hash is stored.
+The room `courses` issues and revokes them.
 """
 
 import hashlib
 import hmac
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from enum import StrEnum
-from typing import NamedTuple
 
 from sqlalchemy.orm import Session
 
 from grader.errors import Forbidden, Unauthorized, Unprocessable
 from grader.store import credentials
 from grader.store.database import Database
-from grader.store.tables import NAME, Credential, now
+from grader.store.tables import NAME, Credential, Member, now
 
 DEFAULT_COURSE = "default"
 COOKIE = "grader_session"
 SECURE_COOKIE = "__Host-grader_session"
-"""Under https: the browser then takes it from this host alone."""
+"""Under https: the prefix makes browsers accept the cookie from this host alone."""
 
-LEARNER_SESSION = timedelta(days=180)
-INSTRUCTOR_SESSION = timedelta(hours=12)
-SIGN_IN_CODE = timedelta(hours=24)
 TOUCH = timedelta(minutes=1)
-"""How exact `last_used_at` is: not every request writes."""
+"""Resolution of `last_used_at`, so that not every request writes."""
 
 FAILED = "Send a valid token as `Authorization: Bearer ...`, or sign in."
 
 
 class Role(StrEnum):
-    """What somebody is in their course."""
+    """A user's role in a course."""
 
     STUDENT = "student"
     INSTRUCTOR = "instructor"
     SERVICE = "service"
 
 
+class Scope(StrEnum):
+    """What a token may be restricted to. The routes of each are listed in one place: `api/scopes.py`."""
+
+    READ = "read"
+    ANSWER = "answer"
+    REVIEW = "review"
+    REGRADE = "regrade"
+    RESULTS = "results"
+    LMS = "lms"
+    CONTENT = "content"
+    PEOPLE = "people"
+
+
 class Kind(StrEnum):
-    """What a credential is for; the value is the prefix by which it is recognised, in a leaked file too."""
+    """The kind of a credential; the value is its prefix, by which scanners recognise a leaked one."""
 
     TOKEN = "grt"  # noqa: S105
     SESSION = "grs"
@@ -51,69 +61,42 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Identity:
-    """Somebody in a course. `by_cookie`: a browser sent it along unasked, so what it asks for is checked for origin."""
+    """An authenticated member of a course: `id` identifies it, `user` is its name, which others may bear too.
 
+    `by_cookie` requests may be forged by other sites: check their origin.
+    """
+
+    id: str
     user: str
     role: Role
     course: str
     by_cookie: bool = False
+    scopes: frozenset[Scope] | None = None
+    """What a token is restricted to; None for all that the role may."""
 
     @property
     def is_instructor(self) -> bool:
-        """Whether everything of the course may be seen."""
+        """Whether the user is an instructor, who may see everything of the course."""
         return self.role is Role.INSTRUCTOR
 
     def require(self, *roles: Role) -> None:
-        """Raises Forbidden for any other role."""
+        """Raises Forbidden unless the user has one of `roles`."""
         if self.role not in roles:
             raise Forbidden(f"This is for the role {' or '.join(roles)}; yours is {self.role}.")
 
-    def may_see(self, user: str, course: str) -> bool:
-        """Whether what `user` handed in is theirs to see."""
-        return self.course == course and (self.is_instructor or self.user == user)
+    def require_scope(self, scope: Scope | None) -> None:
+        """Raises Forbidden unless the token has the scope; None is for tokens without restriction."""
+        if self.scopes is not None and scope not in self.scopes:
+            wanted = "no scope" if scope is None else f"the scope `{scope}`"
+            raise Forbidden(f"This needs a token with {wanted}; yours has: {', '.join(sorted(self.scopes))}.")
 
-
-def create_token(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
-    """A new bearer token for a program or a person, good until it is revoked. Raises Unprocessable."""
-    return _issue(session, Kind.TOKEN, Named(user, role, course))
-
-
-def create_sign_in_code(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
-    """A code that opens one browser session and is then used up."""
-    return _issue(session, Kind.SIGN_IN, Named(user, role, course), SIGN_IN_CODE)
-
-
-def start_anonymous_session(session: Session) -> str:
-    """A browser session of a learner whom nobody needs to know by name."""
-    return _issue(session, Kind.SESSION, Named(f"learner-{secrets.token_hex(3)}", Role.STUDENT), LEARNER_SESSION)
-
-
-def redeem_sign_in_code(session: Session, code: str) -> tuple[Identity, str]:
-    """Uses the code up for a browser session. Raises Unauthorized where it is unknown, used or too old."""
-    credential = _find(session, Kind.SIGN_IN, code)
-    if credential is None or not credentials.revoke(session, credential.id, now()):
-        raise Unauthorized(
-            "This sign-in link is unknown, has been used, or is too old. Start the server again for one."
-        )
-    lifetime = INSTRUCTOR_SESSION if credential.role == Role.INSTRUCTOR else LEARNER_SESSION
-    holder = Named(credential.user, credential.role, credential.course)
-    secret = _issue(session, Kind.SESSION, holder, lifetime)
-    return _identity(credential, by_cookie=True), secret
-
-
-def end_session(session: Session, cookie: str) -> None:
-    """Signs out; a cookie that is not valid any more is no error."""
-    if credential := _find(session, Kind.SESSION, cookie):
-        credentials.revoke(session, credential.id, now())
-
-
-def revoke_all(session: Session, user: str, course: str | None = None) -> int:
-    """Ends every bearer token, browser session and sign-in code of a user; how many there were."""
-    return credentials.revoke_all(session, user, course or DEFAULT_COURSE, now())
+    def may_see(self, learner: str, course: str) -> bool:
+        """Whether this identity may see a submission in `course` of the learner with this id."""
+        return self.course == course and (self.is_instructor or self.id == learner)
 
 
 def authenticate(database: Database, authorization: str | None, cookies: Mapping[str, str]) -> Identity:
-    """Who sent these headers: the bearer token decides where there is one, else the session cookie.
+    """Authenticates a request by its bearer token if it has one, else by its session cookie.
 
     Raises Unauthorized.
     """
@@ -123,41 +106,48 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
     else:
         kind, presented = Kind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
     with database.read() as session:
-        credential = _find(session, kind, presented)
+        credential = find(session, kind, presented)
     if credential is None:
         raise Unauthorized(FAILED)
     if credential.last_used_at is None or credential.last_used_at < now() - TOUCH:
         with database.write() as session:
             credentials.touch(session, credential.id, now())
-    return _identity(credential, by_cookie=kind is Kind.SESSION)
+    return identity_of(credential)
 
 
-class Named(NamedTuple):
-    """Whom a credential is for, as it was asked for."""
+def issue(
+    session: Session,
+    kind: Kind,
+    member: Member,
+    role: Role,
+    lifetime: timedelta | None = None,
+    *,
+    scopes: frozenset[Scope] | None = None,
+    by: Identity | None = None,
+) -> str:
+    """Stores a new credential of the member, valid for `lifetime` or until it is revoked. Returns its text.
 
-    user: str
-    role: Role | str
-    course: str | None = None
-
-
-def _issue(session: Session, kind: Kind, holder: Named, lifetime: timedelta | None = None) -> str:
-    if holder.role not in set(Role):
-        raise Unprocessable(f"The role is one of {', '.join(Role)}, not {holder.role!r}.")
+    `by` is the member who issues it; None for the command line, and for sessions, which members start themselves.
+    """
     credential_id, secret = secrets.token_hex(8), secrets.token_hex(32)
     credential = Credential(
         id=credential_id,
         kind=kind.value,
         secret_hash=_hash(secret),
-        user=checked_name("user", holder.user),
-        role=str(holder.role),
-        course=checked_name("course", DEFAULT_COURSE if holder.course is None else holder.course),
+        member=member.id,
+        user=member.name,
+        role=role.value,
+        course=member.course,
+        scopes=None if scopes is None else " ".join(sorted(scopes)),
+        created_by=None if by is None else by.user,
         expires_at=None if lifetime is None else now() + lifetime,
     )
     credentials.add(session, credential)
     return f"{kind.value}_{credential_id}_{secret}"
 
 
-def _find(session: Session, kind: Kind, presented: str) -> Credential | None:
+def find(session: Session, kind: Kind, presented: str) -> Credential | None:
+    """The credential with this text; None if it is unknown, revoked or expired."""
     prefix, _, rest = presented.partition("_")
     credential_id, _, secret = rest.partition("_")
     if prefix != kind.value or not credential_id.isalnum() or not credential_id.isascii():
@@ -168,17 +158,36 @@ def _find(session: Session, kind: Kind, presented: str) -> Credential | None:
     return credential
 
 
+def identity_of(credential: Credential) -> Identity:
+    """The identity that a credential proves."""
+    by_cookie = credential.kind == Kind.SESSION
+    scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
+    role = Role(credential.role)
+    return Identity(credential.member, credential.user, role, credential.course, by_cookie, scopes)
+
+
 def checked_name(what: str, name: str) -> str:
-    """The name as it is. Raises Unprocessable where it is empty, too long, or holds what cannot be printed."""
+    """Returns the name. Raises Unprocessable if it is empty, too long, or not printable."""
     if not name.strip() or len(name) > NAME or not name.isprintable():
         raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters.")
     return name
 
 
+def checked_role(role: str) -> Role:
+    """The role of this name. Raises Unprocessable if there is none."""
+    if role not in set(Role):
+        raise Unprocessable(f"The role is one of {', '.join(Role)}, not {role!r}.")
+    return Role(role)
+
+
+def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
+    """The scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
+    chosen = set(names)
+    if not chosen or not chosen <= set(Scope):
+        raise Unprocessable(f"The scopes are {', '.join(Scope)}.")
+    return frozenset(map(Scope, chosen))
+
+
 def _hash(secret: str) -> str:
-    """A plain digest is enough: nobody guesses 256 random bits."""
+    """The sha256 of a secret. 256 random bits need no slow or salted hash."""
     return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()
-
-
-def _identity(credential: Credential, by_cookie: bool) -> Identity:
-    return Identity(credential.user, Role(credential.role), credential.course, by_cookie)

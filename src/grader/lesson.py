@@ -1,28 +1,26 @@
-"""Quizzes and labs out of a lesson written in Markdown: the fenced `quiz` and `lab` blocks, as quiz JSON.
+"""Imports quizzes and labs from a lesson in Markdown: its fenced `quiz` and `lab` blocks become quiz JSON.
 
-The course's format: a fence of backquotes (or tildes) whose first word is `quiz` or `lab`; after `lab` the kind stands
-(`simlab` or `integrators`), and the block is one JSON object. Quiz blocks of one id are one quiz; all labs of a lesson
-go into one file.
+The course's format: a fence of backquotes (or tildes) whose first word is `quiz` or `lab`, the latter followed by the
+kind (`simlab` or `integrators`), around one JSON object. Quiz blocks with the same id form one quiz; all labs of a
+lesson go into one file.
 """
 
 import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from grader.domain.lab import Lab, LabConfig
-from grader.domain.quiz import PredictQuestion, Quiz
+from grader.domain.lab import LabConfig
+from grader.domain.quiz import PredictQuestion
 from grader.errors import ContentError, Fault
-from grader.labs.programs import lab_programs
+from grader.labs import lab_programs
 from grader.library.json_text import json_faults, parse_json, without_remarks
+from grader.library.schema import LAB, QUIZ, Part
 
 FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
-LAB: TypeAdapter[Lab] = TypeAdapter(Lab)
-QUIZ: TypeAdapter[Quiz] = TypeAdapter(Quiz)
-Part = TypeVar("Part")
 TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
 KINDS = ("simlab", "integrators")
 NEWLINE = re.compile(r"\r\n|\r|\n")
@@ -32,7 +30,7 @@ SLUG = re.compile(r"[^a-z0-9]+")
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: the words after the fence, the text inside, the line it begins on."""
+    """A fenced block: the words after the fence, the text inside, its first line, and whether its end was found."""
 
     words: tuple[str, ...]
     text: str
@@ -43,8 +41,8 @@ class Block:
 def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, Any]]:
     """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`.
 
-    Everything is checked but what needs the content folder: models, keyframes, runs; loading does that. Raises
-    ContentError with every fault: the lesson's name, the line, and why.
+    Does not check what needs the content folder: models, keyframes, runs. Raises ContentError with all faults, each
+    with the lesson's name, the line and the reason.
     """
     markdown = markdown.removeprefix("\ufeff")
     reading = _Reading(name)
@@ -62,7 +60,7 @@ def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, An
 
 
 def blocks(markdown: str) -> Iterator[Block]:
-    """Every fenced block, in order; quotes and other blocks are passed over. Source: CommonMark, fenced code blocks."""
+    """Every fenced block, in order, but none inside a quote. Source: CommonMark, fenced code blocks."""
     opened: tuple[str, str, str, int] | None = None
     inside: list[str] = []
     for number, line in enumerate(NEWLINE.split(markdown), 1):
@@ -87,7 +85,7 @@ def _title(markdown: str) -> str | None:
 
 
 class _Reading:
-    """What has been read of a lesson, and what is wrong with it."""
+    """The quizzes and labs read so far, and their faults."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -101,7 +99,7 @@ class _Reading:
         self.faults.append(Fault(self.name, f"line {line}", why))
 
     def add_quiz(self, block: Block) -> None:
-        """A quiz; a second block of the same id goes on with its questions. A lone question is a quiz of its own."""
+        """Add a quiz, or the questions of a further block with the same id. A single question becomes a quiz."""
         raw = self._object(block)
         if raw is None:
             return
@@ -123,7 +121,7 @@ class _Reading:
                 self._check_programs(question.sim, f"{question.id}.sim", line)
 
     def add_lab(self, block: Block) -> None:
-        """One lab, with an id from its title where it has none."""
+        """Add a lab; the default of its id comes from its title."""
         kind = block.words[1] if len(block.words) > 1 else "none"
         if kind not in KINDS:
             self.fault(block.line, f"there is no lab {kind!r}: write ```lab followed by one of {', '.join(KINDS)}")
@@ -134,7 +132,7 @@ class _Reading:
         taken = {str(lab["id"]) for lab in self.labs}
         lab = {"id": _slug(str(raw.get("title") or kind), taken), "kind": kind, **raw}
         if str(lab["id"]) in taken:
-            self.fault(block.line, f"two labs are called {lab['id']!r}: give each its own id")
+            self.fault(block.line, f"two labs have the id {lab['id']!r}: give each its own")
             return
         self.labs.append(lab)
         checked = self._validate(LAB, lab, block.line)
@@ -142,14 +140,14 @@ class _Reading:
             self._check_programs(checked, str(lab["id"]), block.line)
 
     def finish(self, title: str) -> None:
-        """Ids are compared over all blocks; the labs become a quiz file of their own."""
+        """Find repeated ids over all blocks, and put the labs into a quiz of their own."""
         for quiz_id, quiz in self.quizzes.items():
             ids = [str(q["id"]) for q in _named(quiz["questions"]) if isinstance(q, dict)]
             for question_id in sorted({i for i in ids if ids.count(i) > 1}):
-                self.fault(self.lines[quiz_id], f"two questions of {quiz_id!r} are called {question_id!r}: rename one")
+                self.fault(self.lines[quiz_id], f"two questions of {quiz_id!r} have the id {question_id!r}: rename one")
         name = f"{self.base}-labs"
         if self.labs and name in self.quizzes:
-            self.fault(self.lines[name], f"the labs of this lesson are called {name!r}: give this quiz another id")
+            self.fault(self.lines[name], f"the labs of this lesson have the id {name!r}: give this quiz another one")
         elif self.labs:
             self.quizzes[name] = {"id": name, "title": f"Labs of {title}", "labs": self.labs}
 
@@ -157,7 +155,7 @@ class _Reading:
         if not block.closed:
             self.fault(block.line, f"this {block.words[0]} block never ends: close it with the same fence")
             return None
-        raw = parse_json("\n" * block.line + block.text, self.name)  # so that its lines are the lesson's
+        raw = parse_json("\n" * block.line + block.text, self.name)  # so that line numbers are those of the lesson
         if isinstance(raw, Fault):
             self.faults.append(raw if raw.key.startswith("line") else replace(raw, key=f"line {block.line}"))
             return None
@@ -187,11 +185,11 @@ class _Reading:
 
 
 def _named(questions: list[Any]) -> list[Any]:
-    """Questions with the ids that they have by position."""
+    """The questions, with default ids by position."""
     return [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(questions, 1)]
 
 
 def _slug(title: str, taken: set[str]) -> str:
-    """An id from a title: the first that is not taken."""
+    """An id made from a title that is not yet taken."""
     base = SLUG.sub("-", title.lower()).strip("-")[:40].strip("-") or "lab"
     return next(name for name in (base, *(f"{base}-{i}" for i in range(2, 1000))) if name not in taken)

@@ -1,29 +1,41 @@
-"""One submission from answer to verdict: run it in the jail, simulate the same cases ourselves, grade."""
+"""The walk of one submission: read once, run in the jail, judged against our own simulation.
+
+`Pipeline.read` parses an answer into a ParsedSubmission, which is then stored, queued and graded as it is.
+`Pipeline.judge` makes its Verdict.
+"""
 
 import hashlib
+import hmac
 import json
 import platform
+import secrets
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 import structlog
 
+from grader.answers import grade_answer, read_answer
 from grader.domain.quiz import CodeQuestion, Question
 from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, TooLarge, Unprocessable
-from grader.grading.answers import grade_answer, read_answer
-from grader.grading.exercise import judge_exercise, plan_exercise
+from grader.exercises import judge_exercise, plan_exercise
 from grader.library import Library
 
-JAIL_TRIES = 3
-"""How often a job is run before a broken jail becomes a `grader_fault`."""
-
 OUR_FAULT = "The grader itself failed; this is not your mistake, and it used up no attempt."
+
+TEXT_BYTES_MAX = 64 * 1024
+"""Longest answer to a question without a script, as JSON text [bytes]."""
+
+LEVELS_MAX = 16
+"""Deepest nesting of lists and objects in an answer; no kind of question needs more than one level."""
+
+SEED_BITS = 53
+"""Integers up to 2**53 are exact in every JSON reader. Source: RFC 8259, section 6."""
 
 ENVIRONMENT = {
     "mujoco": mujoco.__version__,
@@ -36,90 +48,181 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True)
+class ParsedSubmission:
+    """One answer to one question, read.
+
+    `text` is the answer as canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An
+    exercise has the `source` of its script, and the `seed` that draws the hidden cases; or else `refusal`, the reason
+    why no script can be read.
+    """
+
+    quiz_id: str
+    question: Question
+    answer: Any
+    text: str
+    digest: str
+    source: str | None = None
+    seed: int | None = None
+    refusal: str | None = None
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether there is nothing to run, so that the verdict is made inside the request."""
+        return self.source is None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a script printed, and how long each part of grading it took [ms]."""
+
+    stdout: str = ""
+    stderr: str = ""
+    timing_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Retries:
+    """The schedule of retries after a fault of ours: how many tries, and the pauses between them.
+
+    The worker follows it by putting a job back into the queue. A command has no queue, and waits in
+    `Pipeline.judge_with_retries`. Nothing else tries again.
+    """
+
+    tries: int = 3
+    pause_s: float = 2.0
+
+    def pause_after(self, tried: int) -> float | None:
+        """The pause after `tried` failures [s], twice as long each time; None when no try is left."""
+        return self.pause_s * 2 ** (tried - 1) if tried < self.tries else None
+
+
+COMMAND_RETRIES = Retries(tries=2, pause_s=0.5)
+"""For commands: enough for a jail that broke once, and soon over if the fault stays."""
+
+
+@dataclass(frozen=True)
 class Pipeline:
-    """Grades against one snapshot of the content. `run` is the jail's: it may raise JailFault."""
+    """Grades against one snapshot of the content.
+
+    `run` is the jail's; it may raise JailFault. `secret` keys the seeds of hidden cases, so that a submission does not
+    give them away. A server passes the installation's secret; a command gets a random one, and so random seeds.
+    """
 
     library: Library
     run: Callable[[Job], RunReport] | None = None
+    secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
 
-    def is_instant(self, question: Question) -> bool:
-        """Everything but a script is graded inside the request."""
-        return not isinstance(question, CodeQuestion)
+    def read(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> ParsedSubmission:
+        """Reads an answer; any JSON value. `seed` repeats the hidden cases of an earlier verdict.
 
-    def read_answer(self, quiz_id: str, question_id: str, answer: Any) -> str:
-        """What was understood of an answer, without grading it.
-
-        Raises NotFound; InvalidAnswer, with a sentence for the student; TooLarge or Unprocessable for a source
-        that cannot be taken.
+        Raises NotFound; TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run.
         """
         question = self.library.question(quiz_id, question_id)
-        if isinstance(question, CodeQuestion):
-            source = read_source(answer)
-            return f"a script of {len(source.splitlines())} lines"
-        return read_answer(question, answer)
-
-    def grade(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> Verdict:
-        """The verdict on one answer; what breaks on our side is a `grader_fault`, never a wrong answer.
-
-        `seed` draws the hidden cases of an exercise; the default follows from the submission, so that a second run
-        judges it by the same cases, and nobody's recorded results serve anybody else.
-        Raises NotFound, TooLarge and Unprocessable.
-        """
-        question = self.library.question(quiz_id, question_id)
-        digest = submission_digest(quiz_id, question_id, answer)
-        started = time.perf_counter()
-        if isinstance(question, CodeQuestion):
-            verdict = self._grade_script(question, answer, seed_of(digest) if seed is None else seed)
-        else:
-            verdict = grade_answer(question, answer)
-        total_ms = 1000 * (time.perf_counter() - started)
-        timing = {"timing_ms": {**verdict.timing_ms, "total": round(total_ms, 3)}}
-        return verdict.model_copy(update=timing | self._origin(quiz_id, digest))
-
-    def fault(self, quiz_id: str, question_id: str, answer: Any) -> Verdict:
-        """The verdict where we failed: it costs the learner nothing. Raises NotFound."""
-        verdict = ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
-        return verdict.model_copy(update=self._origin(quiz_id, submission_digest(quiz_id, question_id, answer)))
-
-    def _origin(self, quiz_id: str, digest: str) -> dict[str, Any]:
-        """What a verdict was made with, and of what."""
-        content = self.library.digest(quiz_id)
-        return {"environment": ENVIRONMENT, "content_digest": content, "submission_digest": digest}
-
-    def _grade_script(self, question: CodeQuestion, answer: Any, seed: int) -> Verdict:
+        text = canonical(answer)
+        digest = submission_digest(quiz_id, question_id, text)
+        parsed = ParsedSubmission(quiz_id, question, answer, text, digest)
+        if not isinstance(question, CodeQuestion):
+            if len(text) > TEXT_BYTES_MAX:
+                raise TooLarge(f"The answer is too long; at most {TEXT_BYTES_MAX // 1024} KB are taken.")
+            return parsed
         try:
             source = read_source(answer)
         except InvalidAnswer as error:
-            return ungraded(question, Status.INVALID_ANSWER, str(error))
+            return replace(parsed, refusal=str(error))
+        return replace(parsed, source=source, seed=keyed_seed(self.secret, digest) if seed is None else seed)
+
+    def describe(self, submission: ParsedSubmission) -> str:
+        """What was understood of an answer, for the learner to confirm. Raises InvalidAnswer with the reason."""
+        if submission.refusal is not None:
+            raise InvalidAnswer(submission.refusal)
+        if submission.source is not None:
+            return f"a script of {len(submission.source.splitlines())} lines"
+        return read_answer(submission.question, submission.answer)
+
+    def grade(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> Verdict:
+        """Reads and judges an answer, for commands. Raises as `read` does."""
+        return self.judge_with_retries(self.read(quiz_id, question_id, answer, seed))
+
+    def judge_with_retries(self, submission: ParsedSubmission, retries: Retries = COMMAND_RETRIES) -> Verdict:
+        """As `judge`, trying again after a fault of ours. Sleeps between the tries: for commands only."""
+        tried = 1
+        while True:
+            verdict = self.judge(submission)
+            pause_s = retries.pause_after(tried) if verdict.status is Status.GRADER_FAULT else None
+            if pause_s is None:
+                return verdict
+            time.sleep(pause_s)
+            tried += 1
+
+    def judge(self, submission: ParsedSubmission) -> Verdict:
+        """Makes the verdict, in one try. Whatever breaks on our side gives `grader_fault`, never a wrong answer."""
+        started = time.perf_counter()
+        question = submission.question
+        measured = Measured()
         try:
-            plan = plan_exercise(question, self.library.model_xml, seed)
-            report = self._run(Job(source, plan.driver, plan.inputs, question.limits))
-            started = time.thread_time()
-            verdict = judge_exercise(question, plan, report)
+            if submission.refusal is not None:
+                verdict = ungraded(question, Status.INVALID_ANSWER, submission.refusal)
+            elif isinstance(question, CodeQuestion):
+                assert submission.source is not None and submission.seed is not None
+                verdict, measured = self._judge_script(question, submission.source, submission.seed)
+            else:
+                verdict = grade_answer(question, submission.answer)
         except Exception:
-            log.exception("grading failed", question=question.id)
-            return ungraded(question, Status.GRADER_FAULT, OUR_FAULT)
-        judged_ms = 1000 * (time.thread_time() - started)
-        timing = {"script_cpu": 1000 * report.cpu_s, "script_wall": 1000 * report.wall_s, "judge_cpu": judged_ms}
+            log.exception("grading failed", quiz=submission.quiz_id, question=question.id)
+            verdict = ungraded(question, Status.GRADER_FAULT, OUR_FAULT)
+        timing_ms = {**measured.timing_ms, "total": 1000 * (time.perf_counter() - started)}
+        return self._completed(verdict, submission.quiz_id, submission.digest, replace(measured, timing_ms=timing_ms))
+
+    def fault(self, quiz_id: str, question_id: str, text: str) -> Verdict:
+        """The verdict on a kept answer that we failed to grade: it costs the learner nothing. Raises NotFound."""
+        verdict = ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
+        return self._completed(verdict, quiz_id, submission_digest(quiz_id, question_id, text), Measured())
+
+    def _judge_script(self, question: CodeQuestion, source: str, seed: int) -> tuple[Verdict, Measured]:
+        if self.run is None:
+            raise JailFault("no jail is set up: scripts cannot be run")
+        plan = plan_exercise(question, self.library.model_xml, seed, self.library.text)
+        report = self.run(plan.job(source, question.limits))
+        started = time.thread_time()
+        verdict = judge_exercise(question, plan, report)
+        judge_ms = 1000 * (time.thread_time() - started)
+        timing_ms = {"script_cpu": 1000 * report.cpu_s, "script_wall": 1000 * report.wall_s, "judge_cpu": judge_ms}
+        return verdict, Measured(report.stdout, report.stderr, timing_ms)
+
+    def _completed(self, verdict: Verdict, quiz_id: str, digest: str, measured: Measured) -> Verdict:
+        """The judges' verdict with the script's output and times, and what it was made with and of."""
         return verdict.model_copy(
             update={
-                "stdout": report.stdout,
-                "stderr": report.stderr,
-                "timing_ms": {name: round(value, 3) for name, value in timing.items()},
+                "stdout": measured.stdout,
+                "stderr": measured.stderr,
+                "timing_ms": {name: round(value, 3) for name, value in measured.timing_ms.items()},
+                "environment": ENVIRONMENT,
+                "content_digest": self.library.digest(quiz_id),
+                "submission_digest": digest,
             }
         )
 
-    def _run(self, job: Job) -> RunReport:
-        if self.run is None:
-            raise JailFault("no jail is set up: scripts cannot be run")
-        for tries_left in reversed(range(JAIL_TRIES)):
-            try:
-                return self.run(job)
-            except JailFault:
-                if not tries_left:
-                    raise
-                log.warning("the jail broke; trying again", tries_left=tries_left, exc_info=True)
-        raise AssertionError("unreachable")
+
+def canonical(answer: Any) -> str:
+    """The answer as JSON text in its one form, in ASCII.
+
+    Raises Unprocessable for text that is not UTF-8, and for lists and objects nested more than LEVELS_MAX deep.
+    """
+    _check_text(answer, LEVELS_MAX)
+    return json.dumps(answer, sort_keys=True, separators=(",", ":"))
+
+
+def _check_text(value: Any, levels: int) -> None:
+    if isinstance(value, str):
+        try:
+            value.encode()
+        except UnicodeEncodeError as error:
+            raise Unprocessable("The answer is not valid UTF-8 text.") from error
+    elif isinstance(value, dict | list):
+        if not levels:
+            raise Unprocessable("The answer is nested too deep.")
+        for item in (*value, *value.values()) if isinstance(value, dict) else value:
+            _check_text(item, levels - 1)
 
 
 def read_source(answer: Any) -> str:
@@ -127,10 +230,7 @@ def read_source(answer: Any) -> str:
     if not isinstance(answer, dict) or not isinstance(answer.get("source"), str) or set(answer) - {"source"}:
         raise Unprocessable('The answer to an exercise is {"source": "the text of your script"}.')
     source: str = answer["source"].removeprefix("\ufeff")  # editors put it there, and Python skips it in a file
-    try:
-        size = len(source.encode())
-    except UnicodeEncodeError as error:
-        raise Unprocessable("The script is not valid UTF-8 text.") from error
+    size = len(source.encode())
     if size > SOURCE_BYTES_MAX:
         raise TooLarge(f"The script is {size // 1024} KB long; at most {SOURCE_BYTES_MAX // 1024} KB are taken.")
     if not source.strip():
@@ -139,16 +239,21 @@ def read_source(answer: Any) -> str:
 
 
 def ungraded(question: Question, status: Status, why: str) -> Verdict:
-    """A verdict that costs the learner nothing."""
+    """A verdict without points that uses no attempt."""
     return Verdict(status=status, points=0.0, max_points=question.points, diagnosis=why)
 
 
-def seed_of(digest: str) -> int:
-    """The seed that a submission is judged by; its digest is in the verdict, and so the seed is on record."""
-    return int(digest[:8], 16)
+def submission_digest(quiz_id: str, question_id: str, text: str) -> str:
+    """sha256 of the canonical JSON `[quiz, question, answer]`; `text` is the answer's canonical JSON."""
+    ids = json.dumps([quiz_id, question_id], separators=(",", ":")).removesuffix("]")
+    return hashlib.sha256(f"{ids},{text}]".encode()).hexdigest()
 
 
-def submission_digest(quiz_id: str, question_id: str, answer: Any) -> str:
-    """sha256 over the canonical JSON of what was handed in."""
-    canonical = json.dumps([quiz_id, question_id, answer], sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode(errors="surrogatepass")).hexdigest()
+def keyed_seed(secret: bytes, digest: str) -> int:
+    """The seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest).
+
+    The same submission gets the same hidden cases again. Without the secret, a learner cannot try comments offline
+    until the cases suit a script.
+    """
+    mac = hmac.digest(secret, digest.encode(), "sha256")
+    return int.from_bytes(mac[:8], "big") >> (64 - SEED_BITS)

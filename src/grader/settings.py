@@ -1,27 +1,28 @@
-"""Every setting: read from the environment as GRADER_<NAME>, each with a default that works."""
+"""Every setting, read from the environment as GRADER_<NAME>; every default works."""
 
 import logging
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
 
 import structlog
-from pydantic import Field, model_validator
+from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def default_content() -> Path:
-    """The checkout that the package runs from, or else the current folder."""
+    """The checkout that the package is installed from, or else the current folder."""
     checkout = Path(__file__).resolve().parents[2]
     return checkout if (checkout / "quizzes").is_dir() else Path.cwd()
 
 
 class Settings(BaseSettings):
-    """How this installation runs."""
+    """The settings of an installation."""
 
     model_config = SettingsConfigDict(env_prefix="GRADER_", frozen=True, extra="forbid")
 
@@ -33,7 +34,7 @@ class Settings(BaseSettings):
     host: str = Field(default="127.0.0.1", description="Address to bind. Any but loopback needs public_origin.")
     port: int = Field(default=8000, ge=0, le=65535, description="Port to bind.")
     public_origin: str | None = Field(
-        default=None, description="https://host[:port] under which learners reach the service, if not on loopback."
+        default=None, description="https://host[:port] at which learners reach the service, if not on loopback."
     )
     allowed_hosts: tuple[str, ...] = Field(
         default=(),
@@ -41,18 +42,54 @@ class Settings(BaseSettings):
     )
     workers: int = Field(
         default_factory=lambda: len(os.sched_getaffinity(0)), ge=0, le=256,
-        description="Scripts graded at the same time by this process; 0 leaves them to `grader worker`.",
+        description="Grading processes beside this one, one script each; 0 leaves scripts to `grader worker`.",
     )  # fmt: skip
     allow_t2: bool = Field(
-        default=False, description="Accept a jail without user namespaces, where the machine allows none."
+        default=False, description="Accept a jail without user namespaces, on machines that allow none."
     )
-    lease_s: float = Field(default=60.0, gt=0, description="After how long a dead worker's job is taken again [s].")
-    tries: int = Field(default=3, ge=1, description="How often a job is tried before it becomes a grader_fault.")
-    rate_per_s: float = Field(default=60.0, gt=0, description="Requests that one user may make per second, lastingly.")
-    rate_burst: int = Field(default=300, ge=1, description="Requests that one user may make at once.")
+    tries: int = Field(default=3, ge=1, description="Tries before a job becomes a grader_fault.")
+    rate_per_s: float = Field(default=60.0, gt=0, description="Sustained request rate per user [1/s].")
+    rate_burst: int = Field(default=300, ge=1, description="Requests that one user may make in a burst.")
+    address_rate_per_s: float = Field(
+        default=120.0, gt=0,
+        description="Sustained rate of requests without a session, per IPv4 address or IPv6 /64 network [1/s].",
+    )  # fmt: skip
+    address_rate_burst: int = Field(
+        default=600, ge=1, description="Such requests that one address may make in a burst."
+    )
+    trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
+        default=(),
+        description='Reverse proxies whose X-Forwarded-For is believed, as JSON: ["10.0.0.0/8"].',
+    )
     body_kb: int = Field(default=2048, ge=1, description="Largest request body [KB].")
-    queue_per_user: int = Field(default=100, ge=1, description="Scripts that one user may have waiting.")
-    lab_cache_mb: int = Field(default=64, ge=0, description="Memory for lab runs that were asked for before [MB].")
+    queue_per_user: int = Field(default=100, ge=1, description="Scripts of one user that may wait in the queue.")
+    lab_cache_mb: int = Field(default=64, ge=0, description="Cache of lab runs [MB].")
+
+    lab_steps_per_min: int = Field(
+        default=1_000_000, ge=1, description="Steps that one learner's labs may simulate, sustained [1/min]."
+    )
+    oidc_issuer: str | None = Field(
+        default=None, description="Issuer of an OpenID provider whose users may sign in; needs the extra oidc."
+    )
+    oidc_client_id: str | None = Field(default=None, description="The client id that the provider gave.")
+    oidc_client_secret: SecretStr | None = Field(
+        default=None, description="The client secret; a public client with PKCE has none."
+    )
+    oidc_course: str = Field(default="default", description="Course whose students the provider's users become.")
+
+    @model_validator(mode="after")
+    def _whole_oidc_provider(self) -> Self:
+        if (self.oidc_issuer is None) != (self.oidc_client_id is None):
+            raise ValueError("GRADER_OIDC_ISSUER and GRADER_OIDC_CLIENT_ID belong together: set both or neither")
+        if self.oidc_issuer is None:
+            return self
+        issuer = urlsplit(self.oidc_issuer)
+        if issuer.scheme != "https" and issuer.hostname not in LOOPBACK:
+            raise ValueError("GRADER_OIDC_ISSUER is an https address")
+        missing = [name for name in ("authlib", "httpx2") if find_spec(name) is None]
+        if missing:
+            raise ValueError(f"GRADER_OIDC_ISSUER needs {' and '.join(missing)}: pip install mujoco-grader[oidc]")
+        return self
 
     @model_validator(mode="after")
     def _only_https_beyond_loopback(self) -> Self:
@@ -67,12 +104,12 @@ class Settings(BaseSettings):
 
     @property
     def is_local(self) -> bool:
-        """Whether only this machine reaches the service: a learner then needs no name."""
+        """Whether the service is reachable from this machine only; learners then need no sign-in."""
         return self.host in LOOPBACK and self.public_origin is None
 
     @property
     def origin(self) -> str:
-        """Where a browser finds the service: scheme, host and port."""
+        """The origin of the service as browsers see it: scheme, host and port."""
         if self.public_origin is not None:
             return self.public_origin.rstrip("/")
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -80,20 +117,20 @@ class Settings(BaseSettings):
 
     @property
     def hosts(self) -> frozenset[str]:
-        """Names that a request may be addressed to; any other is a page elsewhere that plays tricks with DNS."""
+        """Accepted `Host` names. Any other may be DNS rebinding: a foreign page that resolves to this address."""
         public = urlsplit(self.public_origin or "").hostname
         return frozenset({*LOOPBACK, *self.allowed_hosts, *([public] if public else [])})
 
     @property
     def database(self) -> str:
-        """URL of the database."""
+        """The URL of the database."""
         return self.database_url or f"sqlite:///{self.data / 'grader.db'}"
 
 
 def log_to_stderr() -> None:
-    """One line per event on stderr: stdout is for documents.
+    """Configures logging: one line per event, on stderr, since stdout is for documents.
 
-    Answers, tokens and sources are never logged: tracebacks come without the values of variables.
+    Answers, tokens and sources are never logged: tracebacks do not show the values of variables.
     """
     structlog.configure(
         processors=[

@@ -1,181 +1,140 @@
-"""Grades what waits in the queue: threads that claim a job, walk it through the pipeline and keep its verdict."""
+"""The worker of a server or of `grader worker`: the job of grading a submission, in grading processes."""
 
 import json
 import signal
 import threading
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import structlog
+from sqlalchemy.orm import Session
 
-from grader.api.content import Content
+from grader.content import Content
+from grader.courses import results
 from grader.domain.verdict import Status, Verdict
-from grader.errors import NotFound
-from grader.pipeline import OUR_FAULT
+from grader.errors import NotFound, Unprocessable
+from grader.grading_process import Graders, Script
+from grader.pipeline import OUR_FAULT, Retries
 from grader.queue import jobs
-from grader.queue.jobs import Claim
-from grader.sandbox.jail import Jail
+from grader.queue.worker import Outcome, Worker
 from grader.settings import Settings, log_to_stderr
 from grader.store import submissions
 from grader.store.database import Database
+from grader.store.installation import hidden_case_secret
 from grader.store.tables import Submission
 
-POLL_S = 0.5
-"""How soon an idle worker sees what another process queued [s]."""
-
-RETRY_S = 2.0
-"""Wait before the second try at a job that failed through our fault; it doubles with every further one [s]."""
-
-GRACE_S = 5.0
-"""How long a stopping worker waits for what it is grading [s]."""
-
 Judge = Callable[[Submission], Verdict]
+Append = Callable[[Session, Submission, Verdict, str], None]
 
 log = structlog.get_logger()
 
 
-@dataclass
-class Worker:
-    """`threads` jobs at a time. A job whose worker died is taken again `lease_s` later, `tries` times in all.
+@dataclass(frozen=True)
+class Grading:
+    """Grades a submission: `grade` judges it, and `fault` makes the verdict after the last failure."""
 
-    `fault` is the verdict where we failed; it may not fail itself.
-    """
-
-    database: Database
     grade: Judge
     fault: Judge
-    threads: int
-    lease_s: float
-    tries: int
-    retry_s: float = RETRY_S
-    _wake: threading.Event = field(default_factory=threading.Event)
-    _stop: threading.Event = field(default_factory=threading.Event)
-    _held: dict[int, Claim] = field(default_factory=dict)
-    _threads: list[threading.Thread] = field(default_factory=list)
+    append: Append = submissions.append_verdict
+    """Stores a verdict with what follows from it."""
 
-    def start(self) -> None:
-        """Begins to work, in threads of its own."""
-        targets = [self._work] * self.threads + [self._keep_leases]
-        self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
-        for thread in self._threads:
-            thread.start()
+    def start(self, session: Session, subject: str) -> Submission | None:
+        """Marks the submission as running, unless it has its verdict."""
+        submission = submissions.get(session, subject)
+        return None if submission is None or submission.revision else submissions.start(session, subject)
 
-    def wake(self) -> None:
-        """There is something to do."""
-        self._wake.set()
+    def run(self, started: Submission) -> Outcome:
+        """Judges the submission. A `grader_fault` is worth another try."""
+        verdict = self.grade(started)
+        return self._outcome(started, verdict, again=verdict.status is Status.GRADER_FAULT)
 
-    def stop(self) -> None:
-        """Takes nothing more up; what cannot be finished soon goes back to the queue for another worker."""
-        self._stop.set()
-        self._wake.set()
-        deadline = time.monotonic() + GRACE_S
-        for thread in self._threads:
-            thread.join(max(0.0, deadline - time.monotonic()))
-        for claimed in list(self._held.values()):
-            self._put_back(claimed, 0.0, tried=False)
+    def give_up(self, started: Submission) -> Outcome:
+        """A verdict that costs the learner nothing."""
+        return self._outcome(started, self.fault(started))
 
-    def do_one(self) -> bool:
-        """Grades the oldest job; False where there is none."""
-        with self.database.write() as session:
-            claimed = jobs.claim(session, self.lease_s)
-            if claimed is None:
-                return False
-            submission = submissions.start(session, claimed.subject)
-        self._held[claimed.job_id] = claimed
-        try:
-            self._settle(claimed, self._verdict(claimed, submission))
-        finally:
-            del self._held[claimed.job_id]
-        return True
+    def put_back(self, session: Session, subject: str) -> None:
+        """Marks the submission as queued."""
+        submissions.put_back(session, subject)
 
-    def _verdict(self, claimed: Claim, submission: Submission) -> Verdict:
-        if claimed.tries > self.tries:
-            log.error("a job killed its worker every time", submission=submission.id)
-            return self.fault(submission)
-        try:
-            return self.grade(submission)
-        except Exception:
-            log.exception("grading failed", submission=submission.id)
-            return self.fault(submission)
+    def _outcome(self, submission: Submission, verdict: Verdict, again: bool = False) -> Outcome:
+        def store(session: Session) -> None:
+            # A second verdict is also impossible by UNIQUE(submission_id, revision) and by the submission's version.
+            graded = session.get_one(Submission, submission.id)
+            if graded.revision == 0:
+                self.append(session, graded, verdict, "grading")
+                log.info("graded", submission=submission.id, status=verdict.status.value)
 
-    def _settle(self, claimed: Claim, verdict: Verdict) -> None:
-        if verdict.status is Status.GRADER_FAULT and claimed.tries < self.tries:
-            self._put_back(claimed, self.retry_s * 2 ** (claimed.tries - 1), tried=True)
-            return
-        with self.database.write() as session:
-            if not jobs.finish(session, claimed):
-                return
-            submission = session.get_one(Submission, claimed.subject)
-            submissions.append_verdict(session, submission, verdict, "grading")
-        log.info("graded", submission=claimed.subject, status=verdict.status.value, tries=claimed.tries)
-
-    def _put_back(self, claimed: Claim, delay_s: float, *, tried: bool) -> None:
-        with self.database.write() as session:
-            if jobs.put_back(session, claimed, delay_s, tried=tried):
-                submissions.put_back(session, claimed.subject)
-
-    def _work(self) -> None:
-        while not self._stop.is_set():
-            try:
-                if self.do_one():
-                    continue
-            except Exception:
-                log.exception("the queue cannot be reached")
-            self._wake.wait(POLL_S)
-            self._wake.clear()
-
-    def _keep_leases(self) -> None:
-        """A long run keeps its job for as long as this process lives."""
-        while not self._stop.wait(self.lease_s / 4):
-            held = list(self._held.values())
-            if held:
-                try:
-                    with self.database.write() as session:
-                        jobs.renew(session, held, self.lease_s)
-                except Exception:
-                    log.exception("leases could not be renewed")
+        return Outcome(store, again)
 
 
 def grade_with(content: Content) -> Judge:
-    """Grades a submission against the content as it stands then."""
+    """Judges a stored submission in this process against the content as it is then, with its recorded seed."""
+
+    def grade(submission: Submission) -> Verdict:
+        pipeline = content.pipeline
+        answer = json.loads(submission.answer)
+        return pipeline.judge(pipeline.read(submission.quiz, submission.question, answer, submission.seed))
+
+    return grade
+
+
+def grade_in(graders: Graders, content: Content) -> Judge:
+    """As `grade_with`, in one of the grading processes."""
 
     def grade(submission: Submission) -> Verdict:
         answer = json.loads(submission.answer)
-        return content.pipeline.grade(submission.quiz, submission.question, answer, submission.seed)
+        script = Script(submission.quiz, submission.question, answer, submission.seed)
+        return graders.judge(content.library, script)
 
     return grade
 
 
 def fault_with(content: Content) -> Judge:
-    """What a submission gets that we failed to grade; of a question that is gone, nobody knows its points."""
+    """Makes the verdict on a submission that we failed to grade; worth 0 points if its question is gone."""
 
     def fault(submission: Submission) -> Verdict:
         try:
-            return content.pipeline.fault(submission.quiz, submission.question, json.loads(submission.answer))
+            return content.pipeline.fault(submission.quiz, submission.question, submission.answer)
         except NotFound:
             return Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=0.0, diagnosis=OUR_FAULT)
 
     return fault
 
 
-def worker_of(settings: Settings, database: Database, content: Content) -> Worker:
-    """A worker as the settings want it."""
-    return Worker(
-        database, grade_with(content), fault_with(content), settings.workers, settings.lease_s, settings.tries
-    )
+def append_with(database: Database, content: Content) -> Append:
+    """Appends a verdict, and counts the learner's result again, under the policies as they are at that moment."""
+
+    def append(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
+        results.append_verdict(database, content.library, session, submission, verdict, cause=cause)
+
+    return append
+
+
+def graders_of(settings: Settings, content: Content) -> Graders:
+    """The grading processes that the settings describe, not started yet."""
+    return Graders(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2)
+
+
+def worker_of(settings: Settings, database: Database, content: Content, graders: Graders) -> Worker:
+    """The worker that the settings describe."""
+    grading = Grading(grade_in(graders, content), fault_with(content), append_with(database, content))
+    return Worker(database, {jobs.GRADE: grading}, settings.workers, Retries(settings.tries))
 
 
 def run_worker(settings: Settings) -> None:
-    """Grades until it is told to end (SIGTERM, SIGINT); SIGHUP loads the content again."""
+    """Grades until SIGTERM or SIGINT; SIGHUP loads the content again. Raises Unprocessable on SQLite."""
     log_to_stderr()
     ended = threading.Event()
-    content = Content(settings.content)
     database = Database(settings.database)
+    if database.is_sqlite:
+        raise Unprocessable(
+            "A SQLite database is worked on by `grader serve` alone. Set GRADER_WORKERS for more grading processes, "
+            "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
+        )
     database.migrate()
-    with Jail(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2) as jail:
-        content.run_in(jail.run)
-        worker = worker_of(settings, database, content)
+    content = Content(settings.content, hidden_case_secret(database))
+    with graders_of(settings, content) as graders:
+        worker = worker_of(settings, database, content, graders)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: ended.set())
         signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())

@@ -1,11 +1,19 @@
 """Labs over HTTP: shown only after the prediction, checked settings, compressed, the same run from the cache."""
 
+import asyncio
+import gzip
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import httpx
 import pytest
 
-from grader.api.lab_cache import LabCache
+from grader.api.lab_runs import THREADS, WAITING_MAX, LabRuns, Recording
+from grader.errors import TooManyRequests, Unprocessable
 
 RUN = "/api/v1/labs:run"
 LAB = {"quiz": "small", "question": "q3"}
@@ -95,21 +103,149 @@ def test_answers_are_compressed_where_that_is_understood_and_the_same_twice(pred
     assert packed.content == plain.content
 
 
+ANN, BOB, CAT = (("course", name) for name in ("ann", "bob", "cat"))
+MANY_STEPS = 10**9
+
+
 def test_the_cache_makes_once_and_forgets_the_oldest() -> None:
-    cache, made = LabCache(bytes_max=10), list[str]()
+    made = list[str]()
 
-    def get(name: str) -> bytes:
-        def make() -> bytes:
+    async def all_of(names: str) -> list[bytes]:
+        runs = LabRuns(10, MANY_STEPS)
+
+        def make(name: str) -> Recording:
             made.append(name)
-            return name.encode() * 4
+            return Recording(name.encode() * 4, 1)
 
-        return cache.get(name, make)
+        return [await runs.get(ANN, name, partial(make, name)) for name in names]
 
-    assert [get(name) for name in "aabab"] == [b"aaaa", b"aaaa", b"bbbb", b"aaaa", b"bbbb"]
-    get("c")
-    get("a")
-    get("b")
+    got = asyncio.run(all_of("aababcab"))
+    assert got == [name.encode() * 4 for name in "aababcab"]
     assert made == ["a", "b", "c", "a", "b"]
+
+
+def test_a_run_in_progress_is_shared_and_its_first_asker_pays() -> None:
+    made = list[str]()
+
+    def make() -> Recording:
+        made.append("x")
+        time.sleep(0.05)
+        return Recording(b"x", 60)
+
+    async def ask() -> None:
+        runs = LabRuns(0, 60)
+        assert await asyncio.gather(*(runs.get(who, "x", make) for who in [ANN, *[BOB] * 20])) == [b"x"] * 21
+        assert made == ["x"]
+        with pytest.raises(TooManyRequests, match="60 steps a minute") as refused:
+            await runs.get(ANN, "x", make)
+        assert refused.value.retry_after_s >= 1
+        assert await runs.get(BOB, "x", make) == b"x"
+
+    asyncio.run(ask())
+
+
+def test_each_learner_waits_for_at_most_one_run_of_every_other() -> None:
+    begun = list[str]()
+    go = threading.Event()
+
+    def make(name: str) -> Recording:
+        begun.append(name)
+        assert go.wait(30)
+        return Recording(b"", 1)
+
+    async def ask() -> None:
+        runs = LabRuns(0, MANY_STEPS)
+        asked = [(ANN, f"ann{n}") for n in range(WAITING_MAX)] + [(BOB, "bob0"), (BOB, "bob1"), (CAT, "cat0")]
+        waiting = [asyncio.create_task(runs.get(who, name, partial(make, name))) for who, name in asked]
+        await asyncio.sleep(0)
+        with pytest.raises(TooManyRequests, match="not finished"):
+            await runs.get(ANN, "one too many", partial(make, "one too many"))
+        await asyncio.sleep(0.1)
+        go.set()
+        await asyncio.gather(*waiting)
+
+    asyncio.run(ask())
+    assert sorted(begun[:THREADS]) == [f"ann{n}" for n in range(THREADS)]
+    assert {"bob0", "cat0"} <= set(begun[: THREADS + 4])
+    assert "bob1" in begun[: THREADS + 6]
+
+
+def test_a_run_is_refused_when_its_turn_comes_after_the_budget_is_spent_and_the_next_asker_pays() -> None:
+    made = list[str]()
+
+    def make(name: str) -> Recording:
+        made.append(name)
+        time.sleep(0.02)
+        return Recording(b"x", 60)
+
+    async def ask() -> None:
+        runs = LabRuns(0, 60)
+        mine = [asyncio.create_task(runs.get(ANN, name, partial(make, name))) for name in "abcd"]
+        await asyncio.sleep(0)
+        shared = asyncio.create_task(runs.get(BOB, "d", partial(make, "d")))
+        outcomes = await asyncio.gather(*mine, return_exceptions=True)
+        assert [isinstance(one, TooManyRequests) for one in outcomes] == [False] * THREADS + [True] * (4 - THREADS)
+        assert await shared == b"x"
+
+    asyncio.run(ask())
+    assert sorted(made) == ["a", "b", "d"]
+
+
+def test_a_run_that_fails_is_paid_by_its_cpu_time() -> None:
+    def make() -> Recording:
+        began = time.thread_time()
+        while time.thread_time() - began < 0.02:
+            pass
+        raise Unprocessable("no")
+
+    async def ask() -> None:
+        runs = LabRuns(10, 1000)
+        with pytest.raises(Unprocessable):
+            await runs.get(ANN, "x", make)
+        with pytest.raises(TooManyRequests) as refused:
+            await runs.get(ANN, "x", make)
+        assert refused.value.retry_after_s >= 60
+
+    asyncio.run(ask())
+
+
+def test_labs_keep_nobody_else_waiting(open_site_with: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    go = threading.Event()
+
+    def slow(*_: object) -> Recording:
+        assert go.wait(60)
+        return Recording(gzip.compress(b"{}"), 1)
+
+    monkeypatch.setattr("grader.api.labs.record", slow)
+    site = open_site_with()
+    clients = [site.client("ann") for _ in range(44)]
+    body = {"quiz": "small", "lab": "five"}
+    with ThreadPoolExecutor(44) as pool:
+        asked = [
+            pool.submit(client.post, RUN, json={**body, "controls": {"timestep": 0.001 + n / 10_000}})
+            for n, client in enumerate(clients)
+        ]
+        try:
+            while sum(one.done() for one in asked) < 44 - WAITING_MAX:
+                time.sleep(0.01)
+            assert site.client("bob").get("/api/v1/quizzes").status_code == 200
+        finally:
+            go.set()
+        statuses = sorted(one.result().status_code for one in asked)
+    assert statuses == [200] * WAITING_MAX + [429] * (44 - WAITING_MAX)
+
+
+def test_the_budget_of_steps_is_each_learners_own(open_site_with: Callable[..., Any]) -> None:
+    site = open_site_with(lab_steps_per_min=500)
+    ann, bob = site.client("ann"), site.client("bob")
+    body: dict[str, Any] = {"quiz": "small", "lab": "five"}
+    assert ann.post(RUN, json=body).status_code == 200
+    refused = ann.post(RUN, json={**body, "controls": {"timestep": 0.005}})
+    assert refused.status_code == 429
+    assert int(refused.headers["retry-after"]) > 10
+    assert "steps a minute" in refused.json()["detail"]
+    assert ann.post(RUN, json=body).status_code == 200
+    assert bob.post(RUN, json={**body, "controls": {"timestep": 0.005}}).status_code == 200
 
 
 def test_one_scene_under_all_integrators(teacher: httpx.Client) -> None:

@@ -72,7 +72,8 @@ def test_no_secret_of_the_shipped_content_reaches_a_learner(open_site_with: Call
 
 def test_the_list_names_every_quiz(ann: httpx.Client) -> None:
     listed = ann.get(f"{API}/quizzes").json()
-    assert listed["items"] == [{"id": "small", "title": "A small quiz", "questions": 4, "points": 4.0}]
+    quiz = {"id": "small", "title": "A small quiz", "questions": 4, "points": 4.0, "opens": None, "due": None}
+    assert listed["items"] == [quiz]
     assert listed["next_cursor"] is None
 
 
@@ -131,7 +132,7 @@ def until(holds: Callable[[], bool], seconds: float = 40.0) -> None:
 
 
 def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
-    """It says where its pages are and how the jail holds; SIGHUP loads the content again; SIGTERM ends it."""
+    """It prints its addresses and the state of the jail; SIGHUP loads the content again; SIGTERM ends it."""
     data = tmp_path / "data"
     environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1"}
     command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(data)]
@@ -171,11 +172,11 @@ def test_a_server_that_cannot_have_its_port_says_so(content: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("path", ["/healthz", "/readyz", "/openapi.json", "/"])
-def test_what_needs_no_token(nobody: httpx.Client, path: str) -> None:
+def test_health_and_openapi_need_no_token(nobody: httpx.Client, path: str) -> None:
     assert nobody.get(path).status_code == 200
 
 
-def test_readiness_names_what_was_looked_at(nobody: httpx.Client) -> None:
+def test_readiness_lists_its_checks(nobody: httpx.Client) -> None:
     checks = nobody.get("/readyz").json()["checks"]
     assert checks["database"] == {"ok": True, "backend": "sqlite"}
     assert checks["content"]["quizzes"].keys() == {"small"}
@@ -214,3 +215,9 @@ def test_every_route_of_the_api_is_described_with_its_refusals(nobody: httpx.Cli
             refusals = {status: one for status, one in operation["responses"].items() if status >= "400"}
             assert path in ("/healthz", "/readyz") or "401" in refusals
             assert all(list(one["content"]) == ["application/problem+json"] for one in refusals.values())
+
+
+def test_a_body_of_many_errors_lists_the_first_twenty(ann: httpx.Client) -> None:
+    refused = ann.post("/api/v1/submissions", json={f"k{n}": 1 for n in range(5000)})
+    assert refused.status_code == 422
+    assert len(refused.json()["errors"]) == 20

@@ -1,4 +1,4 @@
-"""Reviews: what waits, claims that nobody else can take, decisions that nobody overwrites unseen."""
+"""Reviews: the list, exclusive claims, and If-Match against lost updates."""
 
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from grader.api import reviews
-from grader.api.gate import PREFIX as API
+from grader.api.admission import PREFIX as API
 from sites import Site
 
 
@@ -32,7 +32,7 @@ def waiting(client: httpx.Client, **query: Any) -> list[str]:
     return [item["id"] for item in client.get(f"{API}/reviews", params=query).json()["items"]]
 
 
-def test_an_open_answer_is_claimed_decided_and_told_to_its_learner(either_site: Site) -> None:
+def test_an_open_answer_is_claimed_and_reviewed_and_its_learner_sees_it(either_site: Site) -> None:
     ann, tina = either_site.client("ann"), either_site.client("tina", "instructor")
     made = hand_in(ann)
     assert waiting(tina) == [made["id"]]
@@ -63,7 +63,7 @@ def test_the_status_follows_from_the_points(site: Site, points: float, status: s
     assert done["verdict"]["findings"][0]["message"]
 
 
-def test_any_verdict_may_be_decided_over_and_again(site: Site) -> None:
+def test_any_verdict_may_be_reviewed_more_than_once(site: Site) -> None:
     made, tina = hand_in(site.client("ann"), "7 ms", "q2"), site.client("tina", "instructor")
     assert made["verdict"]["status"] == "incorrect"
     first = decide(tina, made["id"], "*", points=1, comment="a slip of ours")
@@ -100,7 +100,7 @@ def test_instructors_who_claim_at_once_get_one_each(either_site: Site) -> None:
     assert sorted(held) == sorted(made)
 
 
-def test_who_has_not_seen_the_newest_state_is_told(site: Site) -> None:
+def test_a_review_of_an_outdated_state_is_412(site: Site) -> None:
     made, tina = hand_in(site.client("ann")), site.client("tina", "instructor")
     etag = claim(tina).headers["ETag"]
     assert decide(tina, made["id"], None, points=1).status_code == 428
@@ -112,7 +112,7 @@ def test_who_has_not_seen_the_newest_state_is_told(site: Site) -> None:
 
 
 @pytest.mark.parametrize("points", [-0.5, 1.5, "1", True, None])
-def test_points_that_are_none_of_the_questions_are_422(site: Site, points: Any) -> None:
+def test_points_outside_the_questions_range_are_422(site: Site, points: Any) -> None:
     made, tina = hand_in(site.client("ann")), site.client("tina", "instructor")
     assert decide(tina, made["id"], "*", points=points).status_code == 422
     assert waiting(tina) == [made["id"]]
@@ -121,7 +121,7 @@ def test_points_that_are_none_of_the_questions_are_422(site: Site, points: Any) 
 @pytest.mark.parametrize(
     "body", [{"question": "q4"}, {"quiz": "small", "submission_id": "a"}, {"who": 1}, {"quiz": "a\x00"}, {"quiz": 3}]
 )
-def test_a_claim_that_means_nothing_is_422(teacher: httpx.Client, body: dict[str, Any]) -> None:
+def test_an_invalid_claim_is_422(teacher: httpx.Client, body: dict[str, Any]) -> None:
     assert claim(teacher, **body).status_code == 422
 
 

@@ -1,4 +1,4 @@
-"""Scripts over HTTP: queued, run in the real jail, graded, and told as events on the way."""
+"""Scripts over HTTP: queued, run in the real jail, graded, with events on the way."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -7,11 +7,15 @@ from typing import Any
 import httpx
 import pytest
 
+from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
+from grader.errors import JailFault
+from grader.pipeline import ParsedSubmission, Pipeline, Retries
 from grader.queue import jobs
+from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store.tables import Submission
-from grader.worker import Worker, fault_with
+from grader.worker import Grading, Judge, fault_with, grade_with
 from sites import ROOT, Site, open_site
 
 API = "/api/v1"
@@ -36,6 +40,13 @@ def hand_in(client: httpx.Client, source: Any, **headers: str) -> httpx.Response
     return client.post(f"{API}/submissions", json=body, headers=headers)
 
 
+def a_worker(site: Site, grade: Judge) -> Worker:
+    """A worker in this process, without threads: `do_one` does its work."""
+    context = site.app.state.context
+    tasks = {jobs.GRADE: Grading(grade, fault_with(context.content))}
+    return Worker(context.database, tasks, 1, Retries(3, pause_s=0.0))
+
+
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A server with the shipped content, a worker and its jail."""
@@ -45,7 +56,7 @@ def graded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 @pytest.fixture
 def idle(open_site_with: Callable[..., Site]) -> Site:
-    """The same without a worker: what is handed in waits."""
+    """The same without a worker: submissions stay queued."""
     return open_site_with(content=ROOT)
 
 
@@ -81,7 +92,7 @@ def test_the_jail_is_part_of_readiness(graded: Site) -> None:
     assert "attacks held" in jail["self_test"]
 
 
-def test_a_late_listener_hears_the_last_event_and_one_who_heard_it_nothing(graded: Site) -> None:
+def test_a_late_listener_gets_the_events_it_missed_and_204_after_the_last(graded: Site) -> None:
     ann = graded.client("ann")
     made = hand_in(ann, "x = 1\n")
     all_of_them = read_events(ann, made.headers["location"])
@@ -105,11 +116,11 @@ ALL = ("queued", "running", "graded")
 
 @pytest.mark.parametrize(("last", "to_come"), [("0", ALL), ("1", ALL[1:]), ("99", ALL[1:])])
 def test_events_come_while_the_work_goes_on(idle: Site, last: str, to_come: tuple[str, ...]) -> None:
-    """Whoever claims to have heard what has not happened yet hears all that is to come."""
+    """A `Last-Event-ID` beyond the last event counts as the last event."""
     ann = idle.client("ann")
     events = f"{hand_in(ann, 'x = 1').headers['location']}/events"
     with ann.stream("GET", events, headers={"Last-Event-ID": last}) as stream:
-        Worker(idle.app.state.context.database, lambda _: GOOD, lambda _: GOOD, 1, 60.0, 3).do_one()
+        a_worker(idle, lambda _: GOOD).do_one()
         heard = [line.removeprefix("event: ") for line in stream.iter_lines() if line.startswith("event: ")]
     assert tuple(heard) == to_come
 
@@ -121,7 +132,7 @@ def test_nobody_else_may_listen(graded: Site) -> None:
 
 
 def test_a_submission_and_its_job_are_kept_together_or_not_at_all(idle: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **_named: object) -> None:
         raise RuntimeError
 
     ann = idle.client("ann")
@@ -177,7 +188,7 @@ def test_one_learner_cannot_fill_the_queue(open_site_with: Callable[..., Site]) 
 def test_logs_hold_neither_sources_nor_tokens(
     capsys: pytest.CaptureFixture[str], idle: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **_named: object) -> None:
         raise RuntimeError("broken")
 
     monkeypatch.setattr("grader.api.intake.jobs.put", broken)
@@ -193,7 +204,7 @@ def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> N
     assert (tmp_path / "data" / "grader.db").exists()
 
 
-def test_our_fault_is_worth_nothing_of_what_the_question_is_worth(idle: Site) -> None:
+def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None:
     fault = fault_with(idle.app.state.context.content)
     submission = Submission(quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}')
     verdict = fault(submission)
@@ -204,3 +215,70 @@ def test_our_fault_is_worth_nothing_of_what_the_question_is_worth(idle: Site) ->
     assert verdict.max_points == content.question("1.3-exercises", "rk4-free-joint").points > 0
     submission.question = "gone"
     assert fault(submission).max_points == 0
+
+
+def test_the_seed_of_hidden_cases_is_for_instructors_only(idle: Site) -> None:
+    ann, tina = idle.client("ann"), idle.client("tina", "instructor")
+    made = hand_in(ann, "x = 1\n")
+    submission_id = made.json()["id"]
+    with idle.app.state.context.database.read() as session:
+        seed = session.get_one(Submission, submission_id).seed
+    a_worker(idle, lambda _: GOOD).do_one()
+    location = made.headers["location"]
+    to_learner = [
+        made.text,
+        ann.get(location).text,
+        ann.get(f"{API}/submissions").text,
+        *map(str, read_events(ann, location)),
+    ]
+    assert not [text for text in to_learner if str(seed) in text]
+    assert ann.get(location).json()["seed"] is None
+    assert tina.get(location).json()["seed"] == seed
+    assert tina.get(f"{API}/submissions").json()["items"][0]["seed"] == seed
+
+
+def test_an_installation_keeps_its_secret_and_two_installations_differ(
+    open_site_with: Callable[..., Site], tmp_path: Path
+) -> None:
+    first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
+    other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
+    seeds = [
+        site.app.state.context.content.pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"}).seed
+        for site in (first, again, other)
+    ]
+    assert seeds[0] == seeds[1] != seeds[2]
+
+
+def test_a_recorded_seed_is_the_one_that_a_worker_grades_with(idle: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds: list[int | None] = []
+    content = idle.app.state.context.content
+
+    def judge(_pipeline: Pipeline, parsed: ParsedSubmission) -> Verdict:
+        seeds.append(parsed.seed)
+        return GOOD
+
+    monkeypatch.setattr(Pipeline, "judge", judge)
+    hand_in(idle.client("ann"), "x = 1\n")
+    with idle.app.state.context.database.write() as session:
+        session.query(Submission).update({"seed": 12})
+    a_worker(idle, grade_with(content)).do_one()
+    assert seeds == [12]
+
+
+def test_only_the_queue_tries_again_while_the_jail_is_broken(idle: Site) -> None:
+    sources: list[str] = []
+
+    def broken(job: Job) -> RunReport:
+        sources.append(job.source)
+        raise JailFault("broken")
+
+    content = idle.app.state.context.content
+    content.run_in(broken)
+    ann = idle.client("ann")
+    made = hand_in(ann, "x = 1\n")
+    worker = a_worker(idle, grade_with(content))
+    while worker.do_one():
+        pass
+    assert sources == ["x = 1\n"] * 3
+    assert ann.get(made.headers["location"]).json()["verdict"]["status"] == "grader_fault"
+    assert hand_in(ann, "x = 2\n").json()["attempt"] == 1

@@ -43,7 +43,7 @@ def test_a_text_waits_for_an_instructor(ann: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize("answer", [True, False, 7, -1, "b?", None, [1], {"source": "x"}, 1.5, float("nan"), 1e400])
-def test_what_is_no_option_is_an_invalid_answer_and_uses_no_attempt(ann: httpx.Client, answer: Any) -> None:
+def test_an_invalid_option_is_an_invalid_answer_and_uses_no_attempt(ann: httpx.Client, answer: Any) -> None:
     response = ann.post(
         SUBMISSIONS,
         content=f'{{"quiz": "small", "question": "q1", "answer": {json.dumps(answer)}}}',
@@ -97,7 +97,7 @@ def test_the_same_key_at_the_same_moment(either_site: Any) -> None:
     assert len({answer.json()["id"] for answer in answers}) == 1
 
 
-def test_what_is_not_ours_looks_like_what_is_not_there(
+def test_a_foreign_submission_looks_like_a_missing_one(
     ann: httpx.Client, bob: httpx.Client, teacher: httpx.Client
 ) -> None:
     theirs = hand_in(ann, "q1", 1).headers["location"]
@@ -108,7 +108,7 @@ def test_what_is_not_ours_looks_like_what_is_not_there(
     assert teacher.get(theirs).json()["user"] == "ann"
 
 
-def test_another_course_is_another_world(site: Any, teacher: httpx.Client) -> None:
+def test_courses_do_not_see_each_other(site: Any, teacher: httpx.Client) -> None:
     elsewhere = site.client("ann", "student", "other")
     theirs = hand_in(elsewhere, "q1", 1).headers["location"]
     assert teacher.get(theirs).status_code == 404
@@ -116,7 +116,7 @@ def test_another_course_is_another_world(site: Any, teacher: httpx.Client) -> No
     assert site.client("olga", "instructor", "other").get(theirs).status_code == 200
 
 
-def test_lists_hold_ones_own_and_for_the_instructor_all(
+def test_lists_hold_the_learners_own_submissions_and_all_for_the_instructor(
     ann: httpx.Client, bob: httpx.Client, teacher: httpx.Client
 ) -> None:
     hand_in(ann, "q1", 1)
@@ -151,7 +151,7 @@ def test_pages_follow_each_other_by_link_and_by_cursor(ann: httpx.Client) -> Non
 @pytest.mark.parametrize(
     "query", ["cursor=zzz", "cursor=%00", "cursor=YmVmb3JlOg", "limit=0", "limit=101", "limit=x", "user=%00"]
 )
-def test_queries_that_make_no_sense_are_refused(ann: httpx.Client, query: str) -> None:
+def test_invalid_query_parameters_are_422(ann: httpx.Client, query: str) -> None:
     response = ann.get(f"{SUBMISSIONS}?{query}")
     assert response.status_code == 422
     assert response.headers["content-type"] == "application/problem+json"
@@ -199,7 +199,7 @@ def test_a_question_that_is_not_there_is_not_found(ann: httpx.Client, body: dict
     ],
     ids=["empty", "broken", "list", "missing", "unknown", "type", "not-utf8", "surrogate", "deep", "long-number"],
 )
-def test_bodies_that_make_no_sense_are_refused(ann: httpx.Client, body: bytes) -> None:
+def test_invalid_bodies_are_422(ann: httpx.Client, body: bytes) -> None:
     response = ann.post(SUBMISSIONS, content=body, headers={"Content-Type": "application/json"})
     assert response.status_code == 422, response.text
     assert response.headers["content-type"] == "application/problem+json"

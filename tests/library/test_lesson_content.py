@@ -5,8 +5,8 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from grader.answers import grade_answer
 from grader.domain.verdict import Status
-from grader.grading.answers import grade_answer
 from grader.library import Library, load
 
 ROOT = Path(__file__).parents[2]

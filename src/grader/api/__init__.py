@@ -1,1 +1,1 @@
-"""HTTP JSON under /api/v1, and what stands beside it: health, sign-in."""
+"""HTTP JSON under /api/v1, with health, and the checks that every request passes."""

@@ -1,59 +1,91 @@
-"""What the routes work with: the database, the content, and who is asking."""
+"""What the JSON routes work with: the app's objects, and the identity of the caller."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
-from fastapi import Depends, Request, Security
+from fastapi import Depends, FastAPI, Header, Request, Security
 from fastapi.security import HTTPBearer
 
-from grader.api.content import Content
-from grader.api.gate import identity_in
-from grader.api.lab_cache import LabCache
+from grader.api.admission import identity_in
+from grader.api.conditional import Bodies
+from grader.api.lab_runs import LabRuns
+from grader.content import Content
 from grader.identity import Identity, Role
 from grader.store.database import Database
+
+STATISTICS_KEPT = 256
+"""Statistics that are kept; those of a quiz are a few kilobytes."""
+
+Check = Callable[[], dict[str, Any]]
+"""A check of readiness: returns what it found, raises where the service cannot work."""
 
 
 @dataclass(frozen=True)
 class Context:
-    """One per app. `wake` tells the embedded worker that there is something to do."""
+    """What one app's routes share. `checks` are those of /readyz."""
 
     database: Database
     content: Content
     queue_per_user: int
-    wake: Callable[[], None]
-    labs: LabCache
+    labs: LabRuns
+    checks: dict[str, Check] = field(default_factory=dict)
+    public_origin: str | None = None
+    """Where browsers reach the service; None on loopback."""
+    statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
 
 
-async def context_of(request: Request) -> Context:
-    """The app's context."""
-    context: Context = request.app.state.context
+def context_in(app: FastAPI) -> Context:
+    """The context of an app, typed: the only place that looks it up."""
+    context: Context = app.state.context
     return context
 
 
+async def context_of(request: Request) -> Context:
+    """The context of the app that serves a request."""
+    return context_in(request.app)
+
+
 async def anybody(request: Request) -> Identity:
-    """Whoever has a valid token or session: the gate let nobody else through."""
+    """The caller, in any role."""
     return identity_in(request.scope)
 
 
 async def learner(request: Request) -> Identity:
-    """Somebody who answers questions; instructors may try their own. Raises Forbidden."""
+    """A caller who may answer questions: a student, or an instructor who tries them. Raises Forbidden."""
     identity = identity_in(request.scope)
     identity.require(Role.STUDENT, Role.INSTRUCTOR)
     return identity
 
 
 async def instructor(request: Request) -> Identity:
-    """Raises Forbidden for everybody else."""
+    """A caller who is an instructor. Raises Forbidden."""
     identity = identity_in(request.scope)
     identity.require(Role.INSTRUCTOR)
     return identity
 
 
+async def service(request: Request) -> Identity:
+    """A caller that is another service, such as an LMS. Raises Forbidden."""
+    identity = identity_in(request.scope)
+    identity.require(Role.SERVICE)
+    return identity
+
+
+async def staff(request: Request) -> Identity:
+    """A caller who is an instructor or another service. Raises Forbidden."""
+    identity = identity_in(request.scope)
+    identity.require(Role.INSTRUCTOR, Role.SERVICE)
+    return identity
+
+
 bearer = Security(HTTPBearer(auto_error=False, description="From `grader token create`."))
-"""For the OpenAPI description; the gate is what checks."""
+"""Documents the token in OpenAPI; AdmissionMiddleware checks it."""
 
 AppContext = Annotated[Context, Depends(context_of)]
 Anybody = Annotated[Identity, Depends(anybody)]
 Learner = Annotated[Identity, Depends(learner)]
 Instructor = Annotated[Identity, Depends(instructor)]
+Service = Annotated[Identity, Depends(service)]
+Staff = Annotated[Identity, Depends(staff)]
+IfNoneMatch = Annotated[str, Header(alias="If-None-Match", max_length=1000)]

@@ -1,7 +1,8 @@
-"""`/submissions/{id}/events`: what happens to a submission, as it happens."""
+"""`/submissions/{id}/events`: the events of a submission as a stream."""
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -12,69 +13,90 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from grader.api.context import AppContext, Context, Learner
 from grader.api.problems import documented
-from grader.api.submissions import view, visible
+from grader.api.submissions import view_for, visible
+from grader.courses.standing import standing_of
+from grader.identity import Identity
 from grader.store import submissions
 from grader.store.tables import Event, Submission
 
 router = APIRouter()
 
-POLL_S = 0.2
-"""How soon a listener hears of what another process did [s]."""
+LOOK_S = 15.0
+"""Pause between two looks into the database where no event is announced [s]."""
 
 
 @dataclass(frozen=True)
 class Listener:
-    """Somebody who has heard the events of a submission up to the `heard`-th."""
+    """An open stream; `last` is the number of the last event that the listener already has."""
 
     context: Context
+    who: Identity
     submission_id: str
-    heard: int
+    last: int
 
 
 def listen(
     submission_id: str, who: Learner, context: AppContext, last_event_id: Annotated[str | None, Header()] = None
 ) -> Listener:
-    """Raises NotFound, and 204 where nothing can follow any more: it tells a browser to stop asking."""
-    heard = int(last_event_id) if last_event_id and last_event_id.isdecimal() and len(last_event_id) < 10 else 0
+    """Opens a stream. Raises NotFound, and 204 if no event can follow, which makes a browser stop asking."""
+    last = int(last_event_id) if last_event_id and last_event_id.isdecimal() and len(last_event_id) < 10 else 0
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
         over = submission.status in submissions.AT_REST
-        heard = min(heard, submissions.last_event(session, submission_id))
-        if over and not submissions.events_after(session, submission_id, heard):
+        last = min(last, submissions.last_event(session, submission_id))
+        if over and not submissions.events_after(session, submission_id, last):
             raise HTTPException(204)
-    return Listener(context, submission_id, heard)
+    return Listener(context, who, submission_id, last)
 
 
 @router.get(
     "/submissions/{submission_id}/events",
     response_class=EventSourceResponse,
-    responses=documented(401, 403, 404, 422, 429, more={204: {"description": "Nothing more will come"}}),
+    responses=documented(401, 403, 404, 422, 429, more={204: {"description": "No more events"}}),
 )
 async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterator[ServerSentEvent]:
     """Every event since `Last-Event-ID`, then those to come; the last is `graded` or `needs_review`."""
-    heard, over = listener.heard, False
-    while not over:
-        events, shown, over = await run_in_threadpool(news, listener, heard)
-        for event in events:
-            heard = event.number
-            yield ServerSentEvent(id=str(event.number), event=event.name, data=told(event, shown))
-        if not over:
-            await asyncio.sleep(POLL_S)
+    last, over = listener.last, False
+    loop, changed = asyncio.get_running_loop(), asyncio.Event()
+    signals = listener.context.database.signals
+
+    def wake() -> None:
+        loop.call_soon_threadsafe(changed.set)
+
+    with signals.listening(submissions.EVENTS, wake, listener.submission_id):
+        while not over:
+            changed.clear()
+            events, shown, over = await run_in_threadpool(read_events, listener, last)
+            for event in events:
+                last = event.number
+                data = event_data(event, shown)
+                yield ServerSentEvent(id=str(event.number), event=event_name(event, shown), data=data)
+            if not over:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(changed.wait(), LOOK_S)
 
 
-def news(listener: Listener, heard: int) -> tuple[list[Event], dict[str, Any], bool]:
-    """Events after the `heard`-th, the submission as it now is, and whether that is all."""
+def read_events(listener: Listener, last: int) -> tuple[list[Event], dict[str, Any], bool]:
+    """The events after number `last`, the submission as it is now, and whether no more will come."""
+    library = listener.context.content.library
     with listener.context.database.read() as session:
         submission = session.get_one(Submission, listener.submission_id)
         over = submission.status in submissions.AT_REST
-        events = list(submissions.events_after(session, submission.id, heard))
+        events = list(submissions.events_after(session, submission.id, last))
         verdict = submissions.verdicts(session, [submission]).get(submission.id) if over else None
-        shown = jsonable_encoder(view(submission, verdict, with_answer=False))
+        standing = standing_of(session, library, listener.who, (submission.quiz, submission.question))
+        shown = jsonable_encoder(view_for(standing, submission, verdict, with_answer=False))
     return events, shown, over
 
 
-def told(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
-    """What an event says: the whole submission with its verdict when it is graded, before that only its state."""
+def event_name(event: Event, shown: dict[str, Any]) -> str:
+    """The name of an event: that of a withheld verdict is `needs_review`, as is the status that is shown."""
+    withheld = event.name in submissions.AT_REST and shown["status"] == submissions.NEEDS_REVIEW
+    return submissions.NEEDS_REVIEW if withheld else event.name
+
+
+def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
+    """The data of an event: the submission with its verdict once it is graded, before that its id and status."""
     if event.name in submissions.AT_REST:
         return shown
     return {"id": event.submission_id, "status": event.name}

@@ -1,19 +1,16 @@
 """`/healthz`: the process answers. `/readyz`: it can grade."""
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import structlog
-from fastapi import APIRouter, Request
+from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
+from grader.api.context import AppContext, Check
 from grader.api.problems import documented, problem
 
 router = APIRouter()
 log = structlog.get_logger()
-
-Check = Callable[[], dict[str, Any]]
-"""Says what it found; raises where that is not enough to work with."""
 
 
 @router.get("/healthz")
@@ -23,10 +20,9 @@ async def healthz() -> dict[str, str]:
 
 
 @router.get("/readyz", responses=documented(503))
-def readyz(request: Request) -> Response:
-    """Database, content and jail, each with what it is; 503 where one does not work."""
-    checks: Mapping[str, Check] = request.app.state.checks
-    found = {name: outcome(name, check) for name, check in checks.items()}
+def readyz(context: AppContext) -> Response:
+    """The state of database, content and jail; 503 if one of them does not work."""
+    found = {name: outcome(name, check) for name, check in context.checks.items()}
     if all(result["ok"] for result in found.values()):
         return JSONResponse({"status": "ready", "checks": found})
     failed = ", ".join(name for name, result in found.items() if not result["ok"])
@@ -34,7 +30,7 @@ def readyz(request: Request) -> Response:
 
 
 def outcome(name: str, check: Check) -> dict[str, Any]:
-    """What one check found; why it failed stands in the log, not here."""
+    """What one check found. The reason of a failure is logged, not shown."""
     try:
         return {"ok": True, **check()}
     except Exception:

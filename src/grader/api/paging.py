@@ -1,4 +1,4 @@
-"""Pages of a list: opaque cursors, and the link to the next page."""
+"""Pages of a list, by an opaque cursor and a link to the next page."""
 
 import base64
 import binascii
@@ -8,60 +8,66 @@ from urllib.parse import urlencode
 from fastapi import Query, Response
 from pydantic import BaseModel, Field
 
-from grader.api.gate import PREFIX
+from grader.api.admission import PREFIX
 from grader.errors import Unprocessable
 
 LIMIT, LIMIT_MAX = 50, 100
 NO_NUL = r"^[^\x00]*$"
-"""PostgreSQL keeps no NUL in text, so nothing with one can be there."""
+"""PostgreSQL cannot store NUL in text, and refuses queries that hold one."""
 
 
 class PageQuery(BaseModel):
-    """Which submissions, and which page of them."""
+    """The query parameters of a list: which submissions, and which page of them."""
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)
     user: str | None = Field(default=None, pattern=NO_NUL)
+    learner: str | None = Field(default=None, pattern=NO_NUL)
     cursor: str | None = None
     limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
 
     @property
     def start(self) -> str | None:
-        """The submission next to which the page begins. Raises Unprocessable."""
+        """The id of the last submission of the page before; None for the first page. Raises Unprocessable."""
         return None if self.cursor is None else read_cursor(self.cursor)
 
 
 class Page(BaseModel):
-    """One page of a list; `next_cursor` is None on the last."""
+    """One page of a list; `next_cursor` is None on the last page."""
 
     items: list[dict[str, Any]]
     next_cursor: str | None
 
 
-Asked = Annotated[PageQuery, Query()]
+PageParams = Annotated[PageQuery, Query()]
 
 
-def page_of(items: list[dict[str, Any]], asked: PageQuery, path: str, response: Response) -> dict[str, Any]:
-    """The page of `items`, which are one more than were asked for where there is a next page."""
-    if len(items) <= asked.limit:
+def page_of(items: list[dict[str, Any]], query: PageQuery, path: str, response: Response) -> dict[str, Any]:
+    """The body of a page, and its `Link` header. `items` are one more than the limit if there is a next page."""
+    if len(items) <= query.limit:
         return {"items": items, "next_cursor": None}
-    items = items[: asked.limit]
-    onward = asked.model_copy(update={"cursor": write_cursor(items[-1]["id"])})
-    response.headers["Link"] = f'<{PREFIX}{path}?{urlencode(onward.model_dump(exclude_none=True))}>; rel="next"'
-    return {"items": items, "next_cursor": onward.cursor}
+    items = items[: query.limit]
+    following = query.model_copy(update={"cursor": write_cursor(items[-1]["id"])})
+    response.headers["Link"] = next_link(path, following)
+    return {"items": items, "next_cursor": following.cursor}
 
 
-def write_cursor(submission_id: str) -> str:
-    """Opaque: what stands in it may change."""
-    return base64.urlsafe_b64encode(f"at:{submission_id}".encode()).decode().rstrip("=")
+def next_link(path: str, following: BaseModel) -> str:
+    """The `Link` header of the next page, from its query parameters."""
+    return f'<{PREFIX}{path}?{urlencode(following.model_dump(exclude_none=True))}>; rel="next"'
+
+
+def write_cursor(last: str) -> str:
+    """The cursor of the page after the item with this id. Opaque to callers: its format may change."""
+    return base64.urlsafe_b64encode(f"at:{last}".encode()).decode().rstrip("=")
 
 
 def read_cursor(cursor: str) -> str:
-    """The submission where the last page ended. Raises Unprocessable."""
+    """The id of the last item of the page before. Raises Unprocessable."""
     try:
         decoded = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode("ascii")
     except (ValueError, binascii.Error) as error:
-        raise Unprocessable("The cursor is not one of ours.") from error
+        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.") from error
     if not decoded.startswith("at:") or not decoded.removeprefix("at:").isalnum():
-        raise Unprocessable("The cursor is not one of ours.")
+        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
     return decoded.removeprefix("at:")

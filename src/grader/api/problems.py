@@ -1,4 +1,4 @@
-"""Every error as RFC 9457 `application/problem+json`, mapped in this one place."""
+"""Every error as RFC 9457 `application/problem+json`: the one place that gives errors their HTTP status."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +10,21 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
-from grader.errors import CallerError, ContentError, GraderError, InvalidAnswer, TooManyRequests, Unauthorized
+from grader.errors import (
+    Conflict,
+    ContentError,
+    Forbidden,
+    GraderError,
+    InvalidAnswer,
+    LabRefused,
+    NotFound,
+    Outdated,
+    TooLarge,
+    TooManyRequests,
+    Unauthorized,
+    Unconditional,
+    Unprocessable,
+)
 
 MEDIA_TYPE = "application/problem+json"
 SCHEMA = {
@@ -27,6 +41,10 @@ SCHEMA = {
 }
 
 
+ERRORS_MAX = 20
+"""Errors of one body that are listed."""
+
+
 class ProblemResponse(JSONResponse):
     """A problem document."""
 
@@ -37,7 +55,7 @@ Responses = dict[int | str, dict[str, Any]]
 
 
 def documented(*statuses: int, more: Responses | None = None) -> Responses:
-    """The problems of a route for its OpenAPI description, and what else it may answer."""
+    """The `responses` of a route for OpenAPI: a problem document for each status, and those in `more`."""
     return (more or {}) | {
         status: {"description": HTTPStatus(status).phrase, "content": {MEDIA_TYPE: {"schema": SCHEMA}}}
         for status in statuses
@@ -45,49 +63,66 @@ def documented(*statuses: int, more: Responses | None = None) -> Responses:
 
 
 def problem(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> Response:
-    """The problem document of one error; `more` are further members."""
+    """A problem document; `more` are its extension members."""
     title = HTTPStatus(status).phrase
     body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **more}
     return ProblemResponse(body, status, headers)
 
 
+STATUS: dict[type[GraderError], int] = {
+    Unauthorized: 401,
+    Forbidden: 403,
+    NotFound: 404,
+    Conflict: 409,
+    Outdated: 412,
+    TooLarge: 413,
+    ContentError: 422,
+    InvalidAnswer: 422,
+    LabRefused: 422,
+    Unprocessable: 422,
+    Unconditional: 428,
+    TooManyRequests: 429,
+}
+"""The HTTP status of every error that a request can cause. Any other error is our fault: 500."""
+
+
 def problem_of(error: GraderError) -> Response:
-    """The problem document of one of our own errors."""
+    """The problem document of one of our own errors. Raises the error again where it is not the caller's."""
+    status = STATUS.get(type(error))
+    if status is None:
+        raise error
     match error:
         case TooManyRequests():
-            return problem(error.status, str(error), {"Retry-After": str(error.retry_after_s)})
+            return problem(status, str(error), {"Retry-After": str(error.retry_after_s)})
         case Unauthorized():
-            return problem(error.status, str(error), {"WWW-Authenticate": "Bearer"})
-        case CallerError():
-            return problem(error.status, str(error))
+            return problem(status, str(error), {"WWW-Authenticate": "Bearer"})
         case ContentError():
             faults = [vars(fault) for fault in error.faults]
-            return problem(422, "The content has faults; what was loaded before stays.", faults=faults)
-        case InvalidAnswer():
-            return problem(422, str(error))
-    raise error
+            return problem(status, "The content has faults; what was loaded before stays.", faults=faults)
+        case _:
+            return problem(status, str(error))
 
 
 def install(app: FastAPI) -> None:
-    """Every error that is raised on purpose; what is not, the gate answers."""
+    """Registers the handlers of every error that is raised on purpose; AdmissionMiddleware answers all others."""
 
     @app.exception_handler(GraderError)
-    async def ours(_request: Request, error: GraderError) -> Response:
+    async def on_grader_error(_request: Request, error: GraderError) -> Response:
         return problem_of(error)
 
     @app.exception_handler(HTTPException)
-    async def frameworks(request: Request, error: HTTPException) -> Response:
+    async def on_http_exception(request: Request, error: HTTPException) -> Response:
         return problem_of_framework(request, error)
 
     @app.exception_handler(RequestValidationError)
-    async def invalid(_request: Request, error: RequestValidationError) -> Response:
-        errors = [{"at": list(item["loc"]), "why": item["msg"]} for item in error.errors()]
-        told = "; ".join(f"{'.'.join(map(str, item['at']))}: {item['why']}" for item in errors)
-        return problem(422, told, errors=errors)
+    async def on_invalid_request(_request: Request, error: RequestValidationError) -> Response:
+        errors = [{"at": list(item["loc"]), "why": item["msg"]} for item in error.errors()[:ERRORS_MAX]]
+        detail = "; ".join(f"{'.'.join(map(str, item['at']))}: {item['why']}" for item in errors)
+        return problem(422, detail, errors=errors)
 
 
 def problem_of_framework(request: Request, error: HTTPException) -> Response:
-    """What the framework itself refuses; it says 400 of a body that it cannot read, which is our 422."""
+    """The problem document of an error that the framework raised. Its 400 for an unreadable body becomes 422."""
     if error.status_code == HTTPStatus.NO_CONTENT:
         return Response(status_code=204)
     status = 422 if error.status_code == HTTPStatus.BAD_REQUEST else error.status_code
@@ -101,7 +136,7 @@ def problem_of_framework(request: Request, error: HTTPException) -> Response:
 
 
 def methods_at(request: Request) -> list[str]:
-    """Every method of the path that was asked for; the router itself names those of one route only."""
+    """Every method that the requested path allows. The router itself names the methods of one route only."""
     methods: set[str] = set()
     for template, operations in request.app.openapi()["paths"].items():
         pattern = re.sub(r"\\{[^/]*?\\}", "[^/]+", re.escape(template))

@@ -1,8 +1,11 @@
-"""How often somebody may ask: a bucket per user that fills steadily and is emptied by requests."""
+"""Rate limits: one token bucket per learner or address, which requests empty and time refills."""
 
 import math
 import time
 from collections.abc import Callable, Hashable
+from ipaddress import IPv6Address, IPv6Network, ip_address
+
+from starlette.types import Scope
 
 from grader.errors import TooManyRequests
 
@@ -10,26 +13,50 @@ BUCKETS_MAX = 10_000
 
 
 class RateLimit:
-    """`rate_per_s` lastingly, `burst` at once. For one thread: the event loop's."""
+    """Token buckets of size `burst`, refilled at `rate_per_s`. Not thread-safe: for the event loop."""
 
-    def __init__(self, rate_per_s: float, burst: int, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rate, self._burst, self._clock = rate_per_s, burst, clock
+    def __init__(
+        self,
+        rate_per_s: float,
+        burst: float,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        refusal: str = "Too many requests at once.",
+    ) -> None:
+        self._rate, self._burst, self._clock, self._refusal = rate_per_s, burst, clock, refusal
         self._buckets: dict[Hashable, tuple[float, float]] = {}
 
-    def spend(self, who: Hashable) -> None:
-        """Takes one request out of the bucket. Raises TooManyRequests where it is empty."""
-        now = self._clock()
-        level, since = self._buckets.pop(who, (float(self._burst), now))
-        level = min(self._burst, level + (now - since) * self._rate)
-        if level >= 1:
-            level -= 1
-            self._keep(who, level, now)
-            return
-        self._keep(who, level, now)
-        raise TooManyRequests("Too many requests at once.", math.ceil((1 - level) / self._rate))
+    def spend(self, who: Hashable, cost: float = 1.0) -> None:
+        """Takes `cost` out of the bucket, which may leave a debt. Raises TooManyRequests if it holds less than 1."""
+        self.require(who)
+        self.charge(who, cost)
 
-    def _keep(self, who: Hashable, level: float, now: float) -> None:
-        """The dict stays in order of last use, so that its first is the one to forget."""
-        self._buckets[who] = (level, now)
+    def require(self, who: Hashable) -> None:
+        """Raises TooManyRequests if the bucket holds less than 1."""
+        level = self._level(who)
+        if level < 1:
+            raise TooManyRequests(self._refusal, math.ceil((1 - level) / self._rate))
+
+    def charge(self, who: Hashable, cost: float) -> None:
+        """Takes `cost` out of the bucket. Drops the least recently used of too many buckets."""
+        level = self._level(who) - cost
+        self._buckets.pop(who, None)
+        self._buckets[who] = (level, self._clock())
         if len(self._buckets) > BUCKETS_MAX:
             del self._buckets[next(iter(self._buckets))]
+
+    def _level(self, who: Hashable) -> float:
+        level, since = self._buckets.get(who, (self._burst, self._clock()))
+        return min(self._burst, level + (self._clock() - since) * self._rate)
+
+
+def address_of(scope: Scope) -> str:
+    """The client's IPv4 address or IPv6 network of 64 bits, which one client has to itself; "" if there is none."""
+    host = (scope.get("client") or ("", 0))[0]
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return ""
+    if isinstance(address, IPv6Address):
+        return str(address.ipv4_mapped or IPv6Network((int(address), 64), strict=False))
+    return str(address)

@@ -1,10 +1,22 @@
-"""All routes of this room."""
+"""All routes of the JSON API, with health."""
 
 from fastapi import APIRouter
 
-from grader.api import events, health, labs, quizzes, reviews, signin, submissions
+from grader.api import (
+    events,
+    extensions,
+    gradebook,
+    health,
+    labs,
+    people,
+    quizzes,
+    results,
+    reviews,
+    statistics,
+    submissions,
+)
+from grader.api.admission import PREFIX
 from grader.api.context import bearer
-from grader.api.gate import PREFIX
 
 v1 = APIRouter(prefix=PREFIX, dependencies=[bearer])
 v1.include_router(quizzes.router)
@@ -12,8 +24,12 @@ v1.include_router(submissions.router)
 v1.include_router(events.router)
 v1.include_router(reviews.router)
 v1.include_router(labs.router)
+v1.include_router(people.router)
+v1.include_router(results.router)
+v1.include_router(gradebook.router)
+v1.include_router(statistics.router)
+v1.include_router(extensions.router)
 
 router = APIRouter()
 router.include_router(v1)
 router.include_router(health.router)
-router.include_router(signin.router)

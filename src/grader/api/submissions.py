@@ -1,6 +1,7 @@
 """`/submissions` and `/answers:validate`."""
 
 import json
+import zlib
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -8,38 +9,46 @@ from fastapi import APIRouter, Header, Request, Response
 from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
+from grader.api.admission import PREFIX
 from grader.api.context import AppContext, Learner
-from grader.api.gate import PREFIX
-from grader.api.intake import AnswerBody, canonical, take_in
-from grader.api.paging import Asked, Page, page_of
+from grader.api.intake import AnswerBody, accept
+from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
-from grader.domain.verdict import Verdict
+from grader.courses.policy import Shown
+from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
+from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, NotFound
-from grader.identity import Identity
+from grader.identity import Identity, Role
 from grader.store import submissions
-from grader.store.submissions import Chosen
+from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Submission
 
 router = APIRouter()
 
 
 class SubmissionView(BaseModel):
-    """A submission as its learner and their instructor see it. `answer` is left out of lists."""
+    """A submission. `withheld` says when the feedback comes, where it may not be seen yet.
+
+    Lists leave out `answer`; only instructors see `seed`, which draws the hidden cases.
+    """
 
     id: str
     quiz: str
     question: str
+    learner: str
     user: str
     status: Literal["queued", "running", "graded", "needs_review"]
     attempt: int
     created_at: datetime
     revision: int
     verdict: Verdict | None
+    withheld: str | None = None
     answer: Any = None
+    seed: int | None = None
 
 
-class Reading(BaseModel):
-    """What was understood of an answer; `message` says why it was not."""
+class Interpretation(BaseModel):
+    """What was understood of an answer, or the reason why it cannot be read."""
 
     valid: bool
     read_as: str | None
@@ -52,33 +61,32 @@ class Reading(BaseModel):
     response_model=SubmissionView,
     responses=documented(401, 403, 404, 409, 413, 422, 429, more={202: {"model": SubmissionView}}),
 )
-def hand_in(
+def create_submission(
     body: AnswerBody,
     who: Learner,
     context: AppContext,
     response: Response,
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=255)] = None,
 ) -> dict[str, Any]:
-    """Hands an answer in: 201 with the verdict where it is instant, else 202."""
-    receipt = take_in(context, who, body, idempotency_key)
+    """Hands in an answer: 201 with the verdict if it is instant, else 202."""
+    receipt = accept(context, who, body, idempotency_key)
     response.status_code = receipt.http_status
     response.headers["Location"] = f"{PREFIX}/submissions/{receipt.submission.id}"
-    response.headers["ETag"] = etag_of(receipt.submission)
-    return view(receipt.submission, receipt.verdict)
+    response.headers["ETag"] = etag_for(receipt.standing, receipt.submission)
+    return view_for(receipt.standing, receipt.submission, receipt.verdict)
 
 
 @router.get("/submissions", response_model=Page, responses=documented(401, 403, 422, 429))
-def list_submissions(asked: Asked, who: Learner, context: AppContext, response: Response) -> dict[str, Any]:
-    """The newest first: one's own, or for an instructor everybody's in the course."""
-    before = asked.start
-    if not who.is_instructor and asked.user not in (None, who.user):
-        return {"items": [], "next_cursor": None}
-    chosen = Chosen(who.course, asked.user if who.is_instructor else who.user, asked.quiz, asked.question)
+def list_submissions(query: PageParams, who: Learner, context: AppContext, response: Response) -> dict[str, Any]:
+    """Lists submissions, newest first: the learner's own, or for an instructor all of the course."""
+    learner = query.learner if who.is_instructor else who.id
+    wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, learner)
     with context.database.read() as session:
-        rows = submissions.page(session, chosen, before, asked.limit + 1)
+        rows = submissions.page(session, wanted, query.start, query.limit + 1)
         verdicts = submissions.verdicts(session, rows)
-    items = [view(row, verdicts.get(row.id), with_answer=False) for row in rows]
-    return page_of(items, asked, "/submissions", response)
+        standing = standing_of(session, context.content.library, who)
+    items = [view_for(standing, row, verdicts.get(row.id), with_answer=False) for row in rows]
+    return page_of(items, query, "/submissions", response)
 
 
 @router.get(
@@ -89,51 +97,98 @@ def list_submissions(asked: Asked, who: Learner, context: AppContext, response: 
 def show_submission(
     submission_id: str, who: Learner, context: AppContext, request: Request, response: Response
 ) -> dict[str, Any] | Response:
-    """One submission with its verdict; its ETag changes with every change of it."""
+    """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
         verdict = submissions.verdicts(session, [submission]).get(submission.id)
-    etag = etag_of(submission)
+        standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
+    etag = etag_for(standing, submission)
     known = request.headers.get("if-none-match", "")
     if etag in known or known.strip() == "*":
         return Response(status_code=304, headers={"ETag": etag})
     response.headers["ETag"] = etag
-    return view(submission, verdict)
+    return view_for(standing, submission, verdict)
 
 
-@router.post("/answers:validate", responses=documented(401, 403, 404, 413, 422, 429))
-def validate_answer(body: AnswerBody, _who: Learner, context: AppContext) -> Reading:
-    """What the service understands of an answer; it is not graded and uses no attempt."""
-    canonical(body.answer)
+@router.post("/answers:validate", responses=documented(401, 403, 404, 409, 413, 422, 429))
+def validate_answer(body: AnswerBody, who: Learner, context: AppContext) -> Interpretation:
+    """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
+    pipeline = context.content.pipeline
+    require_opened(pipeline.library, body.quiz, who.role)
     try:
-        read_as = context.content.pipeline.read_answer(body.quiz, body.question, body.answer)
+        read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))
     except InvalidAnswer as error:
-        return Reading(valid=False, read_as=None, message=str(error))
-    return Reading(valid=True, read_as=read_as, message=None)
+        return Interpretation(valid=False, read_as=None, message=str(error))
+    return Interpretation(valid=True, read_as=read_as, message=None)
 
 
 def visible(session: Session, submission_id: str, who: Identity) -> Submission:
-    """The submission. Raises NotFound where it is not there, or not theirs to see."""
+    """The submission. Raises NotFound if it does not exist, or is not the caller's to see."""
     submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
-    if submission is None or not who.may_see(submission.user, submission.course):
+    if submission is None or not who.may_see(submission.learner, submission.course):
         raise NotFound("There is no such submission.")
     return submission
 
 
-def view(submission: Submission, verdict: Any | None, with_answer: bool = True) -> dict[str, Any]:
-    """The submission as plain JSON; `verdict` is the one that counts."""
+def view_for(
+    standing: Standing, submission: Submission, verdict: Any | None, *, with_answer: bool = True
+) -> dict[str, Any]:
+    """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only."""
+    decision = standing.decision(submission.quiz, submission.question)
+    shown = view(
+        submission,
+        shown_verdict(verdict, decision),
+        with_answer=with_answer,
+        with_seed=standing.role == Role.INSTRUCTOR,
+    )
+    return shown | {"withheld": decision.withheld}
+
+
+def view(
+    submission: Submission, verdict: Any | None, *, with_answer: bool = True, with_seed: bool = False
+) -> dict[str, Any]:
+    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says."""
     shown = {
         "id": submission.id,
         "quiz": submission.quiz,
         "question": submission.question,
+        "learner": submission.learner,
         "user": submission.user,
-        "status": submission.status,
+        "status": status_with(submission, verdict),
         "attempt": submission.attempt,
         "created_at": submission.created_at,
         "revision": submission.revision,
         "verdict": verdict,
     }
-    return {**shown, "answer": json.loads(submission.answer)} if with_answer else shown
+    if with_answer:
+        shown["answer"] = json.loads(submission.answer)
+    if with_seed:
+        shown["seed"] = submission.seed
+    return shown
+
+
+def status_with(submission: Submission, verdict: Any | None) -> str:
+    """The status of a submission whose verdict is shown as given: a withheld one must not differ by its status."""
+    if submission.status not in submissions.AT_REST or verdict is None:
+        return submission.status
+    waits = verdict["status"] == Status.NEEDS_REVIEW
+    return submissions.NEEDS_REVIEW if waits else submissions.GRADED
+
+
+def etag_for(standing: Standing, submission: Submission) -> str:
+    """As `etag_of`, extended for a learner: it also changes when the policy shows more or less of the verdict."""
+    decision = standing.decision(submission.quiz, submission.question)
+    if standing.role != Role.STUDENT or decision.shown is Shown.FEEDBACK:
+        return etag_of(submission)
+    shown = zlib.crc32(f"{decision.shown} {decision.withheld}".encode())
+    return f'{etag_of(submission)[:-1]}-{shown:08x}"'
+
+
+def is_current(submission: Submission, if_match: str) -> bool:
+    """Whether an `If-Match` header names the submission as it is now, by an ETag of `etag_of` or `etag_for`."""
+    version = etag_of(submission)[:-1]
+    tags = [tag.strip() for tag in if_match.split(",")]
+    return "*" in tags or any(tag == f'{version}"' or tag.startswith(f"{version}-") for tag in tags)
 
 
 def etag_of(submission: Submission) -> str:

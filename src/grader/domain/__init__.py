@@ -1,1 +1,1 @@
-"""The words of the service: Quiz, Question, Submission, Job, RunReport, Verdict. Pure data."""
+"""The data types that all rooms share: Quiz, Question, Lab, Job, RunReport, Verdict."""

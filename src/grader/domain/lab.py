@@ -5,17 +5,20 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 Expression = str
-"""A small JavaScript expression or statement; grader.labs parses it when content is loaded."""
+"""An expression or statement in a small subset of JavaScript; it is compiled when content is loaded."""
 
 
 class LabPart(BaseModel):
-    """Frozen, and strict about its keys."""
+    """Base of the models in this module: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Slider(LabPart):
-    """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`)."""
+    """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`).
+
+    With `init` it is written again after `setup`, because it sets state that `setup` or a reset overwrites.
+    """
 
     type: Literal["slider"] = "slider"
     label: str
@@ -30,14 +33,13 @@ class Slider(LabPart):
     digits: int | None = Field(default=None, ge=0, le=12)
     reset: bool = False
     init: bool = False
-    """`init`: written again after `setup`, because it sets the state that setup or a reset would overwrite."""
 
 
 OptionValue = float | bool | str | tuple[float, ...]
 
 
 class Select(LabPart):
-    """A choice between labelled values; the first where `value` is not given."""
+    """A choice between labelled values; `value` defaults to the first."""
 
     type: Literal["select"]
     label: str
@@ -60,7 +62,7 @@ class Button(LabPart):
 
 
 def _control_type(control: Any) -> str:
-    """Authors leave the type of a slider out."""
+    """The type of a control; sliders are written without one."""
     return str(control.get("type", "slider") if isinstance(control, dict) else getattr(control, "type", "slider"))
 
 
@@ -79,7 +81,7 @@ class Readout(LabPart):
     unit: str | None = None
 
 
-class Trace(LabPart):
+class PlotTrace(LabPart):
     """One line of a plot."""
 
     label: str
@@ -96,7 +98,7 @@ class Plot(LabPart):
     ymin: float | None = None
     ymax: float | None = None
     refLines: tuple[Any, ...] = ()
-    traces: tuple[Trace, ...] = Field(min_length=1)
+    traces: tuple[PlotTrace, ...] = Field(min_length=1)
 
 
 class LabConfig(LabPart):

@@ -1,14 +1,19 @@
-"""Quiz and Question, in the JSON that the course's authors already write (plus this service's optional keys)."""
+"""Quiz and Question: the JSON of the course's quiz widget, plus optional keys of this service."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import Lab, LabConfig
+from grader.domain.policy import Policy
+from grader.domain.rubric import Rubric
 from grader.domain.run import Limits
 from grader.domain.verify import Verify
+
+ModelXml = Callable[[str], str]
+"""Returns the MJCF text of a model of the content folder by name; raises NotFound if there is none."""
 
 
 def _index_of_option(answer: int, info: ValidationInfo) -> int:
@@ -20,11 +25,11 @@ def _index_of_option(answer: int, info: ValidationInfo) -> int:
 
 
 OptionIndex = Annotated[int, Field(ge=0, strict=True), AfterValidator(_index_of_option)]
-"""The 0-based index of one of the `options`, which must stand before it in the class."""
+"""The 0-based index of one of the `options`, a field that must be declared before it."""
 
 
 class QuestionPart(BaseModel):
-    """What every question has. `id` is given by position where the author gave none."""
+    """The fields of every question. Loading adds a missing `id` by position: q1, q2, ..."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -47,7 +52,7 @@ class ChoiceQuestion(QuestionPart):
 
 
 class PredictQuestion(QuestionPart):
-    """A choice made before the simulation in `sim` may be run."""
+    """A choice that the learner makes before running the simulation in `sim`."""
 
     kind: Literal["predict"]
     options: tuple[str, ...] = Field(min_length=2)
@@ -56,7 +61,7 @@ class PredictQuestion(QuestionPart):
 
 
 class NumericQuestion(QuestionPart):
-    """A number in `unit`; right within `tol` (absolute, in that unit; 2 % of |answer| where it is not given)."""
+    """A number in `unit`, correct within `tol` (absolute, in that unit; default 2 % of |answer|)."""
 
     kind: Literal["numeric"]
     answer: float = Field(allow_inf_nan=False, strict=True)
@@ -70,14 +75,15 @@ class NumericQuestion(QuestionPart):
 
 
 class OpenQuestion(QuestionPart):
-    """A text that an instructor reviews against `reference`."""
+    """A text that an instructor reviews; `reference` is a model answer."""
 
     kind: Literal["open"]
     reference: str | None = None
+    rubric: Rubric = ()
 
 
 class CheckSpec(BaseModel):
-    """Which registered checker judges an exercise, and with what parameters, tolerances and cases."""
+    """The kind of an exercise, and its parameters, tolerances and cases."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -85,18 +91,19 @@ class CheckSpec(BaseModel):
 
     @property
     def parameters(self) -> Mapping[str, Any]:
-        """Everything but the checker's name; the checker validates it."""
+        """All keys but `kind`; the kind validates them."""
         return self.model_extra or {}
 
 
 class CodeQuestion(QuestionPart):
-    """An exercise: a script whose `entry` function is called in the jail and judged by simulating again."""
+    """An exercise: a script whose function `entry` is called in the jail and judged by an independent simulation."""
 
     kind: Literal["code"]
     starter: str | None = None
     entry: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
     check: CheckSpec
     limits: Limits = Limits()
+    rubric: Rubric = ()
 
 
 Question = Annotated[
@@ -106,11 +113,12 @@ Question = Annotated[
 
 
 class Quiz(BaseModel):
-    """One file of questions, and of the labs that stand beside them."""
+    """One file of questions and labs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str
+    policy: Policy = Policy()
     questions: tuple[Question, ...] = ()
     labs: tuple[Lab, ...] = ()

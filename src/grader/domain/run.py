@@ -1,4 +1,4 @@
-"""Job and RunReport: what goes into the jail and what comes back out of it."""
+"""Job and RunReport: the input and the output of a run in the jail."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ SOURCE_BYTES_MAX = 256 * 1024
 
 
 class Limits(BaseModel):
-    """What a script may use. CPU time decides; wall time only ends a process that is stuck."""
+    """Resources that a script may use. CPU time is the limit; wall time ends a process that hangs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -25,12 +25,20 @@ class Limits(BaseModel):
 
 @dataclass(frozen=True)
 class Job:
-    """One script to run: `driver` is our source text, run in the jail around the student's module.
+    """A script to run in the jail, with the source text of a driver that calls it.
 
-    The driver is executed BEFORE the student's module is imported, so that what it patches (its optional
-    `prepare(inputs)` is called then) is what the student's `from mujoco import ...` finds. After the import its
-    `run(student, inputs, submit)` is called: `student` is the module, `inputs` plain JSON, and
-    `submit(name, array)` hands back one named array of numbers (text travels as uint8).
+    The driver is executed before the student's module is imported, so that the student's `from mujoco import ...`
+    finds what it patched. After the import its `run(student, inputs, submit)` is called: `student` is the module,
+    `inputs` plain JSON, and `submit(name, array)` returns one named array of numbers (text as uint8). The inputs reach
+    the process after the import.
+
+    `hidden_inputs` reach it when the driver calls `hidden_inputs()`, which is among its names. What the script prints
+    after that is not kept, and what it returns is kept apart.
+
+    `without_integrators`: MuJoCo's integrators are removed from the process after the module has been imported, before
+    the inputs reach it. Nothing steps a model from there on; the report counts the attempts. Where the jail
+    `keeps_integrators` they stay. Models compile as before, except those with muscles, whose length range MuJoCo
+    simulates: the driver compiles these at its top level, before the import.
     """
 
     source: str
@@ -38,10 +46,12 @@ class Job:
     inputs: Mapping[str, Any]
     limits: Limits = field(default_factory=Limits)
     filename: str = "submission.py"
+    without_integrators: bool = False
+    hidden_inputs: Mapping[str, Any] = field(default_factory=dict)
 
 
 class RunStatus(StrEnum):
-    """How the script ended, by evidence from outside where there is any."""
+    """How the script ended, as observed from outside the process if possible."""
 
     RETURNED = "returned"
     CRASHED = "crashed"
@@ -53,12 +63,19 @@ class RunStatus(StrEnum):
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a script ended and what it returned. `results` is a claim of the student's process, never evidence."""
+    """How a script ended, and what it returned. `results` come from the student's process and prove nothing.
+
+    `stepped` counts calls of MuJoCo's integrators after they were removed (see Job). Where it is above zero the script
+    has tried to use them; a hostile one can keep it at zero, but cannot step.
+    """
 
     status: RunStatus
     reason: str = ""
     results: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+    hidden_results: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+    """What was returned after the hidden inputs had been asked for."""
     stdout: str = ""
     stderr: str = ""
     cpu_s: float = 0.0
     wall_s: float = 0.0
+    stepped: int = 0

@@ -1,4 +1,4 @@
-"""What a learner may see of a quiz: an allow-list, so that a new field stays hidden until somebody names it here."""
+"""The part of a quiz that a learner may see: an allow-list, so that new fields are hidden by default."""
 
 from typing import Any
 
@@ -25,17 +25,24 @@ PLOT = ("ylabel", "window", "ymin", "ymax")
 
 
 def student_view(quiz: Quiz) -> dict[str, Any]:
-    """The quiz without answers, tolerances, explanations, references, checks or expressions, as plain JSON."""
+    """The quiz as plain JSON, without answers, tolerances, explanations, references, checks or expressions."""
     return {
         "id": quiz.id,
         "title": quiz.title,
+        "policy": quiz.policy.model_dump(mode="json"),
         "questions": [question_view(question) for question in quiz.questions],
         "labs": [lab_view(lab) for lab in quiz.labs],
     }
 
 
+def unopened_view(quiz: Quiz) -> dict[str, Any]:
+    """The quiz before it opens: its rules, without questions and labs."""
+    policy = quiz.policy.model_dump(mode="json")
+    return {"id": quiz.id, "title": quiz.title, "policy": policy, "questions": [], "labs": []}
+
+
 def question_view(question: Question) -> dict[str, Any]:
-    """One question. The lab of a predict question is only announced: it is shown once the learner has answered."""
+    """One question. `has_lab` announces the lab of a predict question, which is shown after the answer."""
     view = _pick(question, COMMON + BY_KIND[question.kind])
     if isinstance(question, CodeQuestion):
         view["limits"] = question.limits.model_dump()
@@ -46,7 +53,7 @@ def question_view(question: Question) -> dict[str, Any]:
 
 
 def lab_view(lab: Lab | LabConfig) -> dict[str, Any]:
-    """The face of a lab: its controls, and the labels of its readouts and traces; no expression, no model source."""
+    """The controls of a lab and the labels of its readouts and traces, without expressions or MJCF."""
     if isinstance(lab, IntegratorsLab):
         return _pick(lab, INTEGRATORS_LAB)
     return _pick(lab, LAB) | {
@@ -57,5 +64,5 @@ def lab_view(lab: Lab | LabConfig) -> dict[str, Any]:
 
 
 def _pick(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:
-    """The named fields that the part has, as plain JSON values."""
+    """The fields of the part with these names, as plain JSON."""
     return part.model_dump(mode="json", include=set(names))

@@ -1,4 +1,4 @@
-"""Verdict and Finding: what grading says of one submission; the same JSON everywhere."""
+"""Verdict and Finding: the result of grading one submission."""
 
 import math
 from enum import StrEnum
@@ -7,11 +7,11 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 POINT_DIGITS = 9
-"""Shares of points (a third of 3) are rounded away in their sum."""
+"""Decimals of a sum of points, so that three thirds of a point add up to 1."""
 
 
 class Status(StrEnum):
-    """How a submission came out."""
+    """The outcome of a submission."""
 
     CORRECT = "correct"
     PARTIAL = "partial"
@@ -27,12 +27,12 @@ class Status(StrEnum):
 
     @property
     def uses_attempt(self) -> bool:
-        """An answer that could not be read and a fault of ours cost the learner nothing."""
+        """Whether it counts as an attempt: an unreadable answer and a fault of the grader do not."""
         return self not in (Status.INVALID_ANSWER, Status.GRADER_FAULT)
 
 
 class Finding(BaseModel):
-    """The outcome of one check. `passed` is None where it could not be decided."""
+    """The outcome of one criterion; `passed` is None if it is undecided."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -47,7 +47,7 @@ class Finding(BaseModel):
 
 
 class Verdict(BaseModel):
-    """Status, points and findings of one submission; append-only: a regrade is a new one."""
+    """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -68,17 +68,17 @@ class Verdict(BaseModel):
 
 
 def status_of(points: float, max_points: float) -> Status:
-    """Correct, partial or incorrect by points."""
+    """Correct, partial or incorrect, by points."""
     if points >= max_points:
         return Status.CORRECT
     return Status.PARTIAL if points > 0 else Status.INCORRECT
 
 
 def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
-    """The verdict after a person's decision over it: their points count.
+    """The verdict with the points of a reviewer, as the first finding.
 
-    What was measured stays beside them; what was left open is decided.
-    Raises ValueError for points that are not between 0 and those of the question.
+    Measured findings stay; undecided ones with points are dropped. Raises ValueError for points below 0 or above
+    those of the question.
     """
     if not 0 <= points <= verdict.max_points:
         raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
@@ -96,7 +96,7 @@ def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
 
 
 def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:
-    """The verdict that a set of findings adds up to; `rest` are further fields of Verdict."""
+    """The verdict with the sum of the findings' points; `rest` are further fields of Verdict."""
     max_points = round(math.fsum(f.max_points for f in findings), POINT_DIGITS)
     points = round(math.fsum(f.points for f in findings), POINT_DIGITS)
     status = status_of(points, max_points)

@@ -1,4 +1,4 @@
-"""`verify`: how the key of a question is re-derived, as its author writes it."""
+"""`verify`: how the key of a question is derived again."""
 
 from typing import Annotated, Literal
 
@@ -14,17 +14,17 @@ IntegratorName = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
 
 
 class VerifyPart(BaseModel):
-    """Frozen, and strict about its keys."""
+    """Base of the models in this module: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class ByOptions(VerifyPart):
-    """A predict question: run the lab under each option's setting; the right option is the one where `criterion` holds.
+    """Run the lab of a predict question under each option's setting; `criterion` holds for the right option only.
 
     `criterion` is `stable` (no warning over the run) or an expression, true at the `end`, `always` or `ever`.
-    `settings` has one entry per option, null for an option such as "None of them"; where it is left out, the options
-    are labels of a select of the lab.
+    `settings` has one entry per option, null for an option such as "None of them"; by default the options are labels
+    of a select of the lab.
     """
 
     by: Literal["options"]
@@ -35,7 +35,7 @@ class ByOptions(VerifyPart):
 
 
 class ByOutcome(VerifyPart):
-    """A predict question: run the lab once; each option says by an expression what it claims, true at `when`."""
+    """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true at `when`."""
 
     by: Literal["outcome"]
     claims: tuple[Expression, ...] = Field(min_length=2)
@@ -45,9 +45,9 @@ class ByOutcome(VerifyPart):
 
 
 class ByStage(VerifyPart):
-    """A question about mj_step: the stage whose call first fills `fills` (`contact`, or an array of the data).
+    """Find the stage of mj_step that first fills the field `fills` (`contact`, or an array of mjData).
 
-    `stages` names each option's call, such as mj_fwdPosition; where it is left out, the options' words do.
+    `stages` has the call of each option, such as mj_fwdPosition; by default it is inferred from the option's words.
     """
 
     by: Literal["stage"]
@@ -57,7 +57,7 @@ class ByStage(VerifyPart):
     stages: tuple[str | None, ...] | None = None
 
 
-class Servo(VerifyPart):
+class ServoJoint(VerifyPart):
     """A joint of inertia [kg m2] held at 0 by a servo with gains kp [N m/rad] and kv [N m s/rad], without gravity."""
 
     inertia: float = Field(gt=0)
@@ -66,14 +66,15 @@ class Servo(VerifyPart):
 
 
 class ByThreshold(VerifyPart):
-    """A numeric question: the largest timestep at which the scene `decays` (for ever) or raises `no_warning`.
+    """Derive the largest stable timestep of a numeric question between `low` and `high` [s].
 
-    The scene is a `servo`, or a `model` or `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. Searched
-    between `low` and `high` [s]; `no_warning` within `seconds`. The answer is `scale` times the limit in seconds.
+    The criterion `decays` takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep
+    without a warning within `seconds`. The scene is a `servo`, or a `model` or `xml` with `key`, `qpos`, `qvel` and
+    fields of the model to `set`. The answer is `scale` times the limit in seconds.
     """
 
     by: Literal["threshold"]
-    servo: Servo | None = None
+    servo: ServoJoint | None = None
     model: str | None = None
     xml: str | None = None
     key: int | str | None = None
@@ -89,7 +90,7 @@ class ByThreshold(VerifyPart):
 
 
 class ByMeasurement(VerifyPart):
-    """A numeric question: the value of `expr` in a run, at its end, or its largest, smallest or mean value."""
+    """Measure the value of `expr` for a numeric question: at the end of a run, or its maximum, minimum or mean."""
 
     by: Literal["measurement"]
     model: str | None = None
@@ -103,7 +104,7 @@ class ByMeasurement(VerifyPart):
 
 
 class ByExpression(VerifyPart):
-    """A numeric question: a closed form, over the fields of `model` or `xml` where one is named."""
+    """Evaluate a closed form for a numeric question, with the fields of `model` or `xml`, if given."""
 
     by: Literal["expression"]
     expr: Expression

@@ -1,6 +1,6 @@
-"""The content folder, loaded whole and once: quizzes/, models/ and starters, proved before anything is served."""
+"""Loads and checks a content folder: quizzes/, models/ and starters."""
 
-from grader.library.library import Library
 from grader.library.loading import load
+from grader.library.snapshot import Library
 
 __all__ = ["Library", "load"]

@@ -1,4 +1,4 @@
-"""Files of a content folder: inside it, regular, not too large, UTF-8."""
+"""Reads files of a content folder, which must be inside it, regular, UTF-8 and not too large."""
 
 from pathlib import Path
 
@@ -9,16 +9,16 @@ MODEL_BYTES_MAX = 4 << 20
 
 
 def list_files(root: Path, folder: str, pattern: str) -> list[str]:
-    """The files of one folder that fit a glob pattern, by path relative to the root, in order of name.
+    """The files of one folder that match a glob pattern, as sorted paths relative to the root.
 
-    Names that begin with a dot are left out: editors and macOS put such files beside an author's own.
+    Names that begin with a dot are skipped, because editors and macOS create such files.
     """
     found = (path.relative_to(root) for path in (root / folder).glob(pattern))
     return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
 
 
 def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
-    """The text of a file named relative to `root`, or what is wrong with it."""
+    """The text of a file named relative to `root`, or its fault."""
     try:
         if why := _path_fault(root, name):
             return Fault(name, "path", why)
@@ -32,7 +32,7 @@ def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
 
 
 def _path_fault(root: Path, name: str) -> str | None:
-    """Why a path does not lead to a regular file inside the root. Raises OSError."""
+    """Why a path is not that of a regular file inside the root, or None. Raises OSError."""
     if not name or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name or "\0" in name:
         return "must be relative to the content folder and stay inside it"
     try:
@@ -41,4 +41,4 @@ def _path_fault(root: Path, name: str) -> str | None:
         return "is a link that leads back to itself"
     if not real.is_relative_to(root.resolve()):
         return "is a link out of the content folder: put the file itself there"
-    return None if real.is_file() else "is no file of the content folder"
+    return None if real.is_file() else "is not a file of the content folder"

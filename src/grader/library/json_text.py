@@ -1,4 +1,4 @@
-"""JSON as authors write it: repeated keys and NaN are faults, keys that begin with `x-` are remarks."""
+"""Parses JSON strictly: repeated keys and NaN are faults; keys that begin with `x-` are remarks."""
 
 import json
 import math
@@ -8,11 +8,11 @@ from typing import Any
 from grader.errors import Fault
 
 DEPTH_MAX = 50
-"""Deeper nesting is a mistake."""
+"""Deepest nesting of lists and objects."""
 
 
 class JsonObject(dict[str, Any]):
-    """One JSON object that remembers which of its keys stood there more than once."""
+    """A JSON object; `repeated` lists the keys that occur more than once."""
 
     def __init__(self, pairs: list[tuple[str, Any]]) -> None:
         super().__init__(pairs)
@@ -21,7 +21,7 @@ class JsonObject(dict[str, Any]):
 
 
 def parse_json(text: str, file: str) -> Any | Fault:
-    """The value, or a fault with line and column."""
+    """Parse a text; a fault gives line and column."""
     try:
         value = json.loads(text, object_pairs_hook=JsonObject)
     except json.JSONDecodeError as error:
@@ -33,7 +33,7 @@ def parse_json(text: str, file: str) -> Any | Fault:
 
 
 def depth(value: Any) -> int:
-    """How many lists and objects stand in one another."""
+    """The depth of nesting of lists and objects."""
     level, levels = [value], 0
     while level:
         level = [inner for item in level if isinstance(item, dict | list) for inner in _inside(item)]
@@ -53,21 +53,21 @@ def without_remarks(value: Any) -> Any:
 
 
 def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
-    """Repeated keys, and numbers and texts that no file can hold, wherever they stand."""
+    """Faults for repeated keys, and for numbers and texts that JSON cannot represent, at any depth."""
     if isinstance(value, JsonObject):
         for name in value.repeated:
-            yield Fault(file, join(key, name), "stands there more than once: keep one")
+            yield Fault(file, dotted(key, name), "occurs more than once: keep one")
         for name, item in value.items():
-            yield from json_faults(item, file, join(key, name))
+            yield from json_faults(item, file, dotted(key, name))
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from json_faults(item, file, join(key, index))
+            yield from json_faults(item, file, dotted(key, index))
     elif isinstance(value, str) and any("\ud800" <= character <= "\udfff" for character in value):
-        yield Fault(file, key, "holds half a surrogate pair, which is no character: write the character itself")
+        yield Fault(file, key, "holds half a surrogate pair, which is not a character: write the character itself")
     elif isinstance(value, float) and not math.isfinite(value):
         yield Fault(file, key, "must be a finite number: JSON has no NaN and no infinity")
 
 
-def join(key: str, *parts: str | int) -> str:
-    """A dotted key: `q3.sim.controls.0.set`."""
+def dotted(key: str, *parts: str | int) -> str:
+    """Extend a key: `q3.sim`, "controls", 0 gives `q3.sim.controls.0`."""
     return ".".join([*([key] if key else []), *map(str, parts)])

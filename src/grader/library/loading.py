@@ -1,30 +1,26 @@
-"""Load a content folder; every fault of every file is told at once."""
+"""Loads a content folder, and collects the faults of all its files."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from grader.domain.quiz import Quiz
-from grader.errors import ContentError, Fault
-from grader.library.crossings import (
-    number_warnings,
-    prose_warnings,
-    read_starter,
-    unknown_models,
-)
+from grader.domain.run import SOURCE_BYTES_MAX
+from grader.errors import ContentError, Fault, NotFound
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import json_faults, parse_json
-from grader.library.library import Library, digest_of
-from grader.library.meaning import meaning_faults
 from grader.library.mjcf import inline_faults, model_faults
 from grader.library.schema import named_parts, read_quiz
+from grader.library.semantics import number_warnings, prose_warnings, read_starter, semantic_faults, unknown_models
+from grader.library.snapshot import Library, digest_of
 
 
 @dataclass
 class _Loading:
-    """What has been read so far, and what was wrong with it."""
+    """What has been read so far, with its faults and warnings; `compiled` are the models that MuJoCo accepts."""
 
     root: Path
     faults: list[Fault] = field(default_factory=list)
@@ -32,90 +28,110 @@ class _Loading:
     models: dict[str, str] = field(default_factory=dict)
     compiled: dict[str, str] = field(default_factory=dict)
     starters: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
     quizzes: dict[str, Quiz] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
 
 
 def load(root: Path) -> Library:
-    """The content folder `root` with quizzes/*.json, models/*.xml and the starters that the quizzes name.
+    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`.
 
-    Raises ContentError with every fault of every file: file, key, why and cure.
+    Raises ContentError with all faults of all files.
     """
-    now = _Loading(root)
-    _load_models(now)
+    loading = _Loading(root)
+    _load_models(loading)
     names = list_files(root, "quizzes", "*.json")
     if not names:
-        now.faults.append(Fault("quizzes", "*.json", f"no quiz in {root.name or root}: is this a content folder?"))
+        loading.faults.append(Fault("quizzes", "*.json", f"no quiz in {root.name or root}: is this a content folder?"))
     for name in names:
-        _load_quiz(now, name)
-    if now.faults:
-        raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(now.faults)}.values()))
+        _load_quiz(loading, name)
+    if loading.faults:
+        raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(loading.faults)}.values()))
     return Library(
         root=root,
-        quizzes=MappingProxyType(now.quizzes),
-        files=MappingProxyType(now.files),
-        models=MappingProxyType(now.models),
-        starters=MappingProxyType(now.starters),
-        digests=MappingProxyType(now.digests),
-        warnings=tuple(sorted(now.warnings)),
+        quizzes=MappingProxyType(loading.quizzes),
+        files=MappingProxyType(loading.files),
+        models=MappingProxyType(loading.models),
+        starters=MappingProxyType(loading.starters),
+        texts=MappingProxyType(loading.texts),
+        digests=MappingProxyType(loading.digests),
+        warnings=tuple(sorted(loading.warnings)),
     )
 
 
-def _load_models(now: _Loading) -> None:
-    for file in list_files(now.root, "models", "*.xml"):
-        xml = read_text(now.root, file, MODEL_BYTES_MAX)
+def _load_models(loading: _Loading) -> None:
+    for file in list_files(loading.root, "models", "*.xml"):
+        xml = read_text(loading.root, file, MODEL_BYTES_MAX)
         if isinstance(xml, Fault):
-            now.faults.append(xml)
+            loading.faults.append(xml)
             continue
         name = Path(file).stem
-        now.models[name] = xml
+        loading.models[name] = xml
         faults = model_faults(xml, file)
-        now.faults += faults
+        loading.faults += faults
         if not faults:
-            now.compiled[name] = xml
+            loading.compiled[name] = xml
 
 
-def _load_quiz(now: _Loading, file: str) -> None:
-    text = read_text(now.root, file, QUIZ_BYTES_MAX)
+def _load_quiz(loading: _Loading, file: str) -> None:
+    text = read_text(loading.root, file, QUIZ_BYTES_MAX)
     raw = text if isinstance(text, Fault) else parse_json(text, file)
     if isinstance(text, Fault) or isinstance(raw, Fault):
-        now.faults.append(text if isinstance(text, Fault) else raw)
+        loading.faults.append(text if isinstance(text, Fault) else raw)
         return
     if not isinstance(raw, dict):
-        now.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
+        loading.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
-    reading = read_quiz(raw, file)
+    parsed = read_quiz(raw, file)
     refused = [fault for key, part in named_parts(raw) for fault in inline_faults(part, file, key)]
-    now.faults += [*reading.faults, *_outside_faults(now, raw, file), *refused]
+    loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file), *refused]
     keys = [fault.key for fault in refused]
-    tried = [p for p in (*reading.questions, *reading.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
-    now.faults += meaning_faults(tried, now.compiled, file)
-    if reading.quiz is None:
+    tried = [p for p in (*parsed.questions, *parsed.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
+    named: dict[str, str] = {}
+    text_of = partial(_read_into, named, loading.root)
+    loading.faults += semantic_faults(tried, loading.compiled, text_of, file)
+    loading.texts |= named
+    if parsed.quiz is None:
         return
-    quiz_id = reading.quiz.id
-    if quiz_id in now.quizzes:
-        now.faults.append(Fault(file, "id", f"{quiz_id!r} is also the id of {now.files[quiz_id]}: give each its own"))
-    _keep(now, reading.quiz, file, text, raw)
+    quiz_id = parsed.quiz.id
+    if quiz_id in loading.quizzes:
+        loading.faults.append(
+            Fault(file, "id", f"{quiz_id!r} is also the id of {loading.files[quiz_id]}: give each its own")
+        )
+    _keep(loading, parsed.quiz, file, raw)
+    loading.digests[quiz_id] = digest_of({file: text}, loading.models, _starters(loading, parsed.quiz), named)
 
 
-def _outside_faults(now: _Loading, raw: dict[str, Any], file: str) -> Iterator[Fault]:
-    """Faults that can be seen in the JSON as it stands, even where the rest of a question is wrong."""
+def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
+    """The text of a file that an exercise names, which is also kept in `texts`. Raises NotFound."""
+    text = read_text(root, path, SOURCE_BYTES_MAX)
+    if isinstance(text, Fault):
+        raise NotFound(f"{path!r} {text.why}")
+    texts[path] = text
+    return text
+
+
+def _raw_faults(loading: _Loading, raw: dict[str, Any], file: str) -> Iterator[Fault]:
+    """Faults that are found in the JSON itself, whether or not the question is valid."""
     for key, part in named_parts(raw):
         yield from json_faults(part, file, key)
-        yield from unknown_models(part, now.models, file, key)
-        starter, faults = read_starter(now.root, part, file, key)
+        yield from unknown_models(part, loading.models, file, key)
+        starter, faults = read_starter(loading.root, part, file, key)
         if starter is not None:
-            now.starters[part["starter"]] = starter
+            loading.starters[part["starter"]] = starter
         yield from faults
 
 
-def _keep(now: _Loading, quiz: Quiz, file: str, text: str, raw: dict[str, Any]) -> None:
-    now.quizzes[quiz.id] = quiz
-    now.files[quiz.id] = file
-    wanted = {getattr(question, "starter", None) for question in quiz.questions}
-    starters = {name: text for name, text in now.starters.items() if name in wanted}
-    now.digests[quiz.id] = digest_of({file: text}, now.models, starters)
+def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None:
+    loading.quizzes[quiz.id] = quiz
+    loading.files[quiz.id] = file
     for key, part in named_parts(raw):
-        now.warnings.extend(prose_warnings(part, file, key))
-    now.warnings.extend(number_warnings(quiz, file))
+        loading.warnings.extend(prose_warnings(part, file, key))
+    loading.warnings.extend(number_warnings(quiz, file))
+
+
+def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:
+    """The starters of a quiz, by path."""
+    wanted = {getattr(question, "starter", None) for question in quiz.questions}
+    return {name: text for name, text in loading.starters.items() if name in wanted}

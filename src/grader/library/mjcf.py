@@ -1,4 +1,4 @@
-"""Models stand on their own: no MJCF of a content folder may refer to another file."""
+"""Checks models: each compiles, and refers to no other file."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 
 from grader.errors import Fault
-from grader.library.json_text import join
+from grader.library.json_text import dotted
 from grader.numerics.process import prepare
 
 CURES = {
@@ -17,14 +17,14 @@ CURES = {
     "texture": "take a `builtin` texture",
     "model": "write its bodies here",
 }
-"""How what another file holds is put into the model itself, by element."""
+"""How to do without another file, by element."""
 
 
-def outside_files(xml: str) -> Iterator[tuple[str, str]]:
-    """Element and cure of everything in an MJCF text that is read from another file. Raises ET.ParseError.
+def _outside_files(xml: str) -> Iterator[tuple[str, str]]:
+    """The elements of an MJCF text that are read from other files, each with the way to avoid it.
 
-    MuJoCo would look for such a file in the working directory, and follow it anywhere. Source: the XML reference; all
-    attributes that name files begin with `file` (`fileup`, ...; `filename` in URDF).
+    MuJoCo would look for such a file in the working directory, and follow any path. Source: the XML reference; all
+    attributes that name files begin with `file` (`fileup`, ...; `filename` in URDF). Raises ET.ParseError.
     """
     for element in ET.fromstring(xml).iter():  # noqa: S314 - the author's own file
         names = [value for name, value in element.attrib.items() if name.startswith("file") and value]
@@ -34,18 +34,18 @@ def outside_files(xml: str) -> Iterator[tuple[str, str]]:
             yield named, f"refers to {' and '.join(map(repr, names)) or 'another file'}: {cure}"
 
 
-def self_contained_faults(xml: str, file: str, key: str) -> list[Fault]:
-    """What is wrong with an MJCF text before MuJoCo sees it: it is no XML, or refers to other files."""
+def _other_file_faults(xml: str, file: str, key: str) -> list[Fault]:
+    """Faults of an MJCF text that is not XML, or refers to other files."""
     try:
-        found = [f"<{element}> {why}" for element, why in outside_files(xml)]
+        found = [f"<{element}> {why}" for element, why in _outside_files(xml)]
     except ET.ParseError as error:
         return [Fault(file, key, f"does not compile: not well-formed XML: {error}")]
-    return [Fault(file, key, "a model must stand on its own, but " + "; ".join(found))] if found else []
+    return [Fault(file, key, "a model may not use other files, but " + "; ".join(found))] if found else []
 
 
 def model_faults(xml: str, file: str) -> list[Fault]:
-    """Why a model cannot be used: other files, or why MuJoCo does not compile it, in its own words."""
-    if faults := self_contained_faults(xml, file, "model"):
+    """Faults of a model: other files, or MuJoCo's own message if it does not compile."""
+    if faults := _other_file_faults(xml, file, "model"):
         return faults
     prepare()
     try:
@@ -56,11 +56,11 @@ def model_faults(xml: str, file: str) -> list[Fault]:
 
 
 def inline_faults(raw: Any, file: str, key: str) -> Iterator[Fault]:
-    """The same for every `xml` in a question or lab, at any depth: a text, or a list of its lines."""
+    """Faults of every `xml` in a question or lab, at any depth; an `xml` is a text or a list of lines."""
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ()
     for name, item in items:
         lines = item if isinstance(item, list) else [item]
         if name == "xml" and all(isinstance(line, str) for line in lines):
-            yield from self_contained_faults("\n".join(lines), file, join(key, name))
+            yield from _other_file_faults("\n".join(lines), file, dotted(key, name))
         elif not str(name).startswith("x-"):
-            yield from inline_faults(item, file, join(key, name))
+            yield from inline_faults(item, file, dotted(key, name))

@@ -1,17 +1,30 @@
-"""From parsed JSON to a Quiz; what does not fit is told in an author's words, key by key."""
+"""Validates parsed JSON as a Quiz, and explains each fault to its author."""
 
+import difflib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
-from grader.domain.lab import Lab
-from grader.domain.quiz import Question, Quiz
+from grader.domain import verify
+from grader.domain.lab import Button, IntegratorsLab, Lab, LabConfig, Plot, PlotTrace, Readout, Select, SimLab, Slider
+from grader.domain.policy import Late, Policy
+from grader.domain.quiz import (
+    ChoiceQuestion,
+    CodeQuestion,
+    NumericQuestion,
+    OpenQuestion,
+    PredictQuestion,
+    Question,
+    Quiz,
+)
+from grader.domain.rubric import RubricItem
+from grader.domain.run import Limits
 from grader.errors import Fault
-from grader.library.complaints import complaint, place
-from grader.library.json_text import JsonObject, join, without_remarks
+from grader.library.json_text import JsonObject, dotted, without_remarks
 
 QUIZ = TypeAdapter[Quiz](Quiz)
 QUESTION = TypeAdapter[Question](Question)
@@ -19,10 +32,46 @@ LAB = TypeAdapter[Lab](Lab)
 
 Part = TypeVar("Part")
 
+PARTS: Mapping[str, type[BaseModel]] = {
+    "mcq": ChoiceQuestion,
+    "debug": ChoiceQuestion,
+    "predict": PredictQuestion,
+    "numeric": NumericQuestion,
+    "open": OpenQuestion,
+    "code": CodeQuestion,
+    "options": verify.ByOptions,
+    "limits": Limits,
+    "policy": Policy,
+    "late": Late,
+    "rubric": RubricItem,
+    "simlab": SimLab,
+    "integrators": IntegratorsLab,
+    "sim": LabConfig,
+    "slider": Slider,
+    "select": Select,
+    "button": Button,
+    "readouts": Readout,
+    "plots": Plot,
+    "traces": PlotTrace,
+    "outcome": verify.ByOutcome,
+    "stage": verify.ByStage,
+    "threshold": verify.ByThreshold,
+    "servo": verify.ServoJoint,
+    "measurement": verify.ByMeasurement,
+    "expression": verify.ByExpression,
+}
+"""The class of a part, by the last step of pydantic's location of it."""
+
+CHOICES = {
+    "kind": "mcq, debug, predict, numeric, open or code; simlab or integrators for a lab",
+    "by": "options, outcome, stage, threshold, measurement or expression",
+}
+"""The values of the key that selects the class of a part."""
+
 
 @dataclass(frozen=True)
-class Reading:
-    """The questions and labs that are right, and the faults of the rest; a quiz only where nothing is wrong."""
+class ParsedQuiz:
+    """The valid questions and labs, and the faults of the others; `quiz` is None if there is any fault."""
 
     quiz: Quiz | None
     questions: list[Question]
@@ -30,46 +79,46 @@ class Reading:
     faults: list[Fault]
 
 
-def read_quiz(raw: dict[str, Any], file: str) -> Reading:
-    """A quiz with ids given by position, and every fault of its keys and values."""
-    quizzes, faults = validate(QUIZ, [("", shell(raw))], file)
-    questions, question_faults = validate(QUESTION, named_questions(raw), file)
-    labs, lab_faults = validate(LAB, named_labs(raw), file)
-    faults += [*question_faults, *lab_faults, *list_faults(raw, file), *repeated_ids(raw, file)]
+def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
+    """Validate a quiz, naming questions by position, and collect every fault of its keys and values."""
+    quizzes, faults = validate(QUIZ, [("", _without_lists(raw))], file)
+    questions, question_faults = validate(QUESTION, _named_questions(raw), file)
+    labs, lab_faults = validate(LAB, _named_labs(raw), file)
+    faults += [*question_faults, *lab_faults, *_list_faults(raw, file), *_repeated_ids(raw, file)]
     parts = {"questions": tuple(questions), "labs": tuple(labs)}
-    return Reading(None if faults else quizzes[0].model_copy(update=parts), questions, labs, faults)
+    return ParsedQuiz(None if faults else quizzes[0].model_copy(update=parts), questions, labs, faults)
 
 
 def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The quiz without its lists, every question and every lab, each with the key under which its faults are told."""
-    yield "", shell(raw)
-    yield from named_questions(raw)
-    yield from named_labs(raw)
+    """The quiz without its lists, every question and every lab, each with the key that its faults begin with."""
+    yield "", _without_lists(raw)
+    yield from _named_questions(raw)
+    yield from _named_labs(raw)
 
 
-def shell(raw: dict[str, Any]) -> JsonObject:
-    """The quiz without its lists."""
+def _without_lists(raw: dict[str, Any]) -> JsonObject:
+    """The quiz without `questions` and `labs`."""
     own = JsonObject([(name, value) for name, value in raw.items() if name not in ("questions", "labs")])
     own.repeated = getattr(raw, "repeated", [])
     return own
 
 
-def list_faults(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
-    """`questions` or `labs` that are no list."""
+def _list_faults(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
+    """A fault for `questions` or `labs` that is not a list."""
     for name in ("questions", "labs"):
         if not isinstance(raw.get(name, []), list):
             yield Fault(file, name, "must be a list")
 
 
-def named_questions(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _named_questions(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Every question with its id: the author's, or `q1`, `q2`, ... by position."""
     for position, item in enumerate(_list(raw, "questions"), 1):
         name = item.setdefault("id", f"q{position}") if isinstance(item, dict) else None
         yield (name if isinstance(name, str) else f"q{position}"), item
 
 
-def named_labs(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Every lab with the name by which its faults are told."""
+def _named_labs(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Every lab with the key that its faults begin with: its id, or its place in the list."""
     for index, item in enumerate(_list(raw, "labs")):
         named = isinstance(item, dict) and isinstance(item.get("id"), str)
         yield (item["id"] if named else f"labs.{index}"), item
@@ -80,15 +129,15 @@ def _list(raw: Mapping[str, Any], name: str) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def repeated_ids(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
-    """Two questions, or two labs, of one id."""
-    for ids in ([key for key, _ in named_questions(raw)], [key for key, _ in named_labs(raw)]):
+def _repeated_ids(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
+    """A fault for each id that two questions or two labs share."""
+    for ids in ([key for key, _ in _named_questions(raw)], [key for key, _ in _named_labs(raw)]):
         for key in sorted({key for key in ids if ids.count(key) > 1}):
-            yield Fault(file, join(key, "id"), "two have this id: give each its own")
+            yield Fault(file, dotted(key, "id"), "two have this id: give each its own")
 
 
 def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file: str) -> tuple[list[Part], list[Fault]]:
-    """The parts that are right, and the faults of the others, one for each key."""
+    """Validate parts, each with its key; return the valid ones, and the first fault of every key of the others."""
     parts: list[Part] = []
     faults: dict[str, Fault] = {}
     for key, raw in items:
@@ -97,6 +146,48 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
             for detail in error.errors(include_url=False):
-                where = join(key, *place(detail, item))
-                faults.setdefault(where, Fault(file, where, complaint(detail)))
+                where = dotted(key, *_place(detail, item))
+                faults.setdefault(where, Fault(file, where, _explained(detail)))
     return parts, list(faults.values())
+
+
+def _place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
+    """The location of an error in the JSON: pydantic's, without the names of the classes that it tried."""
+    for step in detail["loc"]:
+        inside = item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ()
+        is_there = step in inside
+        if is_there:
+            item = item[step]
+        if is_there or (detail["type"] == "missing" and step == detail["loc"][-1]):
+            yield step
+    if detail["type"].startswith("union_tag") and isinstance(item, dict):
+        yield detail["ctx"]["discriminator"].strip("'") if "controls" not in detail["loc"] else "type"
+
+
+def _explained(detail: ErrorDetails) -> str:
+    """What is wrong, and how to correct it."""
+    match detail["type"]:
+        case "missing":
+            return "is missing: add it"
+        case "extra_forbidden":
+            steps = [step for step in detail["loc"] if isinstance(step, str)]
+            return f"unknown key: {_suggestion(steps)}remove it, or begin it with x-"
+        case "union_tag_not_found":
+            name = detail["ctx"]["discriminator"].strip("'")
+            near = difflib.get_close_matches(name, map(str, detail["input"]), n=1, cutoff=0.7)
+            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'} ({CHOICES.get(name, '')})"
+        case "union_tag_invalid":
+            return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
+        case "option_index":
+            return detail["msg"]
+    message = detail["msg"].replace("Input should", "must").replace("String should", "must")
+    given = detail["input"]
+    return f"{message}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else message
+
+
+def _suggestion(steps: list[str]) -> str:
+    """Advice to write the known key that is most like the unknown one."""
+    known: Iterable[str] = (PARTS[steps[-2]] if len(steps) > 1 and steps[-2] in PARTS else Quiz).model_fields
+    near = difflib.get_close_matches(steps[-1], known, n=1)
+    near = near or [name for name in known if len(name) > 2 and steps[-1].startswith(name)][:1]
+    return f"write {near[0]!r}, or " if near else ""

@@ -1,4 +1,4 @@
-"""The content as it stands now, replaced as a whole or not at all."""
+"""The content as it is now, shared by server and workers: replaced as a whole or not at all."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,29 +18,29 @@ log = structlog.get_logger()
 class Content:
     """One content folder. Take `pipeline` once per request or job: it is a snapshot that does not change."""
 
-    def __init__(self, root: Path) -> None:
-        """Raises ContentError."""
+    def __init__(self, root: Path, secret: bytes) -> None:
+        """Loads the folder; `secret` keys the seeds of hidden cases. Raises ContentError."""
         self._root = root
         self._reloading = Lock()
-        self.pipeline = Pipeline(load(root))
+        self.pipeline = Pipeline(load(root), secret=secret)
 
     @property
     def library(self) -> Library:
-        """The quizzes and models of now."""
+        """The quizzes and models that are loaded now."""
         return self.pipeline.library
 
-    def run_in(self, run: Callable[[Job], RunReport] | None) -> None:
-        """From now on scripts run in this jail; None where it has closed."""
+    def run_in(self, run: Callable[[Job], RunReport]) -> None:
+        """Runs scripts with `run`, the jail's, from now on."""
         self.pipeline = replace(self.pipeline, run=run)
 
     def reload(self) -> None:
-        """Loads the folder again. Raises ContentError; then what was there stays."""
+        """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
         with self._reloading:
             self.pipeline = replace(self.pipeline, library=load(self._root))
         log.info("content loaded", quizzes=len(self.library.quizzes))
 
     def reload_or_log(self) -> None:
-        """As `reload`, for a signal: nobody is there to take the error."""
+        """As `reload`, for a signal handler: faults are logged, not raised."""
         try:
             self.reload()
         except ContentError as error:

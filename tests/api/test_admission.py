@@ -1,4 +1,4 @@
-"""Who gets in: tokens, roles, hosts, browsers; and every refusal in the one form."""
+"""Admission: tokens, roles, hosts, origins, rates; every refusal is a problem document."""
 
 from collections.abc import Callable
 from datetime import timedelta
@@ -8,10 +8,22 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from grader import identity
-from grader.api.rate import RateLimit
+from grader.api.admission import drop_escaped_cookies
+from grader.api.problems import STATUS, problem_of
+from grader.api.rate import RateLimit, address_of
 from grader.app import issue_token, revoke_tokens, sign_in_url
-from grader.errors import TooManyRequests, Unprocessable
+from grader.courses.people import named
+from grader.errors import (
+    CallerError,
+    ContentError,
+    GraderError,
+    InvalidAnswer,
+    JailFault,
+    LabRefused,
+    TooManyRequests,
+    Unprocessable,
+)
+from grader.identity import Kind, Role, issue
 from grader.settings import Settings
 from grader.store.database import Database
 
@@ -20,7 +32,7 @@ ANSWER = {"quiz": "small", "question": "q1", "answer": 1}
 
 
 def problem(response: httpx.Response) -> dict[str, Any]:
-    """The body of a refusal, after a look at its form."""
+    """The body of a problem document, after checking its form."""
     assert response.headers["content-type"] == "application/problem+json"
     body: dict[str, Any] = response.json()
     assert body["status"] == response.status_code
@@ -52,12 +64,12 @@ def test_without_a_token_everything_is_401(nobody: httpx.Client, method: str, pa
     "header",
     ["", "Bearer", "Basic YTpi", "Bearer grt_0000000000000000_00", "Bearer \u00e9", "Bearer gri_a_b_c_d"],
 )
-def test_a_header_that_is_no_token_is_401(nobody: httpx.Client, header: str) -> None:
+def test_an_invalid_authorization_header_is_401(nobody: httpx.Client, header: str) -> None:
     response = nobody.get(f"{API}/quizzes", headers={b"Authorization": header.encode("latin-1")})
     assert response.status_code == 401
 
 
-def test_a_token_is_good_only_as_a_whole_and_until_it_is_revoked(site: Any) -> None:
+def test_a_token_is_valid_only_as_a_whole_and_until_it_is_revoked(site: Any) -> None:
     token = issue_token(site.settings, "ann", "student", None)
     assert len(token.split("_")[2]) == 64
 
@@ -77,9 +89,8 @@ def test_a_token_is_good_only_as_a_whole_and_until_it_is_revoked(site: Any) -> N
 
 def test_an_expired_token_is_401(site: Any) -> None:
     with site.app.state.context.database.write() as session:
-        expiring = identity._issue(
-            session, identity.Kind.TOKEN, identity.Named("ann", "student"), timedelta(seconds=-1)
-        )
+        ann = named(session, "ann", Role.STUDENT)
+        expiring = issue(session, Kind.TOKEN, ann, Role.STUDENT, timedelta(seconds=-1))
     response = site.anonymous({"Authorization": f"Bearer {expiring}"}).get(f"{API}/quizzes")
     assert response.status_code == 401
 
@@ -126,11 +137,11 @@ def test_the_wrong_role_is_403(site: Any, ann: httpx.Client, teacher: httpx.Clie
 @pytest.mark.parametrize(
     "path", ["/nothing", f"{API}/nothing", f"{API}", f"{API}/quizzes/", f"{API}/quizzes/none", "/.env"]
 )
-def test_what_is_not_there_is_404(ann: httpx.Client, path: str) -> None:
+def test_an_unknown_path_is_404(ann: httpx.Client, path: str) -> None:
     assert problem(ann.get(path))["status"] == 404
 
 
-def test_a_method_that_is_not_there_is_405_and_says_which_are(ann: httpx.Client) -> None:
+def test_an_unknown_method_is_405_and_lists_the_allowed_ones(ann: httpx.Client) -> None:
     refused = ann.delete(f"{API}/submissions")
     assert problem(refused)["status"] == 405
     assert refused.headers["allow"] == "GET, POST"
@@ -138,7 +149,7 @@ def test_a_method_that_is_not_there_is_405_and_says_which_are(ann: httpx.Client)
     assert problem(ann.post("/healthz"))["status"] == 405
 
 
-def test_a_fault_of_ours_is_500_and_tells_nothing(
+def test_an_unexpected_error_is_500_without_details(
     site: Any, ann: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> None:
@@ -150,17 +161,32 @@ def test_a_fault_of_ours_is_500_and_tells_nothing(
     assert "secret" not in str(body)
 
 
+def kinds_of(error: type[GraderError]) -> set[type[GraderError]]:
+    """All subclasses, at any depth."""
+    return {kind for child in error.__subclasses__() for kind in (child, *kinds_of(child))}
+
+
+def test_every_error_of_a_caller_has_one_status() -> None:
+    assert STATUS.keys() == kinds_of(CallerError) | {ContentError, InvalidAnswer, LabRefused}
+    assert all(400 <= status < 500 for status in STATUS.values())
+
+
+def test_an_error_that_is_not_the_callers_has_no_problem_document() -> None:
+    with pytest.raises(JailFault):
+        problem_of(JailFault("broken"))
+
+
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "[", "", "a b"])
 def test_another_host_name_is_refused(nobody: httpx.Client, host: str) -> None:
     assert problem(nobody.get("/healthz", headers={"Host": host}))["status"] == 421
 
 
 @pytest.mark.parametrize("host", ["localhost", "localhost:8000", "127.0.0.1", "[::1]:8000"])
-def test_this_machine_has_several_names(nobody: httpx.Client, host: str) -> None:
+def test_every_loopback_name_is_accepted(nobody: httpx.Client, host: str) -> None:
     assert nobody.get("/healthz", headers={"Host": host}).status_code == 200
 
 
-def test_who_asks_too_much_waits(open_site_with: Callable[..., Any]) -> None:
+def test_a_user_over_the_rate_limit_gets_429_and_others_do_not(open_site_with: Callable[..., Any]) -> None:
     site = open_site_with(rate_per_s=0.5, rate_burst=3)
     ann, bob = site.client("ann"), site.client("bob")
     statuses = [ann.get(f"{API}/quizzes").status_code for _ in range(3)]
@@ -170,6 +196,97 @@ def test_who_asks_too_much_waits(open_site_with: Callable[..., Any]) -> None:
     assert refused.headers["retry-after"] == "2"
     assert bob.get(f"{API}/quizzes").status_code == 200
     assert site.anonymous().get("/healthz").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/", 200),
+        ("GET", "/instructor", 401),
+        ("GET", "/healthz", 200),
+        ("GET", "/readyz", 200),
+        ("GET", "/openapi.json", 200),
+        ("GET", "/static/style.css", 200),
+        ("GET", "/favicon.ico", 200),
+        ("GET", "/nothing", 404),
+        ("GET", "/signin", 401),
+        ("POST", "/signin", 401),
+        ("POST", "/prose", 422),
+        ("GET", f"{API}/quizzes", 401),
+        ("POST", f"{API}/labs:run", 401),
+    ],
+)
+def test_every_route_has_a_rate_limit_without_a_session_too(
+    open_site_with: Callable[..., Any], method: str, path: str, status: int
+) -> None:
+    site = open_site_with(address_rate_per_s=0.01, address_rate_burst=2)
+    ann = site.client("ann")
+    assert [site.anonymous().request(method, path).status_code for _ in range(2)] == [status, status]
+    refused = site.anonymous().request(method, path, headers={"Authorization": "Bearer grt_1_2"})
+    assert problem(refused)["status"] == 429
+    assert 0 < int(refused.headers["retry-after"]) <= 100
+    assert ann.get(f"{API}/quizzes").status_code == 200
+
+
+def begun(site: Any) -> httpx.Client:
+    """A browser whose anonymous session has begun."""
+    browser: httpx.Client = site.anonymous({"Sec-Fetch-Site": "same-origin"})
+    assert browser.post("/session").status_code in (200, 201, 204, 303)
+    return browser
+
+
+def test_pages_of_a_signed_in_learner_count_for_the_learner(open_site_with: Callable[..., Any]) -> None:
+    site = open_site_with(rate_per_s=0.01, rate_burst=3, address_rate_per_s=0.01, address_rate_burst=3)
+    ann, bob = begun(site), begun(site)
+    assert [ann.get("/static/style.css").status_code for _ in range(4)] == [200, 200, 200, 429]
+    assert bob.get("/").status_code == 200
+    assert site.anonymous().get("/").status_code == 200
+
+
+def test_a_body_outside_the_api_counts_by_its_size(open_site_with: Callable[..., Any]) -> None:
+    site = open_site_with(rate_per_s=0.01, rate_burst=50)
+    ann = begun(site)
+    prose = b"x" * 40 * 1024
+    assert [ann.post("/prose", content=prose).status_code for _ in range(3)] == [200, 200, 429]
+    bob = begun(site)
+    assert [bob.post("/prose", content=iter([b"x"])).status_code for _ in range(2)] == [200, 429]
+    assert bob.post("/signin", content=b"x" * 65 * 1024).status_code in (413, 429)
+
+
+@pytest.mark.parametrize(
+    ("client", "key"),
+    [
+        (("192.0.2.7", 1), "192.0.2.7"),
+        (("2001:db8:1:2:3:4:5:6", 1), "2001:db8:1:2::/64"),
+        (("2001:db8:1:2::9", 1), "2001:db8:1:2::/64"),
+        (("::ffff:192.0.2.7", 1), "192.0.2.7"),
+        (("fe80::1%eth0", 1), "fe80::/64"),
+        (("no address", 0), ""),
+        (None, ""),
+    ],
+)
+def test_an_address_is_one_ipv4_address_or_one_ipv6_network(client: tuple[str, int] | None, key: str) -> None:
+    assert address_of({"type": "http", "client": client}) == key
+
+
+@pytest.mark.parametrize(("trusted", "statuses"), [((), [200, 429]), (("127.0.0.0/8",), [200, 200])])
+def test_a_forwarded_address_is_believed_of_trusted_proxies_only(
+    open_site_with: Callable[..., Any], trusted: tuple[str, ...], statuses: list[int]
+) -> None:
+    site = open_site_with(address_rate_per_s=0.01, address_rate_burst=1, trusted_proxies=trusted)
+    sent = [{"X-Forwarded-For": f"203.0.113.1, 192.0.2.{n}"} for n in (1, 2)]
+    assert [site.anonymous(headers).get("/healthz").status_code for headers in sent] == statuses
+
+
+def test_a_cookie_with_backslashes_is_dropped_before_it_is_parsed(nobody: httpx.Client) -> None:
+    cookies = b'a="' + b"\\" * 50_000 + b'"; b=1'
+    scope = {"type": "http", "headers": [(b"host", b"x"), (b"cookie", cookies)]}
+    drop_escaped_cookies(scope)
+    assert scope["headers"] == [(b"host", b"x"), (b"cookie", b" b=1")]
+    nobody.post("/session", headers={"Sec-Fetch-Site": "same-origin"})
+    session = "; ".join(f"{name}={value}" for name, value in nobody.cookies.items())
+    response = nobody.get(f"{API}/quizzes", headers={b"Cookie": cookies + b"; " + session.encode()})
+    assert response.status_code == 200
 
 
 def test_a_bucket_fills_again() -> None:
@@ -196,17 +313,18 @@ def test_the_default_rate_is_above_thirty_a_second_for_each_of_fifty() -> None:
         clock[0] += 1.0
 
 
-def test_opening_the_page_on_loopback_lets_a_learner_answer_at_once(nobody: httpx.Client) -> None:
+def test_beginning_on_loopback_lets_a_learner_answer_at_once(nobody: httpx.Client) -> None:
     page = nobody.get("/")
     assert page.status_code == 200
-    cookie = page.headers["set-cookie"]
+    assert "set-cookie" not in page.headers
+    same_origin = {"Sec-Fetch-Site": "same-origin"}
+    cookie = nobody.post("/session", headers=same_origin).headers["set-cookie"]
     assert cookie.startswith("grader_session=grs_")
     assert "; HttpOnly; SameSite=Lax" in cookie
-    same_origin = {"Sec-Fetch-Site": "same-origin"}
     made = nobody.post(f"{API}/submissions", json=ANSWER, headers=same_origin)
     assert made.status_code == 201
     assert made.json()["user"].startswith("learner-")
-    assert "set-cookie" not in nobody.get("/").headers
+    assert "set-cookie" not in nobody.post("/session", headers=same_origin).headers
     assert [item["id"] for item in nobody.get(f"{API}/submissions").json()["items"]] == [made.json()["id"]]
 
 
@@ -219,6 +337,10 @@ def test_opening_the_page_on_loopback_lets_a_learner_answer_at_once(nobody: http
         ({"Sec-Fetch-Site": "cross-site", "Origin": "OWN"}, 403),
         ({"Origin": "OWN"}, 201),
         ({"Origin": "https://evil.example"}, 403),
+        ({"Origin": "x://HOST"}, 403),
+        ({"Origin": "https://HOST"}, 403),
+        ({"Origin": "http://127.0.0.1:1"}, 403),
+        ({"Origin": "//HOST"}, 403),
         ({"Origin": "null"}, 403),
         ({}, 403),
     ],
@@ -226,15 +348,16 @@ def test_opening_the_page_on_loopback_lets_a_learner_answer_at_once(nobody: http
 def test_a_browser_may_write_from_our_own_pages_only(
     site: Any, nobody: httpx.Client, headers: dict[str, str], status: int
 ) -> None:
-    nobody.get("/")
-    told = {name: site.origin if value == "OWN" else value for name, value in headers.items()}
+    nobody.post("/session", headers={"Sec-Fetch-Site": "same-origin"})
+    host = site.origin.removeprefix("http://")
+    told = {name: value.replace("OWN", site.origin).replace("HOST", host) for name, value in headers.items()}
     response = nobody.post(f"{API}/submissions", json=ANSWER, headers=told)
     assert response.status_code == status
     assert nobody.get(f"{API}/quizzes", headers=told).status_code == 200
 
 
 def test_a_token_needs_no_origin_and_beats_the_cookie(site: Any, nobody: httpx.Client) -> None:
-    nobody.get("/")
+    nobody.post("/session", headers={"Sec-Fetch-Site": "same-origin"})
     token = issue_token(site.settings, "ann", "student", site.course)
     headers = {"Authorization": f"Bearer {token}", "Sec-Fetch-Site": "cross-site"}
     made = nobody.post(f"{API}/submissions", json=ANSWER, headers=headers)
@@ -271,10 +394,11 @@ def test_a_form_from_elsewhere_does_not_sign_in(site: Any, nobody: httpx.Client)
 
 def test_markup_in_a_code_stays_text(nobody: httpx.Client) -> None:
     page = nobody.get("/signin", params={"code": '"><script>alert(1)</script>'})
+    assert page.status_code == 401
     assert "<script>" not in page.text
 
 
-def test_in_public_nobody_comes_in_unnamed_and_cookies_are_bound_to_the_host(
+def test_a_public_service_requires_sign_in_and_binds_cookies_to_its_host(
     open_site_with: Callable[..., Any],
 ) -> None:
     site = open_site_with(public_origin="https://grader.example")

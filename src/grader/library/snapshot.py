@@ -11,32 +11,38 @@ from grader.errors import Fault, NotFound
 
 @dataclass(frozen=True)
 class Library:
-    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path; `warnings` are not yet faults."""
+    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path.
+
+    `warnings` are remarks for the authors that do not prevent serving.
+
+    `texts`, by path, are the files that exercises name, such as an author's programs.
+    """
 
     root: Path
     quizzes: Mapping[str, Quiz]
     files: Mapping[str, str] = field(default_factory=dict)
     models: Mapping[str, str] = field(default_factory=dict)
     starters: Mapping[str, str] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[Fault, ...] = ()
 
     def quiz(self, quiz_id: str) -> Quiz:
-        """Raises NotFound."""
+        """The quiz of this id. Raises NotFound."""
         try:
             return self.quizzes[quiz_id]
         except KeyError:
             raise NotFound(f"There is no quiz {quiz_id!r}.") from None
 
     def question(self, quiz_id: str, question_id: str) -> Question:
-        """Raises NotFound."""
+        """One question of a quiz. Raises NotFound."""
         for question in self.quiz(quiz_id).questions:
             if question.id == question_id:
                 return question
         raise NotFound(f"There is no question {question_id!r} in quiz {quiz_id!r}.")
 
     def file(self, quiz_id: str) -> str:
-        """Where a quiz stands, relative to the root. Raises NotFound."""
+        """The path of a quiz file, relative to the root. Raises NotFound."""
         self.quiz(quiz_id)
         return self.files[quiz_id]
 
@@ -47,14 +53,21 @@ class Library:
         except KeyError:
             raise NotFound(f"There is no model {name!r}.") from None
 
+    def text(self, path: str) -> str:
+        """Returns the text of a file that an exercise names. Raises NotFound."""
+        try:
+            return self.texts[path]
+        except KeyError:
+            raise NotFound(f"No exercise names the file {path!r}.") from None
+
     def starter(self, question: Question) -> str | None:
-        """The script that a learner starts from, if the question has one."""
+        """The script that a learner starts from, or None."""
         if not isinstance(question, CodeQuestion) or question.starter is None:
             return None
         return self.starters[question.starter]
 
     def digest(self, quiz_id: str) -> str:
-        """sha256 of everything that a verdict on this quiz depends on: its file, all models, its starters.
+        """sha256 of what a verdict on this quiz depends on: its file, all models, its starters, the files it names.
 
         Raises NotFound.
         """
@@ -63,7 +76,7 @@ class Library:
 
 
 def digest_of(*texts: Mapping[str, str]) -> str:
-    """sha256 over named texts, in order of name; lengths keep one from flowing into the next."""
+    """sha256 over named texts in order of name, each preceded by its length so that boundaries count."""
     digest = hashlib.sha256()
     for named in texts:
         for name, text in sorted(named.items()):

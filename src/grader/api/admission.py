@@ -1,0 +1,200 @@
+"""What is checked of every request before its route: host, identity, rate, origin and size.
+
+It is a middleware, and no dependency of the routes, because 401 comes before any error of body or path.
+"""
+
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+import structlog
+from fastapi.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from grader.api.problems import problem, problem_of
+from grader.api.rate import RateLimit, address_of
+from grader.api.scopes import scope_of
+from grader.errors import CallerError, Forbidden, Unauthorized
+from grader.identity import FAILED, Identity, authenticate
+from grader.store.database import Database
+
+log = structlog.get_logger()
+
+PREFIX = "/api/v1"
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+DEFAULT_PORTS = {"http": 80, "https": 443}
+
+PAGE_BODY_BYTES_MAX = 64 * 1024
+"""Largest body outside /api/v1, where bodies are forms and prose."""
+
+BYTES_PER_REQUEST = 1024
+"""Bytes of such a body that count as one more request: the time to parse it grows with them."""
+
+
+@dataclass(frozen=True)
+class AdmissionRules:
+    """Which requests are admitted, and how many.
+
+    `hosts` are names without port; `origin` is the public one, None on loopback. Requests with a valid token or session
+    count `by_user`, all others `by_address`.
+    """
+
+    hosts: frozenset[str]
+    origin: str | None
+    body_bytes_max: int
+    by_user: RateLimit
+    by_address: RateLimit
+
+
+class AdmissionMiddleware:
+    """ASGI middleware. Routes find the Identity at `request.state.identity`; outside /api/v1 it may be None."""
+
+    def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules) -> None:
+        self.app, self.database, self.rules = app, database, rules
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves the request, or answers it with a problem; an unexpected error is logged, and answered with 500."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        response = ResponseSender(scope, send)
+        try:
+            await self._serve(scope, receive, response.send)
+        except ClientDisconnect:  # before its request was read: no answer can reach it
+            return
+        except Exception:
+            log.exception("unhandled", method=scope["method"], path=scope["path"])
+            if response.started:
+                raise
+            await problem(500, "Something went wrong on our side.")(scope, receive, response.send)
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        drop_escaped_cookies(scope)
+        headers = Headers(scope=scope)
+        if not self._is_our_host(headers):
+            await problem(421, "This service does not answer to that host name.")(scope, receive, send)
+            return
+        try:
+            await self._admit(scope, headers)
+        except CallerError as error:
+            await problem_of(error)(scope, receive, send)
+            return
+        await self.app(scope, self._limit_body(scope, headers, receive), send)
+
+    def _is_our_host(self, headers: Headers) -> bool:
+        try:
+            return urlsplit(f"//{headers.get('host', '')}").hostname in self.rules.hosts
+        except ValueError:
+            return False
+
+    async def _admit(self, scope: Scope, headers: Headers) -> None:
+        """Sets the identity of a request. Raises Unauthorized, Forbidden, TooManyRequests."""
+        identity: Identity | None
+        try:
+            identity = await self._identify(scope, headers)
+        except Unauthorized:
+            self.rules.by_address.spend(address_of(scope), cost_of(scope, headers))
+            if is_api(scope):
+                raise
+            identity = None
+        else:
+            self.rules.by_user.spend(identity.id, cost_of(scope, headers))
+        by_browser = any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
+        forgeable = identity.by_cookie if identity is not None and is_api(scope) else by_browser
+        if scope["method"] not in SAFE_METHODS and forgeable and not self._is_same_origin(scope, headers):
+            raise Forbidden("A browser may send this from the service's own pages only.")
+        if identity is not None and is_api(scope):
+            identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
+        scope.setdefault("state", {})["identity"] = identity
+
+    async def _identify(self, scope: Scope, headers: Headers) -> Identity:
+        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized."""
+        authorization = headers.get("authorization") if is_api(scope) else None
+        cookies = HTTPConnection(scope).cookies
+        if authorization is None and not cookies:
+            raise Unauthorized(FAILED)
+        return await run_in_threadpool(authenticate, self.database, authorization, cookies)
+
+    def _is_same_origin(self, scope: Scope, headers: Headers) -> bool:
+        """Whether the browser's own headers say so; a request without them counts as cross-origin."""
+        site = headers.get("sec-fetch-site")
+        if site is not None:
+            return site == "same-origin"
+        own = self.rules.origin or f"{scope['scheme']}://{headers.get('host')}"
+        return origin_of(headers.get("origin", "")) == origin_of(own)
+
+    def _limit_body(self, scope: Scope, headers: Headers, receive: Receive) -> Receive:
+        """Wraps `receive` to raise 413 as soon as a body is known to be too large."""
+        bytes_max = self.rules.body_bytes_max if is_api(scope) else PAGE_BODY_BYTES_MAX
+        received = 0
+        announced = headers.get("content-length", "")
+
+        async def receive_limited() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if max(received, int(announced) if announced.isdecimal() else 0) > bytes_max:
+                raise HTTPException(413, f"At most {bytes_max // 1024} KB are taken.")
+            return message
+
+        return receive_limited
+
+
+def is_api(scope: Scope) -> bool:
+    """Whether the path lies under /api/v1."""
+    path: str = scope["path"]
+    return path == PREFIX or path.startswith(f"{PREFIX}/")
+
+
+def cost_of(scope: Scope, headers: Headers) -> int:
+    """How many requests this one counts as: outside /api/v1 one more for each KB of its body."""
+    if is_api(scope):
+        return 1
+    announced = headers.get("content-length", "0")
+    is_known = announced.isdecimal() and "transfer-encoding" not in headers
+    return 1 + min(int(announced) if is_known else PAGE_BODY_BYTES_MAX, PAGE_BODY_BYTES_MAX) // BYTES_PER_REQUEST
+
+
+def origin_of(url: str) -> tuple[str, str | None, int | None] | None:
+    """Scheme, host and port of a URL; None if it has none."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme, parts.hostname, parts.port or DEFAULT_PORTS.get(parts.scheme)
+    except ValueError:
+        return None
+
+
+def drop_escaped_cookies(scope: Scope) -> None:
+    """Removes cookies with a backslash, which no cookie of ours has.
+
+    `http.cookies` takes time quadratic in their number before Python 3.11.10 and 3.12.6 (CVE-2024-7592).
+    """
+    scope["headers"] = [
+        (name, b";".join(pair for pair in value.split(b";") if b"\\" not in pair) if name == b"cookie" else value)
+        for name, value in scope["headers"]
+    ]
+
+
+class ResponseSender:
+    """Sends a response, and notes whether it has started. API responses are never cached for another user."""
+
+    def __init__(self, scope: Scope, send: Send) -> None:
+        self.scope, self._send, self.started = scope, send, False
+
+    async def send(self, message: Message) -> None:
+        """Sends one part."""
+        if message["type"] == "http.response.start":
+            self.started = True
+            if is_api(self.scope):
+                headers = MutableHeaders(scope=message)
+                headers.setdefault("Cache-Control", "private, no-cache")
+                headers["X-Content-Type-Options"] = "nosniff"
+        await self._send(message)
+
+
+def identity_in(scope: Scope) -> Identity:
+    """The identity of an admitted API request."""
+    identity: Identity = scope["state"]["identity"]
+    return identity

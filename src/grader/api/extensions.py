@@ -1,0 +1,101 @@
+"""What instructors change for a quiz: extensions for one learner, and whether the feedback is published."""
+
+from typing import Any, Self
+
+from fastapi import APIRouter, Response
+from pydantic import Field, model_validator
+from sqlalchemy.orm import Session
+
+from grader.api.context import AppContext, Instructor
+from grader.api.paging import NO_NUL
+from grader.api.problems import documented
+from grader.courses import results
+from grader.courses.audit import Action, record
+from grader.courses.people import named
+from grader.domain.policy import Extension
+from grader.errors import NotFound
+from grader.identity import Role
+from grader.store import extensions, people
+from grader.store.tables import NAME, ExtensionRow, Member
+
+router = APIRouter()
+
+
+class ExtensionBody(Extension):
+    """An extension for one learner; without dates and attempts it takes an earlier one back.
+
+    The learner is named by `learner`, the id, or by `user`, a name that an instructor or operator gave.
+    """
+
+    learner: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
+    user: str | None = Field(default=None, min_length=1, max_length=NAME, pattern=NO_NUL)
+
+    @model_validator(mode="after")
+    def _one_learner(self) -> Self:
+        if (self.learner is None) == (self.user is None):
+            raise ValueError("give either `learner` or `user`")
+        return self
+
+
+@router.get("/quizzes/{quiz_id}/extensions", responses=documented(401, 403, 404, 422, 429))
+def list_extensions(quiz_id: str, who: Instructor, context: AppContext) -> dict[str, Any]:
+    """Lists the extensions in a quiz, in the order of the learners' names."""
+    context.content.library.quiz(quiz_id)
+    with context.database.read() as session:
+        items = [extension_view(row, name) for row, name in extensions.of_quiz(session, who.course, quiz_id)]
+    return {"items": items, "next_cursor": None}
+
+
+@router.put("/quizzes/{quiz_id}/extensions", responses=documented(401, 403, 404, 413, 422, 429))
+def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, context: AppContext) -> dict[str, Any]:
+    """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""
+    granted = Extension(due=body.due, until=body.until, attempts=body.attempts)
+    library = context.content.library
+    with context.database.write() as session:
+        learner = learner_of(session, body, who.course)
+        results.grant(context.database, library, session, learner, quiz_id, granted=granted, by=who)
+        given = {"learner": learner.id, "user": learner.name}
+    return {**given, **granted.model_dump(mode="json"), "granted_by": who.user}
+
+
+def learner_of(session: Session, body: ExtensionBody, course: str) -> Member:
+    """The learner whom the body names. Raises NotFound for an unknown id, and Unprocessable."""
+    if body.learner is None:
+        return named(session, body.user or "", Role.STUDENT, course)
+    if found := people.get(session, body.learner, course):
+        return found
+    raise NotFound("There is no such member.")
+
+
+@router.put("/quizzes/{quiz_id}/publication", status_code=204, responses=documented(401, 403, 404, 422, 429))
+def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
+    """Publishes the feedback of a quiz with `"feedback": "after_publish"`: learners see how they were graded."""
+    context.content.library.quiz(quiz_id)
+    with context.database.write() as session:
+        extensions.publish(session, who.course, quiz_id, who.user)
+        record(session, who, who.course, Action.PUBLISHED, quiz_id)
+    return Response(status_code=204)
+
+
+@router.delete("/quizzes/{quiz_id}/publication", status_code=204, responses=documented(401, 403, 404, 422, 429))
+def withdraw(quiz_id: str, who: Instructor, context: AppContext) -> Response:
+    """Withholds the feedback of a quiz again."""
+    context.content.library.quiz(quiz_id)
+    with context.database.write() as session:
+        extensions.withdraw(session, who.course, quiz_id)
+        record(session, who, who.course, Action.WITHDRAWN, quiz_id)
+    return Response(status_code=204)
+
+
+@router.post("/quizzes/{quiz_id}/results:recount", responses=documented(401, 403, 404, 422, 429))
+def recount(quiz_id: str, who: Instructor, context: AppContext) -> dict[str, int]:
+    """Counts every result of a quiz again, after its policy has changed; the feed gets those that change."""
+    library = context.content.library
+    library.quiz(quiz_id)
+    return {"recounted": results.recount_quiz(context.database, library, who.course, quiz_id)}
+
+
+def extension_view(row: ExtensionRow, user: str) -> dict[str, Any]:
+    """An extension as plain JSON; `user` is the learner's name."""
+    names = ("learner", "due", "until", "attempts", "granted_by", "created_at")
+    return {"user": user} | {name: getattr(row, name) for name in names}

@@ -1,0 +1,82 @@
+"""`/gradebook.csv`: the points that count, of every learner, for a spreadsheet or an LMS."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby, islice
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from fastapi.responses import Response, StreamingResponse
+
+from grader.api.conditional import etag_of, unchanged
+from grader.api.context import AppContext, IfNoneMatch, Staff
+from grader.api.problems import documented
+from grader.courses.gradebook import Column, Form, Row, gradebook_csv
+from grader.domain.markup import plain_text
+from grader.domain.quiz import Quiz
+from grader.store import results
+from grader.store.database import Database
+
+router = APIRouter()
+
+LINES = 500
+"""Lines sent at a time."""
+
+
+@router.get(
+    "/gradebook.csv",
+    response_class=Response,
+    responses=documented(
+        401, 403, 404, 422, 429,
+        more={200: {"content": {"text/csv": {}}}, 304: {"description": "Not modified"}},
+    ),
+)  # fmt: skip
+def gradebook(
+    who: Staff,
+    context: AppContext,
+    quiz: Annotated[str | None, Query(max_length=64)] = None,
+    form: Annotated[Form, Query(alias="format")] = Form.GENERIC,
+    *,
+    bom: bool = False,
+    known: IfNoneMatch = "",
+) -> Response:
+    """Sends the gradebook of one quiz, or of all of them, as CSV: a row for each learner who has answered."""
+    library = context.content.library
+    quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
+    columns, ids = columns_of(quizzes), [one.id for one in quizzes]
+    with context.database.read() as session:
+        instructors = results.instructors(session, who.course)
+        state = results.state(session, who.course, ids)
+    etag = etag_of(who.course, form, bom, columns, sorted(instructors), state)
+    if unchanged(known, etag):
+        return Response(status_code=304, headers={"ETag": etag})
+    rows = learners(context.database, who.course, ids, instructors)
+    name = f"gradebook{'' if quiz is None else f'-{quiz}'}.csv"
+    headers = {"ETag": etag, "Content-Disposition": f'attachment; filename="{name}"'}
+    lines = joined(gradebook_csv(rows, columns, form, bom=bom))
+    return StreamingResponse(lines, media_type="text/csv; charset=utf-8", headers=headers)
+
+
+def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
+    """A column for every question."""
+    return [
+        Column(quiz.id, question.id, plain_text(question.title or question.label or question.id), question.points)
+        for quiz in quizzes
+        for question in quiz.questions
+    ]
+
+
+def learners(database: Database, course: str, quizzes: list[str], instructors: set[str]) -> Iterator[Row]:
+    """A row for each learner with results, ordered by name; instructors' own tries are left out."""
+    with database.read() as session:
+        found = results.points_by_learner(session, course, quizzes)
+        for (learner, name), theirs in groupby(found, key=lambda row: (row.learner, row.name)):
+            points: dict[tuple[str, str], Any] = {(row.quiz, row.question): row.points for row in theirs}
+            if learner not in instructors:
+                yield Row(user=name, points=points)
+
+
+def joined(lines: Iterable[str]) -> Iterator[str]:
+    """The lines in larger pieces: each piece that is sent costs a change of threads."""
+    waiting = iter(lines)
+    while piece := "".join(islice(waiting, LINES)):
+        yield piece

@@ -1,0 +1,79 @@
+"""`/results`: the append-only feed of results and their revisions, for an LMS or another service."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, Field
+
+from grader.api.conditional import etag_of, unchanged
+from grader.api.context import AppContext, IfNoneMatch, Service
+from grader.api.paging import LIMIT, LIMIT_MAX, Page, next_link, read_cursor, write_cursor
+from grader.api.problems import documented
+from grader.errors import Unprocessable
+from grader.store import results
+from grader.store.tables import ResultRevision
+
+router = APIRouter()
+
+COLUMNS = (
+    "submission_id", "learner", "quiz", "question", "attempt", "points", "max_points", "is_late", "is_final",
+    "revision", "created_at",
+)  # fmt: skip
+
+
+class FeedQuery(BaseModel):
+    """The query parameters of the feed."""
+
+    cursor: str | None = None
+    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
+
+    @property
+    def position(self) -> int:
+        """The position of the last row that the caller has. Raises Unprocessable."""
+        text = "0" if self.cursor is None else read_cursor(self.cursor)
+        if not text.isdecimal() or len(text) > 18:
+            raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
+        return int(text)
+
+
+@router.get(
+    "/results",
+    response_model=Page,
+    responses=documented(401, 403, 422, 429, more={304: {"description": "Not modified"}}),
+)
+def list_results(
+    query: Annotated[FeedQuery, Query()],
+    who: Service,
+    context: AppContext,
+    response: Response,
+    known: IfNoneMatch = "",
+) -> dict[str, Any] | Response:
+    """Lists what counts for learners, one row for every change, oldest first.
+
+    `next_cursor` is always given: the last one goes on with the rows that come later. A row never changes; a later
+    `revision` of the same learner and question replaces it.
+    """
+    start = query.position
+    with context.database.read() as session:
+        has_new = results.has_new(session, who.course)
+    if has_new:
+        with context.database.write() as session:
+            context.database.lock(session, f"feed\n{who.course}")
+            results.number_new(session, who.course)
+    with context.database.read() as session:
+        rows = results.feed(session, who.course, start, query.limit + 1)
+    items = [item(row, name) for row, name in rows[: query.limit]]
+    last = rows[len(items) - 1][0].position if items else start
+    etag = etag_of(who.course, start, last)
+    if unchanged(known, etag):
+        return Response(status_code=304, headers={"ETag": etag})
+    response.headers["ETag"] = etag
+    following = query.model_copy(update={"cursor": write_cursor(str(last))})
+    if len(rows) > len(items):
+        response.headers["Link"] = next_link("/results", following)
+    return {"items": items, "next_cursor": following.cursor}
+
+
+def item(row: ResultRevision, user: str) -> dict[str, Any]:
+    """A row of the feed as plain JSON; `user` is the learner's name."""
+    return {"user": user} | {name: getattr(row, name) for name in COLUMNS}

@@ -1,0 +1,43 @@
+"""The audit log: who did what in a course."""
+
+import json
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.identity import Identity
+from grader.store.courses import AuditEntry
+
+COMMAND_LINE = "command line"
+
+
+class Action(StrEnum):
+    """What is recorded."""
+
+    INVITED = "invited"
+    JOINED = "joined"
+    SIGNED_IN = "signed in"
+    INVITATION_REVOKED = "invitation revoked"
+    TOKEN_CREATED = "token created"  # noqa: S105
+    TOKEN_REVOKED = "token revoked"  # noqa: S105
+    CREDENTIALS_REVOKED = "credentials revoked"
+    MEMBER_REMOVED = "member removed"
+    ROLE_CHANGED = "role changed"
+    LINK_ROTATED = "course link rotated"
+    LINK_CLOSED = "course link closed"
+    REVIEWED = "reviewed"
+    EXTENDED = "extension changed"
+    PUBLISHED = "feedback published"
+    WITHDRAWN = "feedback withheld"
+    CONTENT_RELOADED = "content reloaded"
+
+
+def record(
+    session: Session, who: Identity | None, course: str, action: Action, subject: str = "", **detail: Any
+) -> None:
+    """Adds an entry in the transaction of what it records. `who` is None for the command line."""
+    name = COMMAND_LINE if who is None else who.user
+    text = json.dumps(detail)
+    actor = None if who is None else who.id
+    session.add(AuditEntry(course=course, actor=actor, name=name, action=action.value, subject=subject, detail=text))

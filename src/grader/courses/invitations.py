@@ -1,0 +1,97 @@
+"""Ways into a course: single-use links for named members, and a link with a code for everybody who has it."""
+
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy.orm import Session
+
+from grader.courses import people
+from grader.courses.audit import Action, record
+from grader.courses.sign_in import BrowserSession, start_session
+from grader.errors import Forbidden, NotFound, Unprocessable
+from grader.identity import Identity, Kind, Role, issue
+from grader.store import courses, credentials
+from grader.store.tables import Credential, Member, now
+
+INVITATION = timedelta(days=14)
+
+CLOSED = "This course link is unknown or closed. Ask your instructor for the current one."
+
+
+@dataclass(frozen=True)
+class Invitation:
+    """A single-use link for a member: its code, which is shown this once."""
+
+    member: Member
+    code: str
+    expires_at: datetime
+
+
+def invite(
+    session: Session, by: Identity | None, course: str | None, names: Sequence[str], role: Role | str = Role.STUDENT
+) -> list[Invitation]:
+    """Makes each name a member with this role, and a link that opens one browser session. Raises Unprocessable.
+
+    A name that is a member already gets a new link and the role; its earlier links end.
+    """
+    checked = people.checked_person(role)
+    if len(set(names)) < len(names):
+        raise Unprocessable("A name is given twice: two people of one name need different names here.")
+    members = [people.named(session, name, checked, course) for name in names]
+    for member in members:
+        member.role = checked.value
+    return [invite_member(session, by, member) for member in members]
+
+
+def invite_member(session: Session, by: Identity | None, member: Member) -> Invitation:
+    """Makes a link with which the member signs in; earlier ones end."""
+    if by is not None and by.scopes is not None and member.role != Role.STUDENT:
+        raise Forbidden("A restricted token invites students only: an instructor's session has no restriction.")
+    session.flush()
+    credentials.revoke_all(session, member.id, now(), [Kind.SIGN_IN])
+    code = issue(session, Kind.SIGN_IN, member, Role(member.role), INVITATION, by=by)
+    record(session, by, member.course, Action.INVITED, member.name, member=member.id, role=member.role)
+    return Invitation(member, code, now() + INVITATION)
+
+
+def pending(session: Session, course: str) -> Sequence[Credential]:
+    """The links of a course that were neither used nor revoked, newest first."""
+    return credentials.alive_in(session, course, Kind.SIGN_IN, now())
+
+
+def revoke(session: Session, by: Identity, invitation_id: str) -> None:
+    """Ends a link. Raises NotFound if it is not one of the course, or has ended."""
+    credential = credentials.find(session, invitation_id, Kind.SIGN_IN, now())
+    if credential is None or credential.course != by.course:
+        raise NotFound("There is no such invitation.")
+    credentials.revoke(session, credential.id, now())
+    record(session, by, by.course, Action.INVITATION_REVOKED, credential.user, member=credential.member)
+
+
+def rotate_link(session: Session, by: Identity) -> str:
+    """Opens the course to all who have the new code, which is returned; an earlier code ends."""
+    code = secrets.token_urlsafe(16)
+    courses.set_link(session, by.course, code)
+    record(session, by, by.course, Action.LINK_ROTATED)
+    return code
+
+
+def close_link(session: Session, by: Identity) -> None:
+    """Ends the course link; those who joined stay."""
+    if courses.drop_link(session, by.course):
+        record(session, by, by.course, Action.LINK_CLOSED)
+
+
+def join(session: Session, code: str, name: str) -> BrowserSession:
+    """Makes a new learner of the course with this code, under a name of their own choice.
+
+    The name is a label and gives no access to the work of others who bear it. Raises Forbidden, Unprocessable.
+    """
+    course = courses.course_with_code(session, code)
+    if course is None:
+        raise Forbidden(CLOSED)
+    opened = start_session(session, people.unnamed(session, course, name), Role.STUDENT)
+    record(session, opened.identity, course, Action.JOINED, opened.identity.user)
+    return opened

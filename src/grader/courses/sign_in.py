@@ -1,0 +1,84 @@
+"""Browser sessions, and the single-use links that open them."""
+
+from dataclasses import dataclass
+from datetime import timedelta
+
+from sqlalchemy.orm import Session
+
+from grader.courses.audit import Action, record
+from grader.courses.people import named, unnamed
+from grader.errors import Unauthorized
+from grader.identity import Identity, Kind, Role, checked_role, find, identity_of, issue
+from grader.store import credentials, people
+from grader.store.tables import Member, now
+
+LEARNER_SESSION = timedelta(days=180)
+INSTRUCTOR_SESSION = timedelta(hours=12)
+SIGN_IN_CODE = timedelta(hours=24)
+RETURN_CODE = LEARNER_SESSION
+
+PRUNED = (Kind.SESSION, Kind.SIGN_IN)
+"""Kinds of credentials that are deleted once they have ended. Tokens stay listed."""
+
+SPENT = "This sign-in link is unknown, has been used, or is too old. Ask for a new one."
+
+
+@dataclass(frozen=True)
+class BrowserSession:
+    """A new browser session: whose it is, the value of its cookie, and how long both are valid."""
+
+    identity: Identity
+    secret: str
+    lifetime: timedelta
+
+
+def create_sign_in_code(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
+    """Creates a code that opens one browser session for a named member. Raises Unprocessable."""
+    checked = checked_role(role)
+    return issue(session, Kind.SIGN_IN, named(session, user, checked, course), checked, SIGN_IN_CODE)
+
+
+def start_session(session: Session, member: Member, role: Role) -> BrowserSession:
+    """Starts a browser session, and deletes sessions and codes that have ended."""
+    people.prune(session, credentials.prune(session, PRUNED, now()))
+    lifetime = INSTRUCTOR_SESSION if role is Role.INSTRUCTOR else LEARNER_SESSION
+    secret = issue(session, Kind.SESSION, member, role, lifetime)
+    return BrowserSession(Identity(member.id, member.name, role, member.course, by_cookie=True), secret, lifetime)
+
+
+def start_anonymous_session(session: Session) -> BrowserSession:
+    """Starts a browser session for a new learner with a made-up name."""
+    return start_session(session, unnamed(session), Role.STUDENT)
+
+
+def identity_behind(session: Session, code: str) -> Identity | None:
+    """Who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
+    credential = find(session, Kind.SIGN_IN, code)
+    return None if credential is None else identity_of(credential)
+
+
+def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:
+    """Exchanges a code for a browser session. Raises Unauthorized if it is unknown, used or expired."""
+    credential = find(session, Kind.SIGN_IN, code)
+    if credential is None or not credentials.revoke(session, credential.id, now()):
+        raise Unauthorized(SPENT)
+    opened = start_session(session, session.get_one(Member, credential.member), Role(credential.role))
+    record(session, opened.identity, opened.identity.course, Action.SIGNED_IN, opened.identity.user)
+    return opened
+
+
+def create_return_code(session: Session, who: Identity) -> str:
+    """Creates a code with which the owner of a browser session comes back; it revokes the earlier ones."""
+    credentials.revoke_all(session, who.id, now(), [Kind.SIGN_IN])
+    return issue(session, Kind.SIGN_IN, session.get_one(Member, who.id), who.role, RETURN_CODE)
+
+
+def is_only_in_browser(session: Session, who: Identity) -> bool:
+    """Whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
+    return session.get_one(Member, who.id).account is None
+
+
+def end_session(session: Session, cookie: str) -> None:
+    """Revokes the session of a cookie; an invalid cookie is ignored."""
+    if credential := find(session, Kind.SESSION, cookie):
+        credentials.revoke(session, credential.id, now())

@@ -1,0 +1,110 @@
+"""Policy, Extension and Progress: when a quiz may be answered, what counts, and what a learner may see when."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+from grader.domain.verdict import Status
+
+EARLIEST, LATEST = datetime(2000, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
+"""Moments outside are typing errors, and near year 1 and 9999 they cannot be converted to UTC."""
+
+
+def _utc(moment: datetime) -> datetime:
+    return moment.astimezone(UTC)
+
+
+Moment = Annotated[AwareDatetime, Field(ge=EARLIEST, lt=LATEST), AfterValidator(_utc)]
+"""ISO 8601 with an offset, such as 2026-03-01T18:00+01:00; kept in UTC."""
+
+Share = Annotated[float, Field(ge=0, le=1, strict=True, allow_inf_nan=False)]
+
+
+class PolicyPart(BaseModel):
+    """Frozen, and strict about its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Late(PolicyPart):
+    """Late answers are taken until `until`; points are multiplied by `per_day` for every day started since `due`.
+
+    `floor` is the least multiplier. `until` is required: solutions stay closed while answers are still taken.
+    """
+
+    per_day: Share
+    floor: Share = 0.0
+    until: Moment
+
+
+def _after_opens(due: datetime | None, info: ValidationInfo) -> datetime | None:
+    opens = info.data.get("opens")
+    if due is not None and opens is not None and due <= opens:
+        raise PydanticCustomError("policy", "must be later than opens")
+    return due
+
+
+def _after_due(late: Late | None, info: ValidationInfo) -> Late | None:
+    due = info.data.get("due")
+    if late is not None and "due" in info.data and (due is None or late.until <= due):
+        raise PydanticCustomError("policy", "needs a due date, and an until that is later")
+    return late
+
+
+def _with_due(when: str, info: ValidationInfo) -> str:
+    if when == "after_due" and info.data.get("due", when) is None:
+        raise PydanticCustomError("policy", "after_due needs a due date: add due")
+    return when
+
+
+class Policy(PolicyPart):
+    """The rules of one quiz; every key may be left out. A question's own `attempts` is stronger than the quiz's.
+
+    Answers are taken from `opens` to `due`, both included, and where `late` is given until its `until`. `counts`
+    says which attempts make the points. `feedback` says when a learner sees how an answer was graded, `solutions`
+    when the right answer and its explanation: never before the feedback. `after_due` means once the learner can hand
+    in no more answers, so that nobody answers late what is solved already.
+    """
+
+    attempts: int | None = Field(default=None, ge=1, strict=True)
+    opens: Moment | None = None
+    due: Annotated[Moment | None, AfterValidator(_after_opens)] = None
+    late: Annotated[Late | None, AfterValidator(_after_due)] = None
+    counts: Literal["best", "latest", "average"] = "best"
+    feedback: Annotated[Literal["immediate", "after_due", "after_publish"], AfterValidator(_with_due)] = "immediate"
+    solutions: Annotated[
+        Literal["with_feedback", "when_right_or_spent", "after_due", "never"], AfterValidator(_with_due)
+    ] = "when_right_or_spent"
+
+
+class Extension(PolicyPart):
+    """What one learner gets beyond the policy: later dates, and further attempts at every question of the quiz.
+
+    Dates that are earlier than the policy's change nothing.
+    """
+
+    due: Moment | None = None
+    until: Moment | None = None
+    attempts: int = Field(default=0, ge=0, le=1000, strict=True)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a decision needs to know of a learner's attempts at a question: counts, so that no attempt need be read.
+
+    `used` counts the attempts that used one, `pending` those of them without a verdict. `solved` says whether an
+    attempt is right.
+    """
+
+    used: int = 0
+    pending: int = 0
+    solved: bool = False
+
+    def after(self, status: Status | None) -> "Progress":
+        """The progress after one more attempt with this status; None while it has no verdict."""
+        uses_attempt = status is None or status.uses_attempt
+        solved = self.solved or status is Status.CORRECT
+        return Progress(self.used + uses_attempt, self.pending + (status is None), solved)

@@ -1,0 +1,38 @@
+"""Rubric: what a reviewer ticks, and the points that it gives."""
+
+import math
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+ROUNDING = 1e-9
+"""Points of items that add up to the question's points in decimals may miss them by this much in binary."""
+
+
+class RubricItem(BaseModel):
+    """One thing to tick. Its points are added; where they are negative, they are deducted."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
+    title: str = Field(min_length=1)
+    points: float = Field(ge=-1000, le=1000, strict=True, allow_inf_nan=False)
+
+
+def _usable(items: tuple[RubricItem, ...], info: ValidationInfo) -> tuple[RubricItem, ...]:
+    """Item ids are unique, and full marks can be reached."""
+    ids = [item.id for item in items]
+    if repeated := sorted({one for one in ids if ids.count(one) > 1}):
+        raise PydanticCustomError("rubric", "two items have the id {id}: give each its own", {"id": repeated[0]})
+    most, points = math.fsum(item.points for item in items if item.points > 0), info.data.get("points")
+    if items and points is not None and most < points - ROUNDING:
+        numbers = {"most": f"{most:g}", "points": f"{points:g}"}
+        raise PydanticCustomError(
+            "rubric", "the items add up to {most} of {points} points: add items or points", numbers
+        )
+    return items
+
+
+Rubric = Annotated[tuple[RubricItem, ...], AfterValidator(_usable)]
+"""The items of one question; `points` of the question must come before it in the class."""

@@ -1,0 +1,244 @@
+"""Grading processes: each has an interpreter and a jail of its own, so that grading uses every core.
+
+A process takes the content and submissions over a socket, and returns verdicts. It knows no database. It ends when its
+standard input does, so that none outlives the server or worker that started it, however that ended.
+"""
+
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import structlog
+
+from grader.domain.verdict import Verdict
+from grader.errors import JailFault, JailRefused
+from grader.library import Library
+from grader.pipeline import Pipeline
+from grader.sandbox.jail import Jail
+
+START_S = 180.0
+"""Longest start of a process with its jail and self-test [s]."""
+VERDICT_S = 900.0
+"""Longest wait for a verdict, far above every limit of a script; then the process is ended and started anew [s]."""
+END_S = 10.0
+"""Longest end of a process; then it is killed [s]."""
+
+MAIN = "from grader.grading_process import main; main()"
+"""Not `-m`, which would load this module twice: what is pickled here would be another class there."""
+
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True)
+class Script:
+    """A submission as a grading process takes it; `answer` is the stored answer, parsed."""
+
+    quiz: str
+    question: str
+    answer: Any
+    seed: int | None
+
+
+class GradingProcess:
+    """The handle of one process. One thread at a time may use it."""
+
+    def __init__(self, models: Path, *, allow_t2: bool) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), str(models)]
+            self._process = subprocess.Popen(  # noqa: S603  our own command
+                [*command, *(["--allow-t2"] if allow_t2 else [])], stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
+            )
+        self._connection: Connection[Any, Any] = Connection(ours.detach())
+        self._library: Library | None = None
+        self.jail: Mapping[str, Any] = {}
+
+    @property
+    def pid(self) -> int:
+        """The id of the process."""
+        return self._process.pid
+
+    def wait_until_ready(self) -> None:
+        """Waits for the jail. Raises JailRefused if this machine cannot hold it, JailFault if the process ends."""
+        self.jail = self._receive(START_S)
+
+    def judge(self, library: Library, script: Script) -> Verdict:
+        """Judges a script against this content. Raises JailFault if the process ends or breaks, and ends it then."""
+        try:
+            if library is not self._library:
+                self._connection.send(portable(library))
+                self._library = library
+            self._connection.send(script)
+        except OSError as error:
+            raise self._broken(str(error)) from error
+        verdict = self._receive(VERDICT_S)
+        assert isinstance(verdict, Verdict)
+        return verdict
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """Ends the process and its jail, and waits for it."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._connection.close()
+
+    def _receive(self, patience_s: float) -> Any:
+        try:
+            if not self._connection.poll(patience_s):
+                raise self._broken("it did not answer")
+            reply = self._connection.recv()
+        except (EOFError, OSError) as error:
+            raise self._broken(str(error) or "it ended") from error
+        if isinstance(reply, Exception):
+            raise reply
+        return reply
+
+    def _broken(self, why: str) -> JailFault:
+        self._process.kill()
+        return JailFault(f"grading process {self._process.pid} broke: {why}")
+
+
+class Graders:
+    """`count` grading processes; thread-safe. A process that ended is replaced before the next script."""
+
+    def __init__(self, models: Path, count: int, *, allow_t2: bool) -> None:
+        self._models, self._count, self._allow_t2 = models, count, allow_t2
+        self._free: queue.SimpleQueue[int] = queue.SimpleQueue()
+        self._all: list[GradingProcess] = []
+        self.jail: Mapping[str, Any] = {}
+
+    def start(self) -> None:
+        """Starts the processes, all at the same time. Raises JailRefused."""
+        self._all = [self._new() for _ in range(self._count)]
+        try:
+            for process in self._all:
+                process.wait_until_ready()
+        except JailFault:
+            self.close()
+            raise
+        for place in range(self._count):
+            self._free.put(place)
+        self.jail = self._all[0].jail
+
+    def judge(self, library: Library, script: Script) -> Verdict:
+        """Judges a script in a free process; waits for one. Raises JailFault as a process does."""
+        with self._free_process() as process:
+            return process.judge(library, script)
+
+    def pids(self) -> list[int]:
+        """The ids of the processes."""
+        return [process.pid for process in self._all]
+
+    def close(self) -> None:
+        """Ends every process; scripts in progress end with a JailFault."""
+        ending = [threading.Thread(target=process.close) for process in self._all]
+        for thread in ending:
+            thread.start()
+        for thread in ending:
+            thread.join()
+        self._all = []
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _new(self) -> GradingProcess:
+        return GradingProcess(self._models, allow_t2=self._allow_t2)
+
+    @contextmanager
+    def _free_process(self) -> Iterator[GradingProcess]:
+        place = self._free.get()
+        try:
+            if not self._all[place].alive:
+                self._replace(place)
+            yield self._all[place]
+        finally:
+            self._free.put(place)
+
+    def _replace(self, place: int) -> None:
+        ended = self._all[place]
+        log.warning("a grading process ended and is replaced", pid=ended.pid)
+        ended.close()
+        self._all[place] = self._new()
+        self._all[place].wait_until_ready()
+
+
+def portable(library: Library) -> Library:
+    """The same content in plain dictionaries, which can be pickled."""
+    mappings: dict[str, Any] = {
+        name: dict(value) for name, value in vars(library).items() if isinstance(value, Mapping)
+    }
+    return replace(library, **mappings)
+
+
+def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
+    """Answers each script with its verdict, or with the JailFault that says what broke, until the parent ends."""
+    pipeline: Pipeline | None = None
+    while True:
+        try:
+            message = connection.recv()
+        except EOFError:
+            return
+        if isinstance(message, Library):
+            pipeline = Pipeline(message, jail.run)
+            continue
+        assert pipeline is not None and isinstance(message, Script)
+        try:
+            parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
+            connection.send(pipeline.judge(parsed))
+        except Exception as error:
+            log.exception("grading failed", quiz=message.quiz, question=message.question)
+            connection.send(JailFault(f"grading failed: {type(error).__name__}"))
+
+
+def end_with_parent(jail: Jail) -> None:
+    """Ends this process and its jail as soon as the parent's end of standard input is closed."""
+    sys.stdin.buffer.read()
+    backstop = threading.Timer(END_S / 2, os._exit, (0,))
+    backstop.daemon = True
+    backstop.start()
+    jail.close()
+    os._exit(0)
+
+
+def main() -> None:
+    """Runs one grading process: the socket's number, the folder of models, and perhaps --allow-t2."""
+    structlog.configure(logger_factory=lambda *_: structlog.PrintLogger(sys.stderr))
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent decides when to end
+        signal.signal(number, signal.SIG_IGN)
+    connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
+    try:
+        jail = Jail(Path(sys.argv[2]), 1, allow_t2="--allow-t2" in sys.argv)
+    except JailFault as fault:
+        connection.send(JailRefused(str(fault)))
+        return
+    threading.Thread(target=end_with_parent, args=(jail,), daemon=True).start()
+    with jail, suppress(BrokenPipeError):
+        integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
+        connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
+        serve(connection, jail)

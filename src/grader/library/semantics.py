@@ -1,0 +1,147 @@
+"""Checks that a schema cannot make: models exist, starters define their entry, labs run, exercises can be planned."""
+
+import ast
+import re
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from grader.answers import known_unit
+from grader.domain.lab import IntegratorsLab, Lab, LabConfig
+from grader.domain.quiz import CodeQuestion, NumericQuestion, OpenQuestion, PredictQuestion, Question, Quiz
+from grader.domain.run import SOURCE_BYTES_MAX
+from grader.errors import Fault, NotFound
+from grader.exercises import TextOf, check_exercise
+from grader.labs import check_integrators, check_lab
+from grader.library.files import read_text
+from grader.library.json_text import dotted
+
+PROSE = ("q", "title", "options", "explain", "reference", "note")
+"""Keys of texts that are shown with TeX between dollar signs."""
+
+DOLLAR = re.compile(r"(?<!\\)\$")
+
+
+def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:
+    """A fault for every model that a question or lab names and that is not in models/."""
+    for at, name in named_models(raw, key):
+        if name not in models:
+            yield Fault(file, at, f"there is no models/{name}.xml: take one of {', '.join(sorted(models))}")
+
+
+def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
+    """Key and value of every `model`, and of every entry of `models`, at any depth."""
+    if isinstance(raw, list):
+        for index, item in enumerate(raw):
+            yield from named_models(item, dotted(key, index))
+    elif isinstance(raw, dict):
+        for name, item in raw.items():
+            if name == "model" and isinstance(item, str):
+                yield dotted(key, name), item
+            elif name == "models" and isinstance(item, list):
+                yield from ((dotted(key, name, index), one) for index, one in enumerate(item) if isinstance(one, str))
+            elif not name.startswith("x-"):
+                yield from named_models(item, dotted(key, name))
+
+
+def read_starter(root: Path, raw: Any, file: str, key: str) -> tuple[str | None, list[Fault]]:
+    """The text of a question's starter, or None, and its faults."""
+    name = raw.get("starter") if isinstance(raw, dict) else None
+    if not isinstance(name, str):
+        return None, []
+    at = dotted(key, "starter")
+    if not name.endswith(".py"):
+        return None, [Fault(file, at, f"{name!r} must be a .py file of the content folder")]
+    source = read_text(root, name, SOURCE_BYTES_MAX)
+    if isinstance(source, Fault):
+        return None, [Fault(file, at, f"{name!r} {source.why}" if source.key == "path" else f"{name!r}: {source.why}")]
+    entry = raw.get("entry")
+    try:
+        defined = _top_level_names(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        line = getattr(error, "lineno", None)
+        return source, [Fault(name, f"line {line}", f"not valid Python: {getattr(error, 'msg', error)}")]
+    if isinstance(entry, str) and entry not in defined:
+        return source, [Fault(file, at, f"{name!r} does not define {entry!r}, the entry of this exercise")]
+    return source, []
+
+
+def _top_level_names(source: str) -> set[str]:
+    """The functions that a script defines. Raises what `ast.parse` may raise."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)
+        tree = ast.parse(source)
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
+    """A warning for every text with an odd number of dollar signs."""
+    for at, text in _prose(raw, key):
+        if len(DOLLAR.findall(text)) % 2:
+            yield Fault(file, at, "an odd number of $ signs: TeX stands between two; write \\$ for a dollar")
+
+
+def number_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
+    """Warnings for units and tolerances that accept fewer answers than their author may expect."""
+    for question in quiz.questions:
+        if not isinstance(question, NumericQuestion):
+            continue
+        if question.unit and known_unit(question.unit) is None:
+            yield Fault(
+                file, dotted(question.id, "unit"), f"{question.unit!r} is not a known unit: nothing is converted"
+            )
+        if question.tolerance == 0 and question.tol is None:
+            yield Fault(file, dotted(question.id, "tol"), "2 % of 0 is 0: give tol, or only an exact 0 is right")
+
+
+def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
+    """Key and value of every text that a student may see."""
+    items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ()
+    for name, item in items:
+        if not isinstance(item, str):
+            yield from _prose(item, dotted(key, name))
+        elif name in PROSE or (isinstance(raw, list) and key.endswith("options")):
+            yield dotted(key, name), item
+
+
+def semantic_faults(
+    parts: Iterable[Question | Lab], models: Mapping[str, str], text_of: TextOf, file: str
+) -> Iterator[Fault]:
+    """Faults of questions and labs that use only the `models`, which compile; the others have a fault already."""
+    for part in parts:
+        for fault in _part_faults(part, models, text_of, file):
+            yield replace(fault, file=file, why=" ".join(fault.why.split()))
+
+
+def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextOf, file: str) -> Iterator[Fault]:
+    """Faults of one question or lab."""
+
+    def model_xml(name: str) -> str:
+        if name not in models:
+            raise NotFound(f"There is no model {name!r}.")
+        return models[name]
+
+    if isinstance(part, CodeQuestion):
+        wanted = {name for _, name in named_models(dict(part.check.parameters), "")}
+        yield from check_exercise(part, model_xml, file, text_of) if wanted <= set(models) else ()
+    elif isinstance(part, PredictQuestion) and part.sim is not None:
+        yield from _lab_faults(part.sim, models, dotted(part.id, "sim"))
+    elif isinstance(part, LabConfig | IntegratorsLab):
+        yield from _lab_faults(part, models, part.id)
+    if isinstance(part, CodeQuestion | OpenQuestion) and part.verify is not None:
+        yield Fault(file, dotted(part.id, "verify"), f"{part.kind} has no key to derive again: remove it")
+
+
+def _lab_faults(lab: LabConfig | IntegratorsLab, models: Mapping[str, str], key: str) -> Iterator[Fault]:
+    """Faults of one lab, which needs either the name of a model or its own MJCF; their `file` is empty."""
+    xml = lab.xml if isinstance(lab, LabConfig) else None
+    if (lab.model is None) == (xml is None):
+        yield Fault("", dotted(key, "model"), "give either model, a name in models/, or xml, the model itself")
+        return
+    if xml is None:
+        xml = models.get(lab.model or "")
+    if xml is None:
+        return
+    yield from check_integrators(lab, xml, key) if isinstance(lab, IntegratorsLab) else check_lab(lab, xml, key)

@@ -1,0 +1,174 @@
+"""Every rule that reads a stranger's text takes time linear in its length: 64 KB of the worst against 16 KB.
+
+The list of rules is that of SECURITY.md. `make bench-check` runs it, since it measures CPU time.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+from urllib.parse import parse_qs
+
+import pytest
+from pydantic import ValidationError
+from starlette.requests import HTTPConnection
+
+from grader.answers import read_answer
+from grader.api.admission import drop_escaped_cookies, origin_of
+from grader.api.labs import LabBody
+from grader.api.paging import read_cursor
+from grader.courses.gradebook import FORMULA
+from grader.domain.lab import LabConfig
+from grader.domain.quiz import ChoiceQuestion, NumericQuestion, OpenQuestion
+from grader.errors import GraderError
+from grader.labs.controls import chosen_values
+from grader.pipeline import canonical
+from grader.sandbox.cleaning import clean, one_line
+from grader.web.prose import safe_html
+
+pytestmark = pytest.mark.cost
+
+SMALL, LARGE = 16 * 1024, 64 * 1024
+RATIO_MAX, NOISE_S = 6.0, 0.005
+
+Make = Callable[[int], Any]
+
+
+def repeated(unit: str, before: str = "", after: str = "") -> Make:
+    """A text of n characters."""
+    return lambda n: before + (unit * (n // len(unit) + 1))[: n - len(before) - len(after)] + after
+
+
+def cookies(value: bytes) -> Any:
+    scope: Any = {"type": "http", "headers": [(b"cookie", value)]}
+    drop_escaped_cookies(scope)
+    return HTTPConnection(scope).cookies
+
+
+CHOICE = ChoiceQuestion(kind="mcq", id="q1", q="?", options=("a", "b"), answer=0)
+NUMBER = NumericQuestion(kind="numeric", id="q1", q="?", answer=5, tol=0.1, unit="ms")
+OPEN = OpenQuestion(kind="open", id="q1", q="?")
+LAB = LabConfig.model_validate(
+    {"model": "m", "controls": [{"label": "s", "set": "data.qpos[0]", "min": 0, "max": 1, "step": 1, "value": 0}]}
+)
+
+TAGS = ["<code>", "<code>$", "</code ", "<pre", "<!--", "<!-", "<a ", "<", "<a href=x>", "<div>", "<p>", "<b><p>"]
+TAGS += ["<li><ul>", "<table><td>", "<table><b>", "<math><mi>", "<i><b><u>", "<a 1><", "</p>", "&#1", "&", "<svg><p>"]
+TEX = [
+    "$",
+    "$$",
+    "$x",
+    "$x$ ",
+    "$$x$$ ",
+    "$x\\$",
+    "\\$",
+    "\\",
+    "$\\",
+    r"$\text{<b/a>}$ ",
+    "$^$",
+    "${$",
+    r"$\newcommand",
+]
+TYPED = [
+    "1",
+    "1 ",
+    "(",
+    "1,000",
+    "1/",
+    "<b>",
+    "<b><p>",
+    "1e",
+    "\\frac{",
+    "²",
+    "½",
+    "π",
+    "- ",
+    "= ",
+    "<li><ul>",
+    "\u00b7",
+]
+PRINTED = ["\x1b[", "\x1b[0", "\x1b]", "\x9b0", "\x1b", "\r", "\x1b[ ", "\x1b ", "\u202e", "x"]
+
+RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
+    "prose": (
+        safe_html,
+        {unit: repeated(unit) for unit in TAGS + TEX}
+        | {
+            "one formula": repeated("x", "$", "$"),
+            "digits": repeated("1", "$&#", ";$"),
+            "one tag": repeated("a=1 ", "<a ", ">"),
+            "attributes": lambda n: "<a " + " ".join(f"a{i:x}" for i in range(n // 6)) + ">",
+            "names": lambda n: "".join(f"<q{i:x}>" for i in range(n // 6)),
+            "formats": lambda n: "".join(f"<b a{i:x}>" for i in range(n // 16)) + "<p>x" * (n // 8),
+            "depth": lambda n: "<div>" * (n // 10) + "</b>" * (n // 8),
+        },
+    ),
+    "choice": (lambda text: read_answer(CHOICE, text), {unit: repeated(unit) for unit in TYPED + TAGS}),
+    "number": (lambda text: read_answer(NUMBER, text), {unit: repeated(unit) for unit in TYPED}),
+    "open": (lambda text: read_answer(OPEN, text), {unit: repeated(unit) for unit in TYPED}),
+    "answer": (
+        canonical,
+        {
+            "deep": lambda n: [[[n * "x"]]],
+            "wide": lambda n: {f"k{i}": [i] for i in range(n // 8)},
+            "text": repeated("é"),
+        },
+    ),
+    "json": (
+        json.loads,
+        {
+            "deep": lambda n: "[" * (n // 2) + "]" * (n // 2),
+            "digits": repeated("9"),
+            "quotes": repeated('\\"', '"', '"'),
+        },
+    ),
+    "lab body": (
+        LabBody.model_validate,
+        {
+            "controls": lambda n: {"quiz": "q", "lab": "l", "controls": {f"c{i}": 1 for i in range(n // 10)}},
+            "events": lambda n: {"quiz": "q", "lab": "l", "events": [[0, "x"]] * (n // 8)},
+            "unknown": lambda n: {f"k{i}": 1 for i in range(n // 8)},
+        },
+    ),
+    "controls": (
+        lambda given: chosen_values(LAB, given),
+        {"label": lambda n: {"x" * n: 1}, "text": lambda n: {"s": "1" * n}, "integer": lambda n: {"s": 10**n}},
+    ),
+    "cookies": (
+        lambda text: cookies(text.encode("latin-1")),
+        {unit: repeated(unit, 'a="', '"') for unit in ["\\", "\\1", "\\012", ";", "=", ";a=", '"', " "]},
+    ),
+    "origin": (
+        origin_of,
+        {unit: repeated(unit, "http://") for unit in ["a", ":", "[", "1:", "@", "[::", "/", "%", "é"]},
+    ),
+    "form": (parse_qs, {unit: repeated(unit) for unit in ["a=1&", "&", "%", "%41", "=", "a=+"]}),
+    "cursor": (read_cursor, {unit: repeated(unit) for unit in ["a", "=", "/", "é"]}),
+    "output": (lambda text: clean(text.encode(), LARGE), {unit: repeated(unit) for unit in PRINTED}),
+    "reason": (one_line, {unit: repeated(unit) for unit in PRINTED}),
+    "spreadsheet cell": (FORMULA.match, {unit: repeated(unit) for unit in ["'", " ", "' ", "=", "'\t"]}),
+}
+
+CASES = [(rule, name) for rule, (_, worst) in RULES.items() for name in worst]
+
+
+def cpu_s(read: Callable[[Any], Any], text: Any) -> float:
+    """The least CPU time of three readings; a refusal is an answer too."""
+    taken = []
+    for _ in range(3):
+        began = time.thread_time()
+        with suppress(GraderError, ValidationError, ValueError, RecursionError):
+            read(text)
+        taken.append(time.thread_time() - began)
+    return min(taken)
+
+
+@pytest.mark.parametrize(("rule", "name"), CASES, ids=lambda text: ascii(text)[1:-1])
+def test_four_times_the_text_takes_about_four_times_the_time(rule: str, name: str) -> None:
+    read, worst = RULES[rule]
+    make = worst[name]
+    cpu_s(read, make(SMALL))
+    small, large = cpu_s(read, make(SMALL)), cpu_s(read, make(LARGE))
+    assert large <= RATIO_MAX * small + NOISE_S, f"{1000 * small:.1f} ms, then {1000 * large:.1f} ms"
+    assert large < 2.0

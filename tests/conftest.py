@@ -1,0 +1,55 @@
+"""Marks every test by what it uses, so that `pytest -m fast` (make test-fast) needs no list of files.
+
+A test uses what its own code, its fixtures and the helpers that those call name in their code: `Jail` is the jail, and
+so on. What cannot be seen in names, such as a server with a worker, is marked where it is written.
+"""
+
+import inspect
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import pytest
+from hypothesis import is_hypothesis_test
+
+MARKS = {"Jail": "jail", "chromium": "browser", "sync_playwright": "browser", "subprocess": "process"}
+"""What a name in the code says about a test."""
+
+HERE = str(Path(__file__).parent)
+NOT_FAST = {"cost", "slow", "postgres", *MARKS.values()}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if isinstance(item, pytest.Function):
+            for mark in marks_of(item):
+                item.add_marker(mark)
+        if not any(item.get_closest_marker(mark) for mark in NOT_FAST):
+            item.add_marker("fast")
+
+
+def marks_of(item: pytest.Function) -> set[str]:
+    """The marks of what a test uses."""
+    fixtures = [one.func for several in item._fixtureinfo.name2fixturedefs.values() for one in several]
+    named = uses(item.function).union(*map(uses, fixtures))
+    parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    found = {MARKS[name] for name in named & MARKS.keys()} | {"postgres" for one in parameters if one == "postgresql"}
+    return found | ({"slow"} if is_hypothesis_test(item.function) else set())
+
+
+@cache
+def uses(function: Any) -> frozenset[str]:
+    """The global names and attributes in the code of a function and of the tests' own functions that it calls."""
+    found, due, seen = set[str](), [function], set[CodeType]()
+    while due:
+        one = inspect.unwrap(due.pop())
+        if isinstance(one, FunctionType) and one.__code__ not in seen and one.__code__.co_filename.startswith(HERE):
+            seen.add(one.__code__)
+            inner = [part for part in one.__code__.co_consts if isinstance(part, CodeType)]
+            names = {name for code in (one.__code__, *inner) for name in code.co_names}
+            modules = [value for name in names if isinstance(value := one.__globals__.get(name), ModuleType)]
+            scopes = [one.__globals__, *(vars(m) for m in modules if str(getattr(m, "__file__", "")).startswith(HERE))]
+            due += [scope[name] for scope in scopes for name in names if callable(scope.get(name))]
+            found |= names
+    return frozenset(found)

@@ -1,0 +1,188 @@
+"""Statistics against closed forms, numpy, scipy, and cohorts whose truth is known."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from grader.courses.statistics import Row, clusters_of, mean_share, statistics_of
+from grader.domain.verdict import Status
+from properties import patient
+
+shares = st.lists(st.integers(0, 3).map(lambda n: n / 3), min_size=1, max_size=40)
+
+
+def row(learner: object, question: str, points: float, **more: object) -> Row:
+    status = Status.CORRECT if points == 1 else Status.INCORRECT
+    return Row(**{"learner": str(learner), "question": question, "points": points, "max_points": 1.0,
+                  "first_status": status, **more})  # type: ignore[arg-type]  # fmt: skip
+
+
+@patient
+@given(st.lists(st.booleans(), min_size=1, max_size=60))
+def test_the_interval_of_right_and_wrong_is_wilsons(answers: list[bool]) -> None:
+    found = mean_share([float(one) for one in answers])
+    expected = stats.binomtest(sum(answers), len(answers)).proportion_ci(0.95, method="wilson")
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
+    assert found.value == pytest.approx(np.mean(answers))
+
+
+@patient
+@given(shares)
+def test_an_interval_holds_its_mean_and_stays_between_0_and_1(given_shares: list[float]) -> None:
+    found = mean_share(given_shares)
+    assert 0 <= found.low <= found.value <= found.high <= 1
+    assert found.low < found.high
+
+
+@pytest.mark.parametrize("steps", [1, 2, 4, 20])
+def test_the_interval_covers_the_true_mean_in_95_of_100_cohorts(steps: int) -> None:
+    """25 shares in steps of 1/steps, true means all over [0, 1]; 4,000 cohorts: one sigma is 0.35 %."""
+    chance = random.Random(steps)
+    cohorts, covered = 4000, 0
+    for _ in range(cohorts):
+        truth = chance.random()
+        found = mean_share([sum(chance.random() < truth for _ in range(steps)) / steps for _ in range(25)])
+        covered += found.low <= truth <= found.high
+    assert covered / cohorts > 0.94
+
+
+def test_the_coverage_of_right_and_wrong_is_95_percent_over_all_true_means() -> None:
+    """Without chance: the binomial probability of every count whose interval holds the true mean."""
+    n, truths = 25, (np.arange(2000) + 0.5) / 2000
+    coverage = np.zeros_like(truths)
+    for right in range(n + 1):
+        found = mean_share([1.0] * right + [0.0] * (n - right))
+        held = (found.low <= truths) & (truths <= found.high)
+        coverage += held * stats.binom.pmf(right, n, truths)
+    assert coverage.mean() == pytest.approx(0.9527, abs=5e-4)
+
+
+def test_no_shares_have_no_mean() -> None:
+    with pytest.raises(ValueError, match="no shares"):
+        mean_share([])
+
+
+@patient
+@given(st.integers(0, 2**32), st.integers(4, 30))
+def test_discrimination_is_numpys_correlation_with_the_rest(seed: int, learners: int) -> None:
+    table = np.random.default_rng(seed).integers(0, 4, (learners, 3)) / 3
+    rows = [row(i, f"q{j}", float(table[i, j])) for i in range(learners) for j in range(3)]
+    for j, found in enumerate(statistics_of(rows)):
+        item, rest = table[:, j], table.sum(axis=1) - table[:, j]
+        if np.ptp(item) == 0 or np.ptp(np.round(rest, 9)) == 0:
+            assert found.discrimination is None
+            continue
+        expected = stats.pearsonr(item, rest)
+        assert found.discrimination is not None
+        assert found.discrimination.value == pytest.approx(expected.statistic, abs=1e-7)
+        low, high = expected.confidence_interval(0.95)
+        assert (found.discrimination.low, found.discrimination.high) == pytest.approx((low, high), abs=1e-6)
+        assert found.discrimination.n == learners
+
+
+def test_discrimination_is_the_point_biserial_correlation_of_right_and_wrong() -> None:
+    right, rest = [0, 0, 1, 1, 1, 0], [0.1, 0.4, 0.5, 0.9, 0.3, 0.2]
+    rows = [row(i, "q", one) for i, one in enumerate(right)] + [row(i, "rest", one) for i, one in enumerate(rest)]
+    found = statistics_of(rows)[0].discrimination
+    assert found is not None
+    assert found.value == pytest.approx(stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12)
+
+
+def test_discrimination_is_null_where_it_is_undefined() -> None:
+    alone = statistics_of([row(i, "q", i % 2) for i in range(9)])
+    few = statistics_of([row(i, q, (i + len(q)) % 2) for i in range(3) for q in ("q", "qq")])
+    same = statistics_of([row(i, q, 1 if q == "q" else i % 2) for i in range(9) for q in ("q", "qq")])
+    assert [one.discrimination for one in (*alone, *few, *same)] == [None] * 5
+
+
+def test_a_perfect_correlation_has_no_width() -> None:
+    found = statistics_of([row(i, q, i % 2) for i in range(6) for q in ("q", "r")])[0].discrimination
+    assert found is not None
+    assert (found.value, found.low, found.high) == pytest.approx((1, 1, 1))
+
+
+def test_questions_that_a_learner_has_not_answered_do_not_count_against_them() -> None:
+    rows = [row(i, q, i % 2) for i in range(8) for q in ("q", "r")]
+    more = [*rows, row("late", "q", 1)]  # answered nothing else: has no rest
+    found = statistics_of(more)[0]
+    assert found.difficulty.n == 9
+    assert found.discrimination is not None
+    assert found.discrimination.n == 8
+
+
+def test_a_simulated_cohort_shows_which_question_is_hard_and_which_tells_nothing() -> None:
+    """500 learners of normal ability; right with probability logistic(slope * (ability - difficulty))."""
+    chance = random.Random(7)
+    questions = {"easy": (2.0, -1.5), "hard": (2.0, 1.5), "guess": (0.0, 0.0), "keyed-wrong": (-2.0, 0.0)}
+    rows = []
+    for learner in range(500):
+        ability = chance.gauss(0, 1)
+        for name, (slope, difficulty) in [*questions.items(), *((f"fill{n}", (2.0, 0.0)) for n in range(6))]:
+            right = chance.random() < 1 / (1 + math.exp(-slope * (ability - difficulty)))
+            rows.append(row(learner, name, float(right)))
+    found = {one.question: one for one in statistics_of(rows)}
+    assert found["easy"].difficulty.value > 0.8 > 0.2 > found["hard"].difficulty.value
+    limits = {name: one.discrimination for name, one in found.items()}
+    easy, guess, wrong = limits["easy"], limits["guess"], limits["keyed-wrong"]
+    assert easy is not None and guess is not None and wrong is not None
+    assert easy.low > 0.2
+    assert guess.low < 0 < guess.high
+    assert wrong.high < 0
+
+
+def test_options_mistakes_and_first_attempts_are_counted() -> None:
+    sign, unit = "Your number has the wrong sign.", "Your number would be right in s."
+    rows = [
+        row("a", "q", 1, option=1, diagnoses=(sign, unit, sign)),
+        row("b", "q", 0, option=0, diagnoses=(sign,)),
+        row("c", "q", 1, option=1, first_status=Status.INCORRECT),
+    ]
+    (found,) = statistics_of(rows)
+    assert found.options == {0: 1, 1: 2}
+    assert list(found.mistakes.items()) == [(sign, 2), (unit, 1)]
+    assert found.right_at_once.value == pytest.approx(1 / 3)
+    assert found.difficulty.value == pytest.approx(2 / 3)
+
+
+def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
+    numbers = [5.0, 5.01, 0.2, 0.2, 0.2003, 7, 9]
+    rows = [row(n, "q", 0, value=value) for n, value in enumerate(numbers)]
+    rows += [row("right", "q", 1, value=5.0), row("none", "q", 0)]
+    (found,) = statistics_of(rows)
+    assert [(one.value, one.learners) for one in found.clusters] == [(0.2, 3), (5.005, 2)]
+    (tight,) = statistics_of(rows, {"q": 0.001})
+    assert [(one.value, one.learners) for one in tight.clusters] == [(0.2, 3)]
+
+
+@patient
+@given(st.lists(st.floats(-1e3, 1e3), max_size=30), st.none() | st.floats(0, 100), st.randoms())
+def test_clusters_are_narrow_disjoint_and_independent_of_order(
+    values: list[float], tolerance: float | None, chance: random.Random
+) -> None:
+    found = clusters_of(values, tolerance)
+    assert [one.learners for one in found] == sorted((one.learners for one in found), reverse=True)
+    for one in found:
+        assert one.learners >= 2
+        assert one.low <= one.value <= one.high
+        assert one.high - one.low <= (0.005 * abs(one.low) if tolerance is None else tolerance)
+        assert one.learners == sum(one.low <= value <= one.high for value in values)
+    for value in set(values):  # equal numbers are never split
+        if values.count(value) > 1:
+            assert any(one.low <= value <= one.high for one in found)
+    shuffled = values.copy()
+    chance.shuffle(shuffled)
+    assert clusters_of(shuffled, tolerance) == found
+
+
+def test_two_rows_of_a_learner_at_a_question_are_refused() -> None:
+    with pytest.raises(ValueError, match="a learner has two rows at q"):
+        statistics_of([row("a", "q", 1), row("a", "q", 0)])
+
+
+def test_no_rows_have_no_statistics() -> None:
+    assert statistics_of([]) == ()
