@@ -24,7 +24,10 @@ CASES = [
     ("rk4-free-joint", "correct__quaternion_derivative", 150),
     ("rk4-free-joint", "incorrect__world_axes", 150),
 ]
-"""Budgets in ms on a machine where a call of mj_forward from Python takes FORWARD_MS on the double pendulum."""
+"""Budgets in ms on a quiet machine where a call of mj_forward from Python takes FORWARD_MS on the double pendulum."""
+
+MARGIN = 2.0
+"""What a disturbed machine may cost above the budget; a quiet one takes half to two thirds of the budget."""
 
 FORWARD_MS = 1.1e-3
 CALLS = 10_000
@@ -62,7 +65,7 @@ def test_judging_stays_within_its_budget(id_: str, program: str, budget_ms: int,
     source = (PROGRAMS / id_ / f"{program}.py").read_text()
     first = 100 * (1 + CASES.index((id_, program, budget_ms)))
     costs = [cost_ms(question(id_), source, jail, seed) / slowness() for seed in range(first, first + 5)]
-    assert min(costs) < budget_ms
+    assert min(costs) < MARGIN * budget_ms
 
 
 @pytest.fixture
