@@ -12,17 +12,17 @@ from grader.bench.precision import (
     TIMESTEPS_S,
     YARDSTICK,
     Point,
+    Setting,
     Stepping,
-    Subject,
+    Truth,
     against,
     cheapest,
-    error_of,
     fitted_order,
     pareto,
-    reference,
 )
 from grader.bench.scenes import load_scene
 from grader.bench.timing import profiling_timer, timer_is_known
+from grader.numerics.convergence import positions_apart
 from grader.numerics.reference import rate_of
 
 
@@ -50,28 +50,28 @@ def test_every_timestep_divides_the_sampling_interval() -> None:
 @pytest.mark.parametrize("name", ["servo", "spinning_body"])
 def test_two_peers_meet_at_the_reference(name: str) -> None:
     scene = load_scene(name)
-    found = reference(name)
+    found = Truth(name).measure(False, {})
     truth = np.array(found["qpos"])
     assert found["own_error"] < 1e-10
     for run in (by_hand(name, scene, "LSODA"), over_mj_forward(scene, "DOP853")):
-        assert error_of(scene, run(1e-10, SAMPLE_TIMES_S), truth) < 1e-7
+        assert positions_apart(scene, run(1e-10, SAMPLE_TIMES_S), truth) < 1e-7
 
 
 def test_the_reference_goes_through_impacts() -> None:
     scene = load_scene("joint_limits")
-    found = reference("joint_limits")
+    found = Truth("joint_limits").measure(False, {})
     assert found["own_error"] < 1e-9
     finest = python_loop(scene, "RK4")(TIMESTEPS_S[-1], SAMPLE_TIMES_S)
-    assert error_of(scene, finest, np.array(found["qpos"])) < 1e-4
+    assert positions_apart(scene, finest, np.array(found["qpos"])) < 1e-4
 
 
 def test_rotations_are_compared_as_rotations() -> None:
     scene = load_scene("spinning_body")
     turned = np.array([0, 0, 0, np.cos(0.05), np.sin(0.05), 0, 0])
     start = np.array([0, 0, 0, 1.0, 0, 0, 0])
-    assert error_of(scene, turned[None], start[None]) == pytest.approx(0.1)
+    assert positions_apart(scene, turned[None], start[None]) == pytest.approx(0.1)
     flipped = turned * [1, 1, 1, -1, -1, -1, -1]
-    assert error_of(scene, flipped[None], turned[None]) == pytest.approx(0, abs=1e-12)
+    assert positions_apart(scene, flipped[None], turned[None]) == pytest.approx(0, abs=1e-12)
 
 
 def test_the_python_loop_is_what_our_stepping_does() -> None:
@@ -83,15 +83,14 @@ def test_the_python_loop_is_what_our_stepping_does() -> None:
 
 
 def test_a_run_that_warned_has_no_error() -> None:
-    scene = load_scene("stiff_servo")
-    record = Subject("stiff_servo", scene, np.zeros((len(SAMPLE_TIMES_S), 1)), 0.01).error("Euler", 0.016)
+    record = Setting("stiff_servo", "Euler", 0.016).error(np.zeros((len(SAMPLE_TIMES_S), 1)))
     assert record == {"warning": "mjWARN_BADQACC", "diverged_at_step": record["diverged_at_step"]}
     assert 0 < record["diverged_at_step"] < 64
 
 
 def test_scipy_is_a_peer_everywhere() -> None:
     for name in SCENES:
-        names = [peer.name for peer in peers_of(name, load_scene(name))]
+        names = [peer.name for peer in peers_of(name)]
         assert {"SciPy LSODA, mj_forward", "SciPy DOP853, mj_forward", "Python loop, RK4"} <= set(names)
         assert ("SciPy DOP853, by hand" in names) == (name in EQUATIONS)
 

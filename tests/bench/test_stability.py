@@ -5,7 +5,7 @@ import pytest
 from grader.bench.collisions import CASES
 from grader.bench.grid import as_grid, as_rows
 from grader.bench.scenes import load_scene
-from grader.bench.stability import CHARTS, PARTS, Class, Column, fill_in, find_edge, map_out, summarise
+from grader.bench.stability import CHARTS, LEVELS, Class, Edge, Full, Map, OnChart, summarise
 
 
 @pytest.mark.parametrize(
@@ -24,8 +24,7 @@ from grader.bench.stability import CHARTS, PARTS, Class, Column, fill_in, find_e
     ],
 )
 def test_points_of_the_map_are_what_the_lessons_servo_does(integrator: str, timestep_s: float, kind: Class) -> None:
-    column = Column.of(CHARTS["stiffness"], 2000.0)
-    assert column.classify(timestep_s, integrator) is kind
+    assert OnChart("stiffness", integrator).classify(timestep_s, 2000.0) is kind
 
 
 @pytest.mark.parametrize(
@@ -33,14 +32,14 @@ def test_points_of_the_map_are_what_the_lessons_servo_does(integrator: str, time
     [("Euler", 19.983, 20.116), ("implicitfast", 24.970, 25.194), ("RK4", 33.010, 33.677)],
 )
 def test_an_edge_three_ways(integrator: str, closed_ms: float, simulated_ms: float) -> None:
-    edge = find_edge(CHARTS["stiffness"], integrator, 2000.0)
+    edge = Edge("stiffness", integrator, 2000.0).measure(False, {})
     assert 1e3 * edge["closed_s"] == pytest.approx(closed_ms, abs=1e-3)
     assert edge["spectral_s"] == pytest.approx(edge["closed_s"], rel=1e-6)
     assert 1e3 * edge["simulated_s"] == pytest.approx(simulated_ms, abs=2e-3)
 
 
 def test_discrete_has_no_edge() -> None:
-    edge = find_edge(CHARTS["stiffness"], "discrete", 2000.0)
+    edge = Edge("stiffness", "discrete", 2000.0).measure(False, {})
     assert (edge["closed_s"], edge["spectral_s"], edge["simulated_s"]) == (None, None, None)
 
 
@@ -51,13 +50,12 @@ def test_the_oscillators_closed_form_is_the_textbooks(zeta: float, limit: float)
 
 
 def test_a_small_map_agrees_with_its_full_grid() -> None:
-    chart, levels = CHARTS["stiffness"], 4
-    record = map_out(chart, "Euler", levels)
+    record = Map("stiffness", "Euler").measure(True, {})
     refined = as_grid(record["classes"])
-    for part in range(PARTS):
-        full = as_grid(fill_in(chart, "Euler", levels, part)["classes"])
-        assert (refined[::2, ::2][part::PARTS] == full).all()
-    assert record["evaluations"] < 17 * 17
+    full = as_grid(Full("stiffness", "Euler").measure(True, {})["classes"])
+    assert (refined[::2, ::2] == full).all()
+    assert as_grid(record["evaluated"]).mean() < 0.5
+    assert len(refined) == 2 ** LEVELS[True] + 1
     assert as_rows(refined) == record["classes"]
 
 

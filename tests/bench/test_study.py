@@ -2,76 +2,70 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from rich.console import Console
 
-from grader.bench.study import Journal, Key, Record, Task, carry_out, code_digest, measuring_part
+from grader.bench.study import Journal, Measurement, Record, Records, carry_out, code_digest, measuring_part
 
 
 @dataclass(frozen=True)
-class Letter(Key):
-    """A kind of measurement."""
+class Letter(Measurement):
+    """Measures its own length, and notes in `measured` that it did."""
 
     name: str
+    measured: ClassVar[list[str]] = []
+    stop: ClassVar[str | None] = None
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        if self.name == self.stop:
+            raise KeyboardInterrupt
+        self.measured.append(self.name)
+        return {"value": len(self.name) / 3, "before": len(done)}
 
 
 @dataclass(frozen=True)
-class Other(Key):
+class Other(Measurement):
     """Another kind with the same fields."""
 
     name: str
 
 
-class Counted:
-    """Measures, and counts how often; the one named in `stop` is interrupted."""
-
-    def __init__(self, stop: str | None = None) -> None:
-        self.done: list[str] = []
-        self.stop = stop
-
-    def task(self, name: str) -> Task:
-        def measure() -> Record:
-            if name == self.stop:
-                raise KeyboardInterrupt
-            self.done.append(name)
-            return {"value": len(name) / 3}
-
-        return Task(Letter(name), measure)
+@pytest.fixture(autouse=True)
+def nothing_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Letter, "measured", [])
 
 
 QUIET = Console(quiet=True)
-NAMES = ["a", "bb", "ccc", "dddd"]
+LETTERS = [Letter(name) for name in ("a", "bb", "ccc", "dddd")]
 
 
-def test_after_ctrl_c_only_the_rest_is_measured(tmp_path: Path) -> None:
+def test_after_ctrl_c_only_the_rest_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "journal.jsonl"
-    first = Counted(stop="ccc")
-    with pytest.raises(KeyboardInterrupt):
-        carry_out("t", [first.task(name) for name in NAMES], Journal(path, "c"), QUIET)
-    assert first.done == ["a", "bb"]
-    second = Counted()
-    records = carry_out("t", [second.task(name) for name in NAMES], Journal(path, "c"), QUIET)
-    assert second.done == ["ccc", "dddd"]
-    assert records == {Letter(name): {"value": len(name) / 3} for name in NAMES}
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Letter, "stop", "ccc")
+        carry_out("t", LETTERS, Journal(path, "c"), QUIET)
+    assert Letter.measured == ["a", "bb"]
+    records = carry_out("t", LETTERS, Journal(path, "c"), QUIET)
+    assert Letter.measured == ["a", "bb", "ccc", "dddd"]
+    assert records == {key: {"value": len(key.name) / 3, "before": len(key.name) - 1} for key in LETTERS}
 
 
 def test_a_line_that_was_cut_short_is_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
-    carry_out("t", [Counted().task(name) for name in NAMES[:2]], Journal(path, "c"), QUIET)
+    carry_out("t", LETTERS[:2], Journal(path, "c"), QUIET)
     path.write_text(path.read_text()[:-9])
-    again = Counted()
-    carry_out("t", [again.task(name) for name in NAMES], Journal(path, "c"), QUIET)
-    assert again.done == ["bb", "ccc", "dddd"]
-    assert all(Journal(path, "c").find(Letter(name)) for name in NAMES)
+    carry_out("t", LETTERS, Journal(path, "c"), QUIET)
+    assert Letter.measured == ["a", "bb", "bb", "ccc", "dddd"]
+    assert all(Journal(path, "c").find(key) for key in LETTERS)
 
 
 def test_records_of_other_versions_do_not_count(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
-    carry_out("t", [Counted().task("a")], Journal(path, "old"), QUIET)
-    again = Counted()
-    carry_out("t", [again.task("a")], Journal(path, "new"), QUIET)
-    assert again.done == ["a"]
+    for context in ("old", "new"):
+        carry_out("t", LETTERS[:1], Journal(path, context), QUIET)
+    assert Letter.measured == ["a", "a"]
 
 
 def test_kinds_with_the_same_fields_are_told_apart(tmp_path: Path) -> None:
@@ -80,9 +74,9 @@ def test_kinds_with_the_same_fields_are_told_apart(tmp_path: Path) -> None:
     assert journal.find(Other("a")) is None
 
 
-def test_two_tasks_of_one_key_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="share a key"):
-        carry_out("t", [Counted().task("a"), Counted().task("a")], Journal(tmp_path / "j", "c"), QUIET)
+def test_two_equal_measurements_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="the same"):
+        carry_out("t", [Letter("a"), Letter("a")], Journal(tmp_path / "j", "c"), QUIET)
 
 
 MEASURING = "STEPS = 5\n\n\ndef measure():\n    return 1\n"

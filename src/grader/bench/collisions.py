@@ -5,17 +5,15 @@ Each run is classified by its outcome; the first one that warned is kept with wh
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from grader.bench.grid import Plane, as_grid
-from grader.bench.picture import new_figure, words
-from grader.bench.scenes import load_scene
-from grader.bench.study import Key, Record, Records, Task
+from grader.bench.grid import Plane, as_grid, as_rows
+from grader.bench.scenes import load_scene, words
+from grader.bench.study import Measurement, Record, Records
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import first_warning
@@ -33,14 +31,6 @@ STEPS_MIN = 40
 WARNED = "warned"
 
 FINE, PUSHED, LOST, RESET = "#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0"
-
-
-@dataclass(frozen=True)
-class Collision(Key):
-    """The outcomes of one case over the grid of (timestep, parameter)."""
-
-    case: str
-    integrator: str
 
 
 @dataclass
@@ -148,27 +138,28 @@ CASES = {
 }
 
 
-def collide(case: Case, integrator: str, size: int) -> Record:
-    """Outcomes over a size x size grid of (timestep, parameter), and the first run that warned."""
-    scene, outcomes = load_scene(case.scene), list(case.outcomes)
-    starts = [(float(value), case.start(scene, float(value))) for value in case.parameters(size)]
-    rows, reset = [], None
-    for timestep_s in case.timesteps_s(size).tolist():
-        row = ""
-        for value, start in starts:
-            trace = case.follow(start, value, integrator, timestep_s)
-            row += str(outcomes.index(case.outcome(trace)))
-            if trace.reset and reset is None:
-                reset = {"timestep_s": timestep_s, "parameter": value} | trace.reset
-        rows.append(row)
-    return {"outcomes": rows, "names": outcomes, "reset": reset}
+@dataclass(frozen=True)
+class Collision(Measurement):
+    """The outcomes of one case over a size x size grid of (timestep, parameter), and the first run that warned."""
 
+    case: str
+    integrator: str
 
-def collision_tasks(quick: bool) -> list[Task]:
-    """Three cases under five integrators."""
-    size = 13 if quick else 33
-    pairs = [(name, integrator) for name in CASES for integrator in BY_NAME]
-    return [Task(Collision(name, kind), partial(collide, CASES[name], kind, size)) for name, kind in pairs]
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Follow a run at every point."""
+        case, reset = CASES[self.case], None
+        scene, outcomes = load_scene(case.scene), list(case.outcomes)
+        timesteps_s, values = case.ticks(13 if quick else 33)
+        starts = [(value, case.start(scene, value)) for value in values]
+        grid: list[list[int]] = []
+        for timestep_s in timesteps_s:
+            grid.append([])
+            for value, start in starts:
+                trace = case.follow(start, value, self.integrator, timestep_s)
+                grid[-1].append(outcomes.index(case.outcome(trace)))
+                if trace.reset and reset is None:
+                    reset = {"timestep_s": timestep_s, "parameter": value} | trace.reset
+        return {"outcomes": as_rows(grid), "names": outcomes, "reset": reset}
 
 
 def summarise_case(records: Records, case: str) -> Record:
@@ -184,7 +175,7 @@ def summarise_case(records: Records, case: str) -> Record:
 
 def draw_cases(records: Records) -> Figure:
     """Three cases by five integrators."""
-    figure = new_figure(15, 9)
+    figure = Figure(figsize=(15, 9))
     panels = figure.subplots(len(CASES), len(BY_NAME))
     for line, (name, case) in zip(panels, CASES.items(), strict=True):
         for axes, integrator in zip(line, BY_NAME, strict=True):

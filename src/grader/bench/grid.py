@@ -14,7 +14,7 @@ Grid = NDArray[np.int8]
 UNKNOWN = -1
 
 
-def as_rows(grid: NDArray[Any]) -> list[str]:
+def as_rows(grid: Iterable[Iterable[Any]]) -> list[str]:
     """One string of digits a row: compact in JSON, readable in a pager."""
     return ["".join(str(int(cell)) for cell in row) for row in grid]
 
@@ -33,28 +33,25 @@ class Plane:
     span: tuple[float, float]
     timestep_span_s: tuple[float, float]
 
-    def parameters(self, size: int) -> NDArray[np.float64]:
-        """The parameter's grid, ascending, shape (size,)."""
-        return np.geomspace(*self.span, size)
-
-    def timesteps_s(self, size: int) -> NDArray[np.float64]:
-        """The timestep's grid [s], ascending, shape (size,)."""
-        return np.geomspace(*self.timestep_span_s, size)
+    def ticks(self, size: int) -> tuple[list[float], list[float]]:
+        """The timesteps [s] and the parameter's values of a size x size grid, ascending."""
+        return np.geomspace(*self.timestep_span_s, size).tolist(), np.geomspace(*self.span, size).tolist()
 
     def draw(self, axes: Any, grid: Grid, colours: Iterable[str], scale: float = 1e3) -> None:
         """Draw the classes, numbered as the colours, as cells; timesteps are multiplied by `scale`."""
         listed = list(colours)
-        x, y = borders(self.parameters(len(grid))), scale * borders(self.timesteps_s(len(grid)))
+        y, x = (borders(values) for values in self.ticks(len(grid)))
+        y *= scale
         norm = BoundaryNorm(range(len(listed) + 1), len(listed))
         axes.pcolormesh(x, y, grid, cmap=ListedColormap(listed), norm=norm, rasterized=True)
         axes.set(xscale="log", yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel=self.parameter)
         axes.grid(visible=False)
 
 
-def borders(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def borders(values: list[float]) -> NDArray[np.float64]:
     """Cell borders around logarithmically spaced values, one more than there are values."""
     ratio = np.sqrt(values[1] / values[0])
-    return np.append(values / ratio, values[-1] * ratio)
+    return np.append(np.array(values) / ratio, values[-1] * ratio)
 
 
 @dataclass(frozen=True)

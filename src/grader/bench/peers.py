@@ -7,6 +7,7 @@ A peer's `run` integrates a scene with one setting, a timestep [s] or a toleranc
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from math import cos, sin
@@ -16,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.bench.scenes import scene_path
+from grader.bench.scenes import load_scene, scene_path
 from grader.bench.timing import profiling_timer
 from grader.numerics.integrators import BY_NAME, EULER
 from grader.numerics.reference import Method, rate_of, solve
@@ -42,8 +43,10 @@ class Peer:
     setting: Literal["timestep", "tolerance"]
 
 
-def peers_of(name: str, scene: Scene) -> list[Peer]:
+@cache
+def peers_of(name: str) -> list[Peer]:
     """The peers of a scene that this machine has."""
+    scene = load_scene(name)
     found = [Peer(f"Python loop, {kind}", python_loop(scene, kind), "timestep") for kind in ("Euler", "RK4")]
     methods: tuple[Method, Method] = ("LSODA", "DOP853")
     for method in methods:

@@ -1,11 +1,8 @@
 """How the pictures look: one colour and marker an integrator, no display needed, the same bytes every time."""
 
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 COLOURS = {
@@ -19,28 +16,18 @@ COLOURS = {
 
 MARKERS = {"Euler": "o", "RK4": "s", "implicit": "^", "implicitfast": "v", "discrete": "D"}
 
-RC: Any = {
+LOOK: Any = {
     "font.size": 9,
     "axes.grid": True,
     "grid.alpha": 0.3,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "figure.constrained_layout.use": True,
     "svg.hashsalt": "grader",
     "figure.dpi": 110,
     "savefig.facecolor": "white",
 }
-
-
-def style() -> AbstractContextManager[None]:
-    """The settings that figures are made and saved under."""
-    return mpl.rc_context(RC)
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inches] on the Agg canvas."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+"""The settings that figures are made and saved under."""
 
 
 def save(figure: Figure, stem: Path) -> list[Path]:
@@ -49,8 +36,3 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     figure.savefig(paths[0], metadata={"Date": None})
     figure.savefig(paths[1], dpi=130)
     return paths
-
-
-def words(name: str) -> str:
-    """The name of a scene for readers."""
-    return name.replace("_", " ")

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +9,12 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
-from grader.bench.peers import EQUATIONS, Array, Peer, by_hand, over_mj_forward, peers_of
-from grader.bench.picture import COLOURS, MARKERS, new_figure, words
-from grader.bench.scenes import load_scene
-from grader.bench.study import Do, Key, Record, Records, Study, Task, of_kind
+from grader.bench.peers import EQUATIONS, Array, by_hand, over_mj_forward, peers_of
+from grader.bench.picture import COLOURS, MARKERS
+from grader.bench.scenes import load_scene, words
+from grader.bench.study import Measurement, Record, Records, Study, of_kind
 from grader.bench.timing import paired, timer_is_known
-from grader.numerics.convergence import observed_order
+from grader.numerics.convergence import observed_order, positions_apart
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.reference import dop853
 from grader.numerics.rollout import simulate
@@ -45,8 +44,8 @@ END_TIMES_S: Array = SAMPLE_TIMES_S[[0, -1]]
 YARDSTICK = ("Euler", 0.002)
 """MuJoCo's defaults: every CPU time is quoted in runs of this setting on the same scene."""
 
-ALL, FEW = slice(None), slice(0, 7, 2)
-"""Every setting; or four, without the finest, which take longest."""
+BUDGET_S = {True: 0.02, False: 0.3}
+"""CPU time of a comparison [s], by whether the run is quick."""
 
 ERRORS = tuple(10.0**-k for k in range(1, 11))
 """The position errors [rad or m] that the cheapest setting is sought for."""
@@ -59,36 +58,6 @@ COARSE = 0.05
 
 PROCEDURE = {"start": ("implicitfast", 0.002), "quarter": ("RK4", 0.0005), "four_times": ("RK4", 0.008)}
 """The lesson's start, and RK4 at a quarter and at four times its timestep [s]."""
-
-
-@dataclass(frozen=True)
-class Truth(Key):
-    """The reference solution of a scene."""
-
-    scene: str
-
-
-@dataclass(frozen=True)
-class Setting(Key):
-    """MuJoCo's integrator `method` at the timestep `setting` [s]."""
-
-    scene: str
-    method: str
-    setting: float
-
-
-@dataclass(frozen=True)
-class PeerSetting(Key):
-    """The peer `method` at a timestep [s] or a tolerance."""
-
-    scene: str
-    method: str
-    setting: float
-
-
-@dataclass(frozen=True)
-class Timer(Key):
-    """Whether the wheel's profiling timer was on where it is said to be."""
 
 
 class Stepping:
@@ -107,24 +76,6 @@ class Stepping:
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, self.start, FULL_STATE)
         return advance_coarsely(self.workspace, self.steps)
-
-
-def error_of(scene: Scene, qpos: Array, truth: Array) -> float:
-    """Sup norm over the samples of the position error in tangent space [rad, m], rotations as rotation vectors."""
-    difference = np.empty(scene.model.nv)
-    worst = 0.0
-    for here, there in zip(qpos, truth, strict=True):
-        mujoco.mj_differentiatePos(scene.model, difference, 1.0, there, here)
-        worst = max(worst, float(np.abs(difference).max()))
-    return worst
-
-
-def reference(name: str) -> Record:
-    """The reference solution, and its own error: the largest distance to a solution found another way."""
-    scene = load_scene(name)
-    constrained = any(need.part == "constraints" and need.needed for need in scene.needs)
-    best, others, method = through_impacts(scene) if constrained else smooth(name, scene)
-    return {"qpos": best.tolist(), "own_error": max(error_of(scene, o, best) for o in others), "method": method}
 
 
 def smooth(name: str, scene: Scene) -> tuple[Array, list[Array], str]:
@@ -154,62 +105,77 @@ def through_impacts(scene: Scene) -> tuple[Array, list[Array], str]:
 
 
 @dataclass(frozen=True)
-class Subject:
-    """One scene with its reference, qpos at SAMPLE_TIMES_S, and the CPU time that a measurement may take [s]."""
+class Truth(Measurement):
+    """The reference solution of a scene."""
 
-    name: str
-    scene: Scene
-    truth: Array
-    budget_s: float
+    scene: str
 
-    def measure_setting(self, integrator: str, timestep_s: float) -> Record:
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Solve, and take the largest distance to a solution found another way for the reference's own error."""
+        scene = load_scene(self.scene)
+        constrained = any(need.part == "constraints" and need.needed for need in scene.needs)
+        best, others, method = through_impacts(scene) if constrained else smooth(self.scene, scene)
+        return {
+            "qpos": best.tolist(),
+            "own_error": max(positions_apart(scene, best, other) for other in others),
+            "method": method,
+        }
+
+
+@dataclass(frozen=True)
+class Setting(Measurement):
+    """MuJoCo's integrator `method` at the timestep `setting` [s]."""
+
+    scene: str
+    method: str
+    setting: float
+
+    def measure(self, quick: bool, done: Records) -> Record:
         """Error and CPU time of one setting of MuJoCo."""
-        work = Stepping(self.scene, integrator, timestep_s)
-        timed = asdict(paired(work, Stepping(self.scene, *YARDSTICK), self.budget_s))
-        return {"error": None, "steps": work.steps} | self.error(integrator, timestep_s) | timed
+        scene = load_scene(self.scene)
+        work = Stepping(scene, self.method, self.setting)
+        timed = asdict(paired(work, Stepping(scene, *YARDSTICK), BUDGET_S[quick]))
+        return {"error": None, "steps": work.steps} | self.error(np.array(done[Truth(self.scene)]["qpos"])) | timed
 
-    def error(self, integrator: str, timestep_s: float) -> Record:
+    def error(self, truth: Array) -> Record:
         """The error; or the warning and the step before it, since MuJoCo resets the state then."""
-        code, times = BY_NAME[integrator].code, SAMPLE_TIMES_S.tolist()
-        run = simulate(self.scene, seconds=HORIZON_S, timestep_s=timestep_s, integrator=code, at_s=times)
+        scene, code, times = load_scene(self.scene), BY_NAME[self.method].code, SAMPLE_TIMES_S.tolist()
+        run = simulate(scene, seconds=HORIZON_S, timestep_s=self.setting, integrator=code, at_s=times)
         if run.warning is not None:
             return {"warning": run.warning.name, "diverged_at_step": run.diverged_at_step}
-        return {"error": error_of(self.scene, run.qpos, self.truth)}
+        return {"error": positions_apart(scene, truth, run.qpos)}
 
-    def measure_peer(self, peer: Peer, setting: float) -> Record:
+
+@dataclass(frozen=True)
+class PeerSetting(Measurement):
+    """The peer `method` at a timestep [s] or a tolerance."""
+
+    scene: str
+    method: str
+    setting: float
+
+    def measure(self, quick: bool, done: Records) -> Record:
         """Error and CPU time of a peer, against the same reference and the same yardstick."""
+        scene = load_scene(self.scene)
+        run = next(peer.run for peer in peers_of(self.scene) if peer.name == self.method)
         try:
-            error = error_of(self.scene, peer.run(setting, SAMPLE_TIMES_S), self.truth)
+            error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), run(self.setting, SAMPLE_TIMES_S))
         except RuntimeError as failure:
             return {"error": None, "why": str(failure)}
-        yardstick = Stepping(self.scene, *YARDSTICK)
-        timed = paired(lambda: peer.run(setting, END_TIMES_S), yardstick, self.budget_s, least=3)
-        return {"error": error} | asdict(timed)
-
-    def tasks(self, choose: slice) -> list[Task]:
-        """The chosen settings of MuJoCo and of the peers."""
-        found = [
-            Task(Setting(self.name, kind, h), partial(self.measure_setting, kind, h))
-            for kind in BY_NAME
-            for h in TIMESTEPS_S[choose]
-        ]
-        for peer in peers_of(self.name, self.scene):
-            settings = TIMESTEPS_S if peer.setting == "timestep" else TOLERANCES
-            found += [
-                Task(PeerSetting(self.name, peer.name, s), partial(self.measure_peer, peer, s))
-                for s in settings[choose]
-            ]
-        return found
+        yardstick = Stepping(scene, *YARDSTICK)
+        return {"error": error} | asdict(paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], 3))
 
 
-def measure(quick: bool, do: Do) -> Records:
+def plan(quick: bool) -> Sequence[Measurement]:
     """References first, then every setting against them."""
-    truths = do([Task(Truth(name), partial(reference, name)) for name in SCENES])
-    tasks = []
+    found: list[Measurement] = [Truth(name) for name in SCENES]
+    chosen = slice(0, 7, 2) if quick else slice(None)  # four settings, without the finest, which take longest
     for name in SCENES:
-        truth = np.array(truths[Truth(name)]["qpos"])
-        tasks += Subject(name, load_scene(name), truth, 0.02 if quick else 0.3).tasks(FEW if quick else ALL)
-    return {**truths, **do(tasks), Timer(): {"profiling_timer": timer_is_known()}}
+        found += [Setting(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[chosen]]
+        for peer in peers_of(name):
+            settings = TIMESTEPS_S if peer.setting == "timestep" else TOLERANCES
+            found += [PeerSetting(name, peer.name, setting) for setting in settings[chosen]]
+    return found
 
 
 @dataclass(frozen=True)
@@ -287,7 +253,7 @@ def summarise(records: Records) -> Record:
     """Per scene: reference, front, cheapest settings, orders, peers."""
     return {
         "horizon_s": HORIZON_S,
-        "profiling_timer": records[Timer()]["profiling_timer"],
+        "profiling_timer": timer_is_known(),
         "scenes": {name: summarise_scene(records, name) for name in SCENES},
     }
 
@@ -326,11 +292,6 @@ def summarise_point(point: Point) -> Record:
     }
 
 
-def rows(key: Key, record: Record) -> list[Record]:
-    """One row a setting."""
-    return [record] if isinstance(key, Setting | PeerSetting) else []
-
-
 def draw(records: Records, summary: Record) -> dict[str, Figure]:
     """MuJoCo's settings on every scene, and its front beside the peers on three."""
     return {"precision": draw_settings(records, summary), "precision_peers": draw_peers(records, summary)}
@@ -338,7 +299,7 @@ def draw(records: Records, summary: Record) -> dict[str, Figure]:
 
 def draw_settings(records: Records, summary: Record) -> Figure:
     """Error against CPU time, one panel a scene, the Pareto front in grey."""
-    figure = new_figure(14, 7.4)
+    figure = Figure(figsize=(14, 7.4))
     panels = figure.subplots(2, 4).flat
     for axes, name in zip(panels, SCENES, strict=False):
         points = points_of(records, Setting, name)
@@ -389,7 +350,7 @@ PEER_COLOURS = {"Python loop": "#999999", "SciPy": "#0077bb", "Pinocchio": "#cc3
 
 def draw_peers(records: Records, summary: Record) -> Figure:
     """MuJoCo's Pareto front beside what a user would pick instead."""
-    figure = new_figure(14, 5)
+    figure = Figure(figsize=(14, 5))
     for axes, name in zip(figure.subplots(1, 3), PEER_SCENES, strict=True):
         front = pareto(points_of(records, Setting, name))
         draw_line(axes, front, color="black", marker="o", ms=4, label="MuJoCo in C, its best settings")
@@ -406,4 +367,4 @@ def draw_peers(records: Records, summary: Record) -> Figure:
     return figure
 
 
-STUDY = Study("precision", measure, summarise, rows, draw)
+STUDY = Study("precision", plan, summarise, draw)

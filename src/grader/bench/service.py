@@ -4,17 +4,18 @@ Wall time, unlike in the other benchmarks: a student waits in wall time. The ser
 database of its own, with rate limits lifted.
 """
 
+import atexit
 import json
 import os
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from http.client import HTTPConnection
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,9 +24,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from grader.bench.jail import overheads
-from grader.bench.picture import new_figure
-from grader.bench.study import Do, Key, Record, Records, Study, Task
+from grader.bench.study import Measurement, Record, Records, Study
+from grader.domain.run import Job, RunStatus
+from grader.sandbox import cell, policy
+from grader.sandbox.jail import Jail
 from grader.settings import Settings
 
 GRADER = Path(sys.executable).parent / "grader"
@@ -38,32 +40,28 @@ UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
 SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
 """Costs the jail a whole run and the grader a whole certificate, whatever the verdict."""
 
-JUDGED = (
-    "servo-threshold/correct__the_lessons_script_and_a_bisection.py",
-    "rk4-step/correct__classical.py",
-    "rk4-free-joint/correct__quaternion_derivative.py",
-)
+JUDGED = {
+    "servo-threshold": "correct__the_lessons_script_and_a_bisection.py",
+    "rk4-step": "correct__classical.py",
+    "rk4-free-joint": "correct__quaternion_derivative.py",
+}
 """Right answers; the last is judged by its convergence, which costs most."""
 
+WORKERS = 2
+BURST = 200
+PAUSE_S = 0.05
+"""Between idle runs of the jail [s]: long enough for a spare to be made again."""
 
-@dataclass(frozen=True)
-class Load(Key):
-    """`answers` (typed numbers) or `scripts`, submitted by so many students at once."""
+HELLO = "import mujoco, numpy as np\n\nprint('hello')\n\n\ndef answer():\n    return np.arange(3.0)\n"
+DRIVER = """
+import time
 
-    load: str
-    students: int
+began = time.perf_counter()
 
-
-@dataclass(frozen=True)
-class Judging(Key):
-    """Our own simulating for one exercise, without the script's run."""
-
-    exercise: str
-
-
-@dataclass(frozen=True)
-class Overhead(Key):
-    """The jail's cost above the script's own time, and what it is compared with."""
+def run(student, inputs, submit):
+    submit("answer", student.answer())
+    submit("own_s", [time.perf_counter() - began])
+"""
 
 
 class Client:
@@ -149,85 +147,127 @@ def token_of(folder: str, user: str) -> str:
     return str(done.stdout).strip()
 
 
-Clients = Callable[[], list[Client]]
+@cache
+def clients() -> list[Client]:
+    """One server for all measurements, started when something is left to measure, and stopped at exit."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(server(STUDENTS))
 
 
-def load(clients: Clients, submit: Callable[[Client], None], students: int, each: int) -> Record:
-    """`students` at once submit `each` times one after the other; wall times from request to verdict [s]."""
-
-    def time_all(client: Client) -> list[float]:
-        stamps = [time.perf_counter()]
-        for _ in range(each):
-            submit(client)
-            stamps.append(time.perf_counter())
-        return np.diff(stamps).tolist()
-
-    busy = clients()[:students]
-    submit(busy[0])
-    with ThreadPoolExecutor(students) as pool:
-        begin = time.perf_counter()
-        times = [one for several in pool.map(time_all, busy) for one in several]
-        per_second = len(times) / (time.perf_counter() - begin)
-    return {"submissions": len(times), "per_second": per_second} | percentiles(times)
-
-
-def judging(clients: Clients, program: Path, count: int) -> Record:
-    """The CPU time of our own simulating [s]; every submission draws its cases anew."""
-    source = program.read_text(encoding="utf-8")
-    verdicts = [clients()[0].graded(program.parent.name, f"{source}\n# {number}\n") for number in range(count)]
-    return {"submissions": count} | percentiles([verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts])
-
-
-def overhead(quick: bool) -> Record:
-    """Wall times of the jail [s] and of what it is compared with, and the rate of bursts [jobs/s]."""
-    times, per_second = overheads(Settings().content / "models", *((10, 1) if quick else (40, 3)))
-    return {"per_second": per_second, "runs": [{"run": name} | percentiles(one) for name, one in times.items()]}
-
-
-def percentiles(times_s: list[float]) -> Record:
+def percentiles(times_s: Sequence[float]) -> Record:
     """Median and 95th percentile."""
     middle, late = np.percentile(times_s, [50, 95])
     return {"median_s": float(middle), "p95_s": float(late)}
 
 
-def measure(quick: bool, do: Do) -> Records:
-    """Typed numbers and scripts, by one student and by four at once, and what judging costs alone.
+@dataclass(frozen=True)
+class Load(Measurement):
+    """`answers` (typed numbers) or `scripts`, submitted by so many students at once."""
 
-    One server serves all, and is started only if something is left to measure.
+    load: str
+    students: int
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Wall times from request to verdict [s]; each student submits one after the other."""
+        submit = Client.answer if self.load == "answers" else Client.script
+        each = {"answers": (200, 25), "scripts": (15, 3)}[self.load][quick]
+
+        def time_all(client: Client) -> list[float]:
+            stamps = [time.perf_counter()]
+            for _ in range(each):
+                submit(client)
+                stamps.append(time.perf_counter())
+            return np.diff(stamps).tolist()
+
+        busy = clients()[: self.students]
+        submit(busy[0])
+        with ThreadPoolExecutor(self.students) as pool:
+            begin = time.perf_counter()
+            times = [one for several in pool.map(time_all, busy) for one in several]
+            per_second = len(times) / (time.perf_counter() - begin)
+        return {"submissions": len(times), "per_second": per_second} | percentiles(times)
+
+
+@dataclass(frozen=True)
+class Judging(Measurement):
+    """Our own simulating for one exercise, without the script's run."""
+
+    exercise: str
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """CPU time [s]; every submission draws its cases anew."""
+        folder = Settings().content / "reference_solutions" / "1.3-exercises" / self.exercise
+        source, count = (folder / JUDGED[self.exercise]).read_text(encoding="utf-8"), 3 if quick else 15
+        verdicts = [clients()[0].graded(self.exercise, f"{source}\n# {number}\n") for number in range(count)]
+        return {"submissions": count} | percentiles([verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts])
+
+
+@dataclass(frozen=True)
+class Overhead(Measurement):
+    """What the jail costs above the script's own time, idle and in bursts.
+
+    Idle runs take turns with a new interpreter and a single-use bubblewrap cell, so that load on the machine meets all
+    three alike.
     """
-    answers, scripts = (25, 3) if quick else (200, 15)
-    programs = [Settings().content / "reference_solutions/1.3-exercises" / program for program in JUDGED]
-    with ExitStack() as stack:
 
-        @cache
-        def clients() -> list[Client]:
-            return stack.enter_context(server(STUDENTS))
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Wall times by what was run [s], and the median rate of the bursts [jobs/s]."""
+        models, (rounds, bursts) = Settings().content / "models", (10, 1) if quick else (40, 3)
+        runtime = cell.discover()
+        importing = f"import sys; sys.path += {list(map(str, runtime.packages))!r}; import mujoco, numpy"
+        commands = {
+            "new interpreter": [str(runtime.executable), *cell.ISOLATED, "-c", importing],
+            "single-use bubblewrap": [*cell.bubblewrap(runtime, models, cell.INSIDE, control=0)[:-2], importing],
+        }
+        times: dict[str, list[float]] = {name: [] for name in ("jail, idle", "jail, in a burst", *commands)}
+        rates = []
+        with Jail(models, WORKERS) as jail, ThreadPoolExecutor(WORKERS) as pool:
+            overhead_s(jail)
+            for _ in range(rounds):
+                time.sleep(PAUSE_S)
+                times["jail, idle"].append(overhead_s(jail))
+                for name, command in commands.items():
+                    start = time.perf_counter()
+                    subprocess.run(command, env=policy.ENVIRONMENT, check=True, capture_output=True)  # noqa: S603
+                    times[name].append(time.perf_counter() - start)
+            for _ in range(bursts):
+                start = time.perf_counter()
+                times["jail, in a burst"] += pool.map(overhead_s, [jail] * BURST)
+                rates.append(BURST / (time.perf_counter() - start))
+        runs = [{"run": name} | percentiles(one) for name, one in times.items()]
+        return {"per_second": float(np.median(rates)), "runs": runs}
 
-        tasks = [Task(Overhead(), partial(overhead, quick))]
-        for students in (1, STUDENTS):
-            tasks += [
-                Task(Load("answers", students), partial(load, clients, Client.answer, students, answers)),
-                Task(Load("scripts", students), partial(load, clients, Client.script, students, scripts)),
-            ]
-        tasks += [Task(Judging(path.parent.name), partial(judging, clients, path, scripts)) for path in programs]
-        return do(tasks)
+    def rows(self, record: Record) -> list[Record]:
+        """One row a kind of run."""
+        return [run | {"per_second": record["per_second"]} for run in record["runs"]]
+
+
+def overhead_s(jail: Jail) -> float:
+    """The wall time of one job above the script's own [s]."""
+    start = time.perf_counter()
+    report = jail.run(Job(HELLO, DRIVER, {}))
+    total_s = time.perf_counter() - start
+    assert report.status is RunStatus.RETURNED, report.reason
+    return total_s - float(report.results["own_s"][0])
+
+
+def plan(_quick: bool) -> Sequence[Measurement]:
+    """Typed numbers and scripts, by one student and by four at once, and what the jail and judging cost alone."""
+    loads = [Load(load, students) for students in (1, STUDENTS) for load in ("answers", "scripts")]
+    return [Overhead(), *loads, *map(Judging, JUDGED)]
 
 
 def summarise(records: Records) -> Record:
     """The records, as rows."""
-    return {"loads": [key.row() | row for key, record in records.items() for row in rows(key, record)]}
-
-
-def rows(_key: Key, record: Record) -> list[Record]:
-    """One row a load; for the jail, one a kind of run."""
-    return [run | {"per_second": record["per_second"]} for run in record["runs"]] if "runs" in record else [record]
+    return {"loads": [key.row() | row for key, record in records.items() for row in key.rows(record)]}
 
 
 def draw(records: Records, _summary: Record) -> dict[str, Figure]:
     """Median and 95th percentile of each load."""
-    figure = new_figure(7, 4)
+    figure = Figure(figsize=(7, 4))
     axes = figure.subplots()
-    bars = [(label_of(key, row), row) for key, record in records.items() for row in rows(key, record)]
+    bars = [(label_of(key, row), row) for key, record in records.items() for row in key.rows(record)]
     for place, (label, row) in enumerate(bars):
         axes.barh(place, 1e3 * row["p95_s"], color="#bbccee", height=0.6)
         axes.barh(place, 1e3 * row["median_s"], color="#335599", height=0.6)
@@ -238,11 +278,11 @@ def draw(records: Records, _summary: Record) -> dict[str, Figure]:
     return {"service": figure}
 
 
-def label_of(key: Key, row: Record) -> str:
+def label_of(key: Measurement, row: Record) -> str:
     """What a bar shows."""
     if isinstance(key, Load):
         return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 
-STUDY = Study("service", measure, summarise, rows, draw)
+STUDY = Study("service", plan, summarise, draw)

@@ -1,9 +1,8 @@
 """What skipping saves: per scene and flag, proven or not and why, time saved, and whether the bits stay the same."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -12,9 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grader.bench.peers import Array
-from grader.bench.picture import new_figure, words
-from grader.bench.scenes import load_scene, scene_text
-from grader.bench.study import Do, Key, Record, Records, Study, Task, of_kind
+from grader.bench.scenes import load_scene, scene_text, words
+from grader.bench.study import Measurement, Record, Records, Study, of_kind
 from grader.bench.timing import paired, with_timer
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.needs import Need
@@ -38,20 +36,8 @@ STEPS = 500
 CHUNK = 50
 """Steps per call into C; divides STEPS."""
 
-
-@dataclass(frozen=True)
-class Flag(Key):
-    """One part of the engine on one scene."""
-
-    scene: str
-    part: str
-
-
-@dataclass(frozen=True)
-class Ladder(Key):
-    """All savings of one scene, one after the other."""
-
-    scene: str
+BUDGET_S = {True: 0.05, False: 0.5}
+"""CPU time of a comparison [s], by whether the run is quick."""
 
 
 class Run:
@@ -104,14 +90,14 @@ class Run:
         return rows
 
 
-def largest_difference(scene: Scene, bits: int, bare: mujoco.MjModel | None = None) -> dict[str, float]:
-    """Per integrator, the largest difference of any state over the run; 0 only if bitwise equal."""
-    found = {}
+def largest_difference(scene: Scene, bits: int, bare: mujoco.MjModel | None = None) -> float:
+    """The largest difference of any state over the run under any integrator; 0 only if bitwise equal."""
+    largest = 0.0
     for integrator in BY_NAME:
         whole, less = Run(scene, integrator).trajectory(), Run(scene, integrator, bits, bare=bare).trajectory()
-        same = whole.tobytes() == less.tobytes()
-        found[integrator] = 0.0 if same else max(float(np.abs(whole - less).max()), 5e-324)
-    return found
+        if whole.tobytes() != less.tobytes():
+            largest = max(largest, float(np.abs(whole - less).max()), 5e-324)
+    return largest
 
 
 def is_proven(need: Need) -> bool:
@@ -119,46 +105,62 @@ def is_proven(need: Need) -> bool:
     return not need.needed or (need.part == "sensors" and "read" in need.reason)
 
 
-def flag(name: str, need: Need, budget_s: float) -> Record:
+@dataclass(frozen=True)
+class Flag(Measurement):
     """One part of the engine on one scene: the proof, the bits, and the time without it."""
-    scene = load_scene(name)
-    differences = largest_difference(scene, need.flag)
-    return {
-        "part": need.part,
-        "proven": is_proven(need),
-        "reason": need.reason,
-        "bitwise": not any(differences.values()),
-        "largest_difference": max(differences.values()),
-        **asdict(paired(Run(scene), Run(scene, bits=need.flag), budget_s)),
-    }
+
+    scene: str
+    part: str
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Compare runs with and without the part."""
+        scene = load_scene(self.scene)
+        need = next(need for need in scene.needs if need.part == self.part)
+        difference = largest_difference(scene, need.flag)
+        return {
+            "part": need.part,
+            "proven": is_proven(need),
+            "reason": need.reason,
+            "bitwise": difference == 0,
+            "largest_difference": difference,
+            **asdict(paired(Run(scene), Run(scene, bits=need.flag), BUDGET_S[quick])),
+        }
 
 
-def ladder(name: str, budget_s: float) -> Record:
-    """Cumulative: from a Python loop as the wheel comes, by timer off, chunks in C, each proven flag, no visuals."""
-    scene = load_scene(name)
-    first = with_timer(Run(scene, chunk=1))
-    rungs: list[tuple[str, Callable[[], object]]] = [("timer off", Run(scene, chunk=1)), ("steps in C", Run(scene))]
-    bits = 0
-    for need in scene.needs:
-        if need.flag and is_proven(need):
-            bits |= need.flag
-            rungs.append((need.part, Run(scene, bits=bits)))
-    bare = without_visuals(scene_text(name), scene.model, scene.needs)
-    if bare is not None:
-        rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
-    timed = [{"rung": rung} | asdict(paired(first, work, budget_s)) for rung, work in rungs]
-    return {"rungs": timed, "bitwise": not any(largest_difference(scene, bits, bare).values()), "bits": bits}
+@dataclass(frozen=True)
+class Ladder(Measurement):
+    """All savings of one scene, one after the other."""
+
+    scene: str
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """From a Python loop as the wheel comes: timer off, then chunks in C, each proven flag, no visuals."""
+        scene = load_scene(self.scene)
+        first = with_timer(Run(scene, chunk=1))
+        rungs: list[tuple[str, Callable[[], object]]] = [("timer off", Run(scene, chunk=1)), ("steps in C", Run(scene))]
+        bits = 0
+        for need in scene.needs:
+            if need.flag and is_proven(need):
+                bits |= need.flag
+                rungs.append((need.part, Run(scene, bits=bits)))
+        bare = without_visuals(scene_text(self.scene), scene.model, scene.needs)
+        if bare is not None:
+            rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
+        timed = [{"rung": rung} | asdict(paired(first, work, BUDGET_S[quick])) for rung, work in rungs]
+        return {"rungs": timed, "bitwise": largest_difference(scene, bits, bare) == 0, "bits": bits}
+
+    def rows(self, record: Record) -> list[Record]:
+        """One row a rung."""
+        return list(record["rungs"])
 
 
-def measure(quick: bool, do: Do) -> Records:
+def plan(_quick: bool) -> Sequence[Measurement]:
     """Every part with a flag on every scene, and the cumulative ladder of each scene."""
-    budget_s = 0.05 if quick else 0.5
-    tasks = []
+    found: list[Measurement] = []
     for name in SCENES:
-        needs = [need for need in load_scene(name).needs if need.flag]
-        tasks += [Task(Flag(name, need.part), partial(flag, name, need, budget_s)) for need in needs]
-        tasks.append(Task(Ladder(name), partial(ladder, name, budget_s)))
-    return do(tasks)
+        found += [Flag(name, need.part) for need in load_scene(name).needs if need.flag]
+        found.append(Ladder(name))
+    return found
 
 
 def summarise(records: Records) -> Record:
@@ -186,16 +188,9 @@ def summarise_ratio(timed: Record) -> Record:
     return {"ratio": timed["ratio"], "spread": [timed["low"], timed["high"]]}
 
 
-def rows(key: Key, record: Record) -> list[Record]:
-    """One row a flag and a rung."""
-    if isinstance(key, Flag):
-        return [record]
-    return [{"part": rung["rung"]} | {name: rung[name] for name in rung if name != "rung"} for rung in record["rungs"]]
-
-
 def draw(records: Records, _summary: Record) -> dict[str, Figure]:
     """Left: the cumulative speed-up. Right: each flag alone, proven or not."""
-    figure = new_figure(12.5, 5.2)
+    figure = Figure(figsize=(12.5, 5.2))
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.25])
     draw_ladders(left, records)
     draw_flags(right, records)
@@ -242,4 +237,4 @@ def draw_flags(axes: Any, records: Records) -> None:
     axes.grid(visible=False)
 
 
-STUDY = Study("skip", measure, summarise, rows, draw)
+STUDY = Study("skip", plan, summarise, draw)

@@ -1,9 +1,9 @@
 """Stability to the limit: maps of the five integrators, their measured edges, and what lies beyond a warning."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import Any
 
 import matplotlib as mpl
@@ -12,11 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from grader.bench.collisions import CASES, collision_tasks, draw_cases, summarise_case
-from grader.bench.grid import Classify, Grid, Plane, as_grid, as_rows, refined_map
-from grader.bench.picture import new_figure
+from grader.bench.collisions import CASES, Collision, draw_cases, summarise_case
+from grader.bench.grid import Plane, as_grid, as_rows, refined_map
 from grader.bench.scenes import load_scene
-from grader.bench.study import Do, Key, Record, Records, Study, Task, of_kind
+from grader.bench.study import Measurement, Record, Records, Study, of_kind
 from grader.numerics.bisection import find_threshold
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_limit, spectral_radius
@@ -27,8 +26,8 @@ from grader.numerics.trials import Criterion, Stability, try_timestep
 SECONDS = 3.0
 """The lesson's horizon."""
 
-PARTS = 4
-"""The full grids take longest: an interruption loses a quarter of one."""
+LEVELS = {True: 5, False: 8}
+"""Times that a map's side is halved, by whether the run is quick."""
 
 PENDULUM_INERTIA = 0.2501
 PENDULUM_GRAVITY_STIFFNESS = 4.905
@@ -61,32 +60,6 @@ MEANING = {
     Class.UNSTABLE: "BADQACC, spectral radius above 1",
     Class.FRAGILE: "warned although the spectral radius is at most 1",
 }
-
-
-@dataclass(frozen=True)
-class Map(Key):
-    """The refined map of a chart."""
-
-    chart: str
-    integrator: str
-
-
-@dataclass(frozen=True)
-class Full(Key):
-    """Every PARTS-th row, from row `part` on, of the full grid of half the resolution."""
-
-    chart: str
-    integrator: str
-    part: int
-
-
-@dataclass(frozen=True)
-class Edge(Key):
-    """The largest stable timestep at one parameter."""
-
-    chart: str
-    integrator: str
-    value: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,106 +121,101 @@ CHARTS = {
 }
 
 
-@dataclass
-class Column:
-    """One parameter of a chart: its scene, at the start and at rest."""
+@lru_cache(maxsize=300)
+def column(chart: str, value: float) -> tuple[Scene, Scene]:
+    """The scene at one value of a chart's parameter, at its start and at rest. Caches scenes, expensive to compile."""
+    scene = CHARTS[chart].scene_at(value)
+    resting = equilibrium(scene)
+    assert resting is not None, "a servo holds an equilibrium"
+    return scene, resting
 
-    scene: Scene
-    resting: Scene
 
-    @staticmethod
-    def of(chart: Chart, value: float) -> "Column":
-        """The column of a chart at this value of its parameter."""
-        scene = chart.scene_at(value)
-        resting = equilibrium(scene)
-        assert resting is not None, "a servo holds an equilibrium"
-        return Column(scene, resting)
+@dataclass(frozen=True)
+class OnChart(Measurement):
+    """Measurements of one integrator on one chart."""
 
-    def classify(self, timestep_s: float, integrator: str) -> Class:
+    chart: str
+    integrator: str
+
+    def classify(self, timestep_s: float, value: float) -> Class:
         """Simulate for 3 s and take the spectral radius."""
-        code = BY_NAME[integrator].code
-        grows = spectral_radius(self.resting, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
-        trial = try_timestep(self.scene, timestep_s, SECONDS, integrator=code)
+        scene, resting = column(self.chart, value)
+        code = BY_NAME[self.integrator].code
+        grows = spectral_radius(resting, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
+        trial = try_timestep(scene, timestep_s, SECONDS, integrator=code)
         if trial.stability is not Stability.UNSTABLE:
             return Class.SLOW if grows else Class.STABLE
         if not grows:
             return Class.FRAGILE
-        lesson = try_timestep(self.scene, timestep_s, SECONDS, integrator=code, criterion=Criterion.BADQACC)
+        lesson = try_timestep(scene, timestep_s, SECONDS, integrator=code, criterion=Criterion.BADQACC)
         return Class.UNSTABLE if lesson.stability is Stability.UNSTABLE else Class.WINDOW
 
 
-def classifier(chart: Chart, integrator: str, size: int) -> Classify:
-    """Classes by (row, column) = (timestep, parameter) of a size x size grid. Caches scenes, expensive to compile."""
-    parameters, timesteps_s = chart.parameters(size), chart.timesteps_s(size)
+@dataclass(frozen=True)
+class Map(OnChart):
+    """The refined map of 2^LEVELS + 1 points a side."""
 
-    @cache
-    def column_at(column: int) -> Column:
-        return Column.of(chart, float(parameters[column]))
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Classify points where the class changes."""
+        timesteps_s, values = CHARTS[self.chart].ticks(2 ** LEVELS[quick] + 1)
+        coarse = 2 if quick else 3
+        refined = refined_map(
+            LEVELS[quick], coarse, lambda row, column: self.classify(timesteps_s[row], values[column])
+        )
+        return {"classes": as_rows(refined.classes), "evaluated": as_rows(refined.evaluated)}
 
-    return lambda row, column: int(column_at(column).classify(float(timesteps_s[row]), integrator))
-
-
-def map_out(chart: Chart, integrator: str, levels: int) -> Record:
-    """The refined map of 2^levels + 1 points a side."""
-    classify = classifier(chart, integrator, 2**levels + 1)
-    refined = refined_map(levels, coarse=3 if levels > 5 else 2, classify=classify)
-    return {
-        "classes": as_rows(refined.classes),
-        "evaluated": as_rows(refined.evaluated),
-        "evaluations": int(refined.evaluated.sum()),
-        "share": refined.share,
-    }
-
-
-def fill_in(chart: Chart, integrator: str, levels: int, part: int) -> Record:
-    """One part of the full grid of half the resolution, whose points the refined map has too."""
-    size = 2 ** (levels - 1) + 1
-    classify = classifier(chart, integrator, size)
-    grid = [[classify(row, column) for column in range(size)] for row in range(part, size, PARTS)]
-    return {"classes": as_rows(np.array(grid))}
+    def rows(self, record: Record) -> list[Record]:
+        """One row an evaluated point."""
+        classes = as_grid(record["classes"])
+        timesteps_s, values = CHARTS[self.chart].ticks(len(classes))
+        return [
+            {"parameter": values[j], "timestep_s": timesteps_s[i], "class": Class(classes[i, j]).name.lower()}
+            for i, j in np.argwhere(as_grid(record["evaluated"]))
+        ]
 
 
-def find_edge(chart: Chart, integrator: str, value: float) -> Record:
-    """The largest stable timestep at one parameter, three ways: simulated, by spectral radius, by closed form [s]."""
-    scene, code = chart.scene_at(value), BY_NAME[integrator].code
-    low_s, high_s = chart.timestep_span_s
-    closed_s = chart.closed_form_s(integrator, value)
-    if np.isfinite(closed_s):
-        low_s, high_s = closed_s / 2, closed_s * 2
-    found = find_threshold(scene, low_s=low_s, high_s=high_s, integrator=code, horizon_s=SECONDS)
-    return {
-        "parameter": value,
-        "closed_s": closed_s if np.isfinite(closed_s) else None,
-        "spectral_s": spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=code),
-        "simulated_s": None if found.bracket_s is None else sum(found.bracket_s) / 2,
-    }
+@dataclass(frozen=True)
+class Full(OnChart):
+    """The full grid of every second row and column of the map, to hold the map against."""
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Classify every point."""
+        timesteps_s, values = CHARTS[self.chart].ticks(2 ** (LEVELS[quick] - 1) + 1)
+        return {"classes": as_rows([[self.classify(h, value) for value in values] for h in timesteps_s])}
 
 
-def stability_tasks(quick: bool) -> list[Task]:
-    """Refined maps, full grids to hold them against, and edges."""
-    levels, edges = (5, 5) if quick else (8, 13)
-    pairs = [(chart, kind) for chart in CHARTS.values() for kind in BY_NAME]
-    tasks = [Task(Map(chart.name, kind), partial(map_out, chart, kind, levels)) for chart, kind in pairs]
-    for chart, kind in pairs:
-        tasks += [Task(Full(chart.name, kind, p), partial(fill_in, chart, kind, levels, p)) for p in range(PARTS)]
-    for chart, kind in pairs:
-        values = chart.parameters(edges).tolist()
-        tasks += [Task(Edge(chart.name, kind, value), partial(find_edge, chart, kind, value)) for value in values]
-    return tasks
+@dataclass(frozen=True)
+class Edge(OnChart):
+    """The largest stable timestep at one value of the parameter."""
+
+    value: float
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Three ways: simulated, by spectral radius, by closed form [s]."""
+        chart, code = CHARTS[self.chart], BY_NAME[self.integrator].code
+        scene, (low_s, high_s) = chart.scene_at(self.value), chart.timestep_span_s
+        closed_s = chart.closed_form_s(self.integrator, self.value)
+        if np.isfinite(closed_s):
+            low_s, high_s = closed_s / 2, closed_s * 2
+        found = find_threshold(scene, low_s=low_s, high_s=high_s, integrator=code, horizon_s=SECONDS)
+        return {
+            "parameter": self.value,
+            "closed_s": closed_s if np.isfinite(closed_s) else None,
+            "spectral_s": spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=code),
+            "simulated_s": None if found.bracket_s is None else sum(found.bracket_s) / 2,
+        }
 
 
-def measure(quick: bool, do: Do) -> Records:
-    """Maps, full grids, edges, collisions."""
-    return do(stability_tasks(quick) + collision_tasks(quick))
-
-
-def full_grid(records: Records, chart: str, integrator: str) -> Grid:
-    """The parts of a full grid put together."""
-    parts = [as_grid(records[Full(chart, integrator, part)]["classes"]) for part in range(PARTS)]
-    grid = np.empty((sum(len(part) for part in parts), parts[0].shape[1]), dtype=np.int8)
-    for number, part in enumerate(parts):
-        grid[number::PARTS] = part
-    return grid
+def plan(quick: bool) -> Sequence[Measurement]:
+    """Refined maps, full grids to hold them against, edges, collisions."""
+    pairs = [(chart, kind) for chart in CHARTS for kind in BY_NAME]
+    edges = 5 if quick else 13
+    return [
+        *(Map(*pair) for pair in pairs),
+        *(Full(*pair) for pair in pairs),
+        *(Edge(*pair, value) for pair in pairs for value in CHARTS[pair[0]].ticks(edges)[1]),
+        *(Collision(case, kind) for case in CASES for kind in BY_NAME),
+    ]
 
 
 def edges_of(records: Records, chart: str, integrator: str) -> list[Record]:
@@ -277,11 +245,12 @@ def summarise(records: Records) -> Record:
 def summarise_map(records: Records, chart: str, integrator: str) -> Record:
     """What the refined map cost, how it compares with the full grid, how much of it is what, and its edge."""
     record = records[Map(chart, integrator)]
-    refined, full = as_grid(record["classes"]), full_grid(records, chart, integrator)
+    refined, full = as_grid(record["classes"]), as_grid(records[Full(chart, integrator)]["classes"])
+    evaluated = int(as_grid(record["evaluated"]).sum())
     return {
         "points": refined.size,
-        "evaluated": record["evaluations"],
-        "saving": refined.size / record["evaluations"],
+        "evaluated": evaluated,
+        "saving": refined.size / evaluated,
         "full_points": full.size,
         "disagreeing": int((refined[::2, ::2] != full).sum()),
         "shares": {kind.name.lower(): float((full == kind).mean()) for kind in Class},
@@ -302,35 +271,17 @@ def summarise_edges(edges: list[Record]) -> Record:
 
 def summarise_windows(records: Records, chart: str, integrator: str) -> list[Record]:
     """Per kind of deceptive point, its share of the points beyond the limit, and the timesteps it spans [s]."""
-    grid = full_grid(records, chart, integrator)
-    timesteps_s = CHARTS[chart].timesteps_s(len(grid))
+    grid = as_grid(records[Full(chart, integrator)]["classes"])
+    timesteps_s = CHARTS[chart].ticks(len(grid))[0]
     beyond = int(np.isin(grid, [Class.SLOW, Class.WINDOW, Class.UNSTABLE]).sum())
     found = []
     for kind in (Class.SLOW, Class.WINDOW, Class.FRAGILE):
         lines = np.flatnonzero((grid == kind).any(axis=1))
         if len(lines):
             share = float((grid == kind).sum() / beyond) if beyond else None
-            span = [float(timesteps_s[lines[0]]), float(timesteps_s[lines[-1]])]
+            span = [timesteps_s[lines[0]], timesteps_s[lines[-1]]]
             found.append({"kind": kind.name.lower(), "share_of_unstable": share, "timesteps_s": span})
     return found
-
-
-def rows(key: Key, record: Record) -> list[Record]:
-    """One row an edge, and one row an evaluated point of a map."""
-    if isinstance(key, Edge):
-        return [record]
-    if not isinstance(key, Map):
-        return []
-    chart, classes, evaluated = CHARTS[key.chart], as_grid(record["classes"]), as_grid(record["evaluated"])
-    parameters, timesteps_s = chart.parameters(len(classes)).tolist(), chart.timesteps_s(len(classes)).tolist()
-    return [
-        {
-            "parameter": parameters[column],
-            "timestep_s": timesteps_s[row],
-            "class": Class(classes[row, column]).name.lower(),
-        }
-        for row, column in np.argwhere(evaluated)
-    ]
 
 
 CLASS_COLOURS = {
@@ -350,7 +301,7 @@ def draw(records: Records, _summary: Record) -> dict[str, Figure]:
 
 def draw_chart(chart: Chart, records: Records) -> Figure:
     """Five integrators side by side: classes, the closed form in black, simulated edges as circles."""
-    figure = new_figure(15, 4.3)
+    figure = Figure(figsize=(15, 4.3))
     panels = figure.subplots(1, len(BY_NAME), sharey=True)
     for axes, integrator in zip(panels, BY_NAME, strict=True):
         draw_map(axes, chart, integrator, records)
@@ -371,7 +322,7 @@ def draw_map(axes: Any, chart: Chart, integrator: str, records: Records) -> None
     """The classes as coloured cells, the closed form as a line, the edges found by simulation and radius as marks."""
     grid, scale = as_grid(records[Map(chart.name, integrator)]["classes"]), chart.timestep_scale
     chart.draw(axes, grid, CLASS_COLOURS.values(), scale)
-    values = chart.parameters(200).tolist()
+    values = chart.ticks(200)[1]
     axes.plot(values, [chart.closed_form_s(integrator, value) * scale for value in values], color="black", lw=1.2)
     edges = edges_of(records, chart.name, integrator)
     for name, marker in (("simulated_s", "o"), ("spectral_s", "+")):
@@ -380,4 +331,4 @@ def draw_map(axes: Any, chart: Chart, integrator: str, records: Records) -> None
             axes.plot(*zip(*known, strict=True), marker, color="black", ms=5, mfc="none", mew=0.8)
 
 
-STUDY = Study("stability", measure, summarise, rows, draw)
+STUDY = Study("stability", plan, summarise, draw)

@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -21,7 +22,7 @@ from grader.numerics.process import prepare
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
 ROOM = Path(__file__).parent
-UNRELATED = {"__init__", "picture", "floors", "loops", "measured", "agree"}
+UNRELATED = {"__init__", "picture", "floors", "lines", "loops", "measured", "agree"}
 """Modules of this package that take no part in a study's measurements."""
 
 NOT_MEASURING = ("draw", "summarise", "rows")
@@ -31,46 +32,43 @@ Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Key:
-    """What one measurement is of. A study derives a class for each kind of measurement; its fields tell them apart."""
+class Measurement:
+    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart."""
+
+    def measure(self, quick: bool, done: "Records") -> Record:
+        """Measure, with a small part of the effort where `quick`; `done` holds the measurements listed before."""
+        raise NotImplementedError
 
     def row(self) -> Record:
         """The kind and the fields, for JSON and CSV."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
 
+    def rows(self, record: Record) -> list[Record]:
+        """The lines of the CSV: by default one of the record's numbers and words, where it has any."""
+        found = {name: value for name, value in record.items() if not isinstance(value, list | dict)}
+        return [found] if found else []
 
-Records = Mapping[Key, Record]
-KindT = TypeVar("KindT", bound=Key)
+
+Records = Mapping[Measurement, Record]
+KindT = TypeVar("KindT", bound=Measurement)
 
 
 def of_kind(records: Records, kind: type[KindT]) -> dict[KindT, Record]:
-    """The records whose key is of one class."""
+    """The records of the measurements of one class."""
     return {key: record for key, record in records.items() if isinstance(key, kind)}
 
 
 @dataclass(frozen=True)
-class Task:
-    """One measurement that is still to be made."""
-
-    key: Key
-    measure: Callable[[], Record]
-
-
-Do = Callable[[Sequence[Task]], Records]
-
-
-@dataclass(frozen=True)
 class Study:
-    """`measure(quick, do)` makes tasks and has them done; the other functions only evaluate records.
+    """`plan(quick)` lists what to measure, in order; the other functions only evaluate records.
 
-    `rows` gives the lines of the CSV for one record, `draw` the figures by file name. Functions that only evaluate
-    begin with a word of NOT_MEASURING, so that changing them does not discard what was measured.
+    `draw` gives the figures by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that
+    changing them does not discard what was measured.
     """
 
     name: str
-    measure: Callable[[bool, Do], Records]
+    plan: Callable[[bool], Sequence[Measurement]]
     summarise: Callable[[Records], Record]
-    rows: Callable[[Key, Record], list[Record]]
     draw: Callable[[Records, Record], dict[str, Figure]]
 
     def run(self, out: Path, quick: bool) -> None:
@@ -85,15 +83,19 @@ class Study:
         journal = Journal(out / f"{self.name}.jsonl", digest_of(versions(), code_digest(self.name), quick))
         summary: Record = {"benchmark": self.name, "quick": quick, "machine": machine(), "versions": versions()}
         try:
-            records = self.measure(quick, lambda tasks: carry_out(self.name, tasks, journal, console))
+            records = carry_out(self.name, self.plan(quick), journal, console, quick)
         except KeyboardInterrupt:
             console.print(f"{self.name}: stopped; {journal.path} keeps what is finished, the same command resumes")
             raise
         summary |= {"measurements": len(records)} | self.summarise(records)
         written = [out / f"{self.name}.json", out / f"{self.name}.csv"]
         written[0].write_text(json.dumps(rounded(summary), indent=1) + "\n", encoding="utf-8")
-        write_csv(written[1], [key.row() | row for key, record in records.items() for row in self.rows(key, record)])
-        with picture.style():
+        rows = [key.row() | row for key, record in records.items() for row in key.rows(record)]
+        with written[1].open("w", encoding="utf-8", newline="") as lines:
+            writer = csv.DictWriter(lines, list(dict.fromkeys(column for row in rows for column in row)))
+            writer.writeheader()
+            writer.writerows(rows)
+        with mpl.rc_context(picture.LOOK):
             for name, figure in self.draw(records, summary).items():
                 written += picture.save(figure, out / name)
         for path in written:
@@ -120,11 +122,11 @@ class Journal:
             if entry["context"] == context:
                 self._records[json.dumps(entry["key"])] = entry["record"]
 
-    def find(self, key: Key) -> Record | None:
+    def find(self, key: Measurement) -> Record | None:
         """The record of a finished measurement."""
         return self._records.get(json.dumps(key.row()))
 
-    def add(self, key: Key, record: Record) -> None:
+    def add(self, key: Measurement, record: Record) -> None:
         """Append one finished measurement."""
         line = json.dumps({"context": self.context, "key": key.row(), "record": record})
         self._append(line + "\n")
@@ -136,41 +138,33 @@ class Journal:
             lines.write(text)
 
 
-def carry_out(title: str, tasks: Sequence[Task], journal: Journal, console: Console) -> dict[Key, Record]:
-    """Do what the journal does not hold yet, in order, with a progress bar; return the records of all tasks.
+def carry_out(
+    title: str, plan: Sequence[Measurement], journal: Journal, console: Console, quick: bool = False
+) -> dict[Measurement, Record]:
+    """Measure what the journal does not hold yet, in order, with a progress bar; return all records.
 
-    Raises ValueError where two tasks share a key.
+    Raises ValueError where two measurements are equal.
     """
-    if len({task.key for task in tasks}) != len(tasks):
-        raise ValueError(f"{title}: two tasks share a key")
-    due = [task for task in tasks if journal.find(task.key) is None]
-    if len(due) < len(tasks):
-        console.print(f"{title}: {len(tasks) - len(due)} of {len(tasks)} measurements are already in {journal.path}")
+    if len(set(plan)) != len(plan):
+        raise ValueError(f"{title}: two measurements are the same")
+    done = {key: record for key in plan if (record := journal.find(key)) is not None}
+    if done:
+        console.print(f"{title}: {len(done)} of {len(plan)} measurements are already in {journal.path}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(TextColumn("{task.description}"), *columns, console=console) as progress:
-        bar = progress.add_task(title, total=len(tasks), completed=len(tasks) - len(due))
-        for task in due:
-            progress.update(bar, description=f"{title}: {' '.join(map(str, task.key.row().values()))}")
-            journal.add(task.key, task.measure())
-            progress.advance(bar)
-    return {task.key: journal.find(task.key) or {} for task in tasks}
+        bar = progress.add_task(title, total=len(plan), completed=len(done))
+        for key in plan:
+            if key not in done:
+                progress.update(bar, description=f"{title}: {' '.join(map(str, key.row().values()))}")
+                journal.add(key, key.measure(quick, done))
+                done[key] = journal.find(key) or {}
+                progress.advance(bar)
+    return {key: done[key] for key in plan}
 
 
 def rounded(value: Any) -> Any:
     """The same JSON with floats to four significant digits: times are no more precise, and the file stays small."""
-    if isinstance(value, float):
-        return float(f"{value:.4g}")
-    if isinstance(value, dict):
-        return {key: rounded(inner) for key, inner in value.items()}
-    return [rounded(inner) for inner in value] if isinstance(value, list | tuple) else value
-
-
-def write_csv(path: Path, rows: list[Record]) -> None:
-    """Write rows with the union of their columns, in order of first appearance."""
-    with path.open("w", encoding="utf-8", newline="") as lines:
-        writer = csv.DictWriter(lines, list(dict.fromkeys(column for row in rows for column in row)))
-        writer.writeheader()
-        writer.writerows(rows)
+    return json.loads(json.dumps(value), parse_float=lambda digits: float(f"{float(digits):.4g}"))
 
 
 def versions() -> dict[str, str]:
@@ -218,14 +212,14 @@ def code_digest(study: str) -> str:
 
 def measuring_part(source: str) -> str:
     """The syntax tree of a module without docstrings and without the functions of NOT_MEASURING."""
+
+    def is_left_out(part: ast.stmt) -> bool:
+        if isinstance(part, ast.FunctionDef):
+            return part.name.startswith(NOT_MEASURING)
+        return isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)
+
     tree = ast.parse(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            node.body = [part for part in node.body if not _is_left_out(part)]
+            node.body = [part for part in node.body if not is_left_out(part)]
     return ast.dump(tree)
-
-
-def _is_left_out(part: ast.stmt) -> bool:
-    if isinstance(part, ast.FunctionDef):
-        return part.name.startswith(NOT_MEASURING)
-    return isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)

@@ -43,12 +43,17 @@ def distance(scene: Scene, one: TimeSeries, other: TimeSeries) -> Distance:
         return Distance(inf, inf)
     if np.any(np.abs(one.time - other.time) > TIME_SLACK_S):
         raise ValueError("the runs are kept at different times")
+    return Distance(positions_apart(scene, one.qpos, other.qpos), _sup(one.qvel - other.qvel))
+
+
+def positions_apart(scene: Scene, one: Vector, other: Vector) -> float:
+    """Sup norm over the rows of two (n, nq) [m, rad; quaternions as rotation vectors]; inf if not finite."""
     difference = np.zeros(scene.model.nv)
     largest = 0.0
-    for first, second in zip(one.qpos, other.qpos, strict=True):
+    for first, second in zip(one, other, strict=True):
         mujoco.mj_differentiatePos(scene.model, difference, 1.0, first, second)
         largest = max(largest, _sup(difference))
-    return Distance(largest, _sup(one.qvel - other.qvel))
+    return largest
 
 
 def _sup(values: Vector) -> float:

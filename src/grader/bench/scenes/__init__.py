@@ -4,12 +4,10 @@ from pathlib import Path
 
 from grader.numerics.scene import Scene
 
-HERE = Path(__file__).parent
-
 
 def scene_path(name: str) -> Path:
     """Where the MJCF of a scene lies."""
-    return HERE / f"{name}.xml"
+    return Path(__file__).parent / f"{name}.xml"
 
 
 def scene_text(name: str) -> str:
@@ -20,3 +18,8 @@ def scene_text(name: str) -> str:
 def load_scene(name: str) -> Scene:
     """The scene at its keyframe `start`."""
     return Scene.from_xml(scene_text(name), key="start")
+
+
+def words(name: str) -> str:
+    """The name of a scene for readers."""
+    return name.replace("_", " ")
