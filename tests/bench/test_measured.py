@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from grader.bench.agree import Agreement
 from grader.bench.measured import BLOCKS, MARKED, PICTURE, STUDIES, fill, load_results
 
 ROOT = Path(__file__).parents[2]
@@ -40,17 +39,6 @@ def test_another_figure_is_noticed() -> None:
     filled = fill(page, load_results(RESULTS))
     assert "old" not in filled
     assert fill(filled, load_results(RESULTS)) == filled
-
-
-def test_runs_agree_with_themselves_and_not_with_others() -> None:
-    one = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 1e-3}
-    assert Agreement(one, one).holds
-    near = {"a": {"ratio": 2.05, "spread": [1.95, 2.2]}, "error": 1e-3}
-    assert Agreement(one, near).holds
-    far = {"a": {"ratio": 3.0, "spread": [2.9, 3.1]}, "error": 1e-3}
-    assert Agreement(one, far).apart
-    other = {"a": {"ratio": 2.0, "spread": [1.9, 2.1]}, "error": 2e-3}
-    assert Agreement(one, other).unequal == ["$/error: 0.001 and 0.002"]
 
 
 def test_the_three_findings_hold_in_the_results() -> None:

@@ -90,7 +90,7 @@ def test_a_run_that_warned_has_no_error() -> None:
 
 def test_scipy_is_a_peer_everywhere() -> None:
     for name in SCENES:
-        names = [peer.name for peer in peers_of(name)]
+        names = peers_of(name)
         assert {"SciPy LSODA, mj_forward", "SciPy DOP853, mj_forward", "Python loop, RK4"} <= set(names)
         assert ("SciPy DOP853, by hand" in names) == (name in EQUATIONS)
 

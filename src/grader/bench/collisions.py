@@ -173,7 +173,7 @@ def summarise_case(records: Records, case: str) -> Record:
     return found
 
 
-def draw_cases(records: Records) -> Figure:
+def draw_cases(records: Records, _summary: Record) -> Figure:
     """Three cases by five integrators."""
     figure = Figure(figsize=(15, 9))
     panels = figure.subplots(len(CASES), len(BY_NAME))

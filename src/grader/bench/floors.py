@@ -21,17 +21,15 @@ from grader.bench.loops import (
     ours,
     stiff_servo,
 )
-from grader.bench.peers import over_mj_forward, python_loop
+from grader.bench.peers import peers_of
 from grader.bench.precision import END_TIMES_S, Stepping
 from grader.bench.scenes import load_scene
-from grader.bench.skip import CHUNK, Run
-from grader.bench.timing import Paired, paired, with_timer
+from grader.bench.skip import Run
+from grader.bench.timing import Paired, paired, profiling_timer
 from grader.numerics.integrators import EULER
 from grader.numerics.process import prepare
 from grader.numerics.scene import Scene
 from grader.numerics.trials import check_bracket
-
-Work = Callable[[], object]
 
 ratio = partial(paired, budget_s=0.4)
 """The CPU time of the first work over that of the second: how many times faster the second is."""
@@ -47,31 +45,18 @@ class Floor:
     source: str
 
 
-def plain(scene: str, *, timer: bool = False, chunk: int = 1) -> Work:
-    """A run with nothing skipped: a Python loop, or chunks of steps in C."""
-    run = Run(load_scene(scene), chunk=chunk)
-    return with_timer(run) if timer else run
-
-
-def skipping(name: str) -> Work:
-    """A run with every proven flag, in chunks."""
+def rungs(name: str, slow: int, fast: int) -> Paired:
+    """Two runs of a scene: 0 a Python loop as the wheel comes, 1 timer off, 2 steps in C, 3 with every proven flag."""
     scene = load_scene(name)
-    return Run(scene, bits=scene.flags)
+    loop = Run(scene, chunk=1)
+    works = (profiling_timer()(loop), loop, Run(scene), Run(scene, bits=scene.flags))
+    return ratio(works[slow], works[fast])
 
 
-def rk4(scene: str, timestep_s: float) -> Work:
-    """Our stepping over the horizon of the precision study."""
-    return Stepping(load_scene(scene), "RK4", timestep_s)
-
-
-def looped_rk4(scene: str) -> Work:
-    """The lesson's Python loop over the same horizon, at 2 ms."""
-    return partial(python_loop(load_scene(scene), "RK4"), 0.002, END_TIMES_S)
-
-
-def scipy(scene: str) -> Work:
-    """DOP853 over mj_forward to 1e-6 over the same horizon."""
-    return partial(over_mj_forward(load_scene(scene), "DOP853"), 1e-6, END_TIMES_S)
+def peer_and_rk4(peer: str, setting: float, timestep_s: float) -> Paired:
+    """A peer of the precision study over our RK4, on the double pendulum."""
+    work = partial(peers_of(TWO)[peer].run, setting, END_TIMES_S)
+    return ratio(work, Stepping(load_scene(TWO), "RK4", timestep_s))
 
 
 def against_c(name: str, integrator: str) -> Paired:
@@ -83,7 +68,7 @@ def against_c(name: str, integrator: str) -> Paired:
 def against_the_lesson(name: str, integrator: str) -> Paired:
     """The lesson's loop, over our rollout."""
     scene = course_scene(name)
-    return ratio(with_timer(lessons_run(scene, integrator)), ours(scene, integrator, skip=True))
+    return ratio(profiling_timer()(lessons_run(scene, integrator)), ours(scene, integrator, skip=True))
 
 
 def bisection() -> Paired:
@@ -99,17 +84,17 @@ COURSE = [(name, integrator) for name in SCENES for integrator in ("Euler", "RK4
 
 # To add a floor, add a line. Floors are about two thirds of what a quiet machine measures: only a real loss is below.
 FLOORS = [
-    Floor("timer off, servo", lambda: ratio(plain("servo", timer=True), plain("servo")), 1.2, TWO_THIRDS),
-    Floor("steps in C, servo", lambda: ratio(plain("servo"), plain("servo", chunk=CHUNK)), 1.1, TWO_THIRDS),
-    Floor("flags, servo", lambda: ratio(plain("servo", chunk=CHUNK), skipping("servo")), 1.12, TWO_THIRDS),
-    Floor("flags, arm", lambda: ratio(plain("sensed_arm", chunk=CHUNK), skipping("sensed_arm")), 1.2, TWO_THIRDS),
-    Floor("flags, cube", lambda: ratio(plain("cube", chunk=CHUNK), skipping("cube")), 0.93, "1.02, which is no loss"),
-    Floor("all, double pendulum", lambda: ratio(plain(TWO, timer=True), skipping(TWO)), 1.8, TWO_THIRDS),
-    Floor("Python loop, RK4 at 2 ms", lambda: ratio(looped_rk4(TWO), rk4(TWO, 0.002)), 1.5, TWO_THIRDS),
-    Floor("SciPy to 1e-6, RK4 at 4 ms", lambda: ratio(scipy(TWO), rk4(TWO, 0.004)), 2.0, TWO_THIRDS),
+    Floor("timer off, servo", lambda: rungs("servo", 0, 1), 1.2, TWO_THIRDS),
+    Floor("steps in C, servo", lambda: rungs("servo", 1, 2), 1.1, TWO_THIRDS),
+    Floor("flags, servo", lambda: rungs("servo", 2, 3), 1.12, TWO_THIRDS),
+    Floor("flags, arm", lambda: rungs("sensed_arm", 2, 3), 1.2, TWO_THIRDS),
+    Floor("flags, cube", lambda: rungs("cube", 2, 3), 0.93, "1.02, which is no loss"),
+    Floor("all, double pendulum", lambda: rungs(TWO, 0, 3), 1.8, TWO_THIRDS),
+    Floor("Python loop, RK4 at 2 ms", lambda: peer_and_rk4("Python loop, RK4", 0.002, 0.002), 1.5, TWO_THIRDS),
+    Floor("SciPy to 1e-6, RK4 at 4 ms", lambda: peer_and_rk4("SciPy DOP853, mj_forward", 1e-6, 0.004), 2, TWO_THIRDS),
     *(Floor(f"C, {n}, {i}", partial(against_c, n, i), 0.58, "0.87 when quiet") for n, i in COURSE),
     *(Floor(f"lesson, {n}, {i}", partial(against_the_lesson, n, i), 1.8, "3 when quiet") for n, i in COURSE),
-    *(Floor(line.name, partial(speed, line), line.least, "by hand in Python; loops 2 x at most") for line in LINES),
+    *(Floor(f"line, {n}", partial(speed, n), LINES[n][-1], "by hand in Python; loops 2 x at most") for n in LINES),
     Floor("bisection to certificate", bisection, 20, "100 when quiet"),
 ]
 

@@ -1,14 +1,14 @@
 """Maps of classes over two logarithmic axes: stored as digits, refined where the class changes, drawn as cells."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from numpy.typing import NDArray
 
-Classify = Callable[[int, int], int]
 Grid = NDArray[np.int8]
 
 UNKNOWN = -1
@@ -61,13 +61,8 @@ class Refined:
     classes: Grid
     evaluated: NDArray[np.bool_]
 
-    @property
-    def share(self) -> float:
-        """The share of the full grid that was evaluated."""
-        return float(self.evaluated.mean())
 
-
-def refined_map(levels: int, coarse: int, classify: Classify) -> Refined:
+def refined_map(levels: int, coarse: int, classify: Callable[[int, int], int]) -> Refined:
     """A grid of 2^levels + 1 points a side, from cells of 2^coarse points on: cells are split where corners differ.
 
     A cell beside a split one is split too, so that an edge which only grazes a cell is followed into it. A region
@@ -85,13 +80,13 @@ def refined_map(levels: int, coarse: int, classify: Classify) -> Refined:
     cells = {(row, column) for row in range(0, size - 1, width) for column in range(0, size - 1, width)}
     fills: list[tuple[int, int, int, int]] = []
     while cells:
-        mixed = {cell for cell in cells if len({at(*corner) for corner in corners(cell, width)}) > 1}
-        split = {cell for cell in cells if mixed & neighbours(cell, width)}
+        mixed = {cell for cell in cells if len({at(*point) for point in around(cell, 0, width)}) > 1}
+        split = {cell for cell in cells if not mixed.isdisjoint(around(cell, -width, 0, width))}
         fills += [(*cell, width, at(*cell)) for cell in cells - split]
         if width == 1:
             break
         width //= 2
-        cells = {(row + i, column + j) for row, column in split for i in (0, width) for j in (0, width)}
+        cells = {part for cell in split for part in around(cell, 0, width)}
     evaluated = found != UNKNOWN
     for row, column, side, kind in fills:
         patch = found[row : row + side + 1, column : column + side + 1]
@@ -99,13 +94,6 @@ def refined_map(levels: int, coarse: int, classify: Classify) -> Refined:
     return Refined(found, evaluated)
 
 
-def corners(cell: tuple[int, int], width: int) -> list[tuple[int, int]]:
-    """The four corners of a cell."""
-    row, column = cell
-    return [(row + i, column + j) for i in (0, width) for j in (0, width)]
-
-
-def neighbours(cell: tuple[int, int], width: int) -> set[tuple[int, int]]:
-    """The cell and the eight of its size around it."""
-    row, column = cell
-    return {(row + i, column + j) for i in (-width, 0, width) for j in (-width, 0, width)}
+def around(cell: tuple[int, int], *offsets: int) -> Iterator[tuple[int, int]]:
+    """The points at these offsets from a cell's first corner, in both directions."""
+    return product((cell[0] + offset for offset in offsets), (cell[1] + offset for offset in offsets))

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from grader.bench.skip import STEPS, TIMESTEP_S, Run
-from grader.bench.timing import with_timer
+from grader.bench.timing import profiling_timer
 from grader.numerics.integrators import BY_NAME, EULER
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
@@ -103,7 +103,7 @@ def stiff_servo() -> str:
     return text_of("pendulum_servo").replace('kp="100" kv="5"', 'kp="2000" kv="5"')
 
 
-@with_timer
+@profiling_timer()
 def lessons_bisection() -> tuple[float, float]:
     """Largest stable timestep [s] of the stiff servo as a student finds it: try both ends, then halve."""
     text, low, high = stiff_servo(), 0.001, 0.05

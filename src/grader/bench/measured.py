@@ -77,11 +77,6 @@ def trade(point: Results) -> str:
     return f"{error} (x{point['cost']:.2g})"
 
 
-def order(fit: Results | None) -> str:
-    """`4.01 (3.95 to 4.08)`, or a dash where fewer than three points are in the asymptotic range."""
-    return f"{fit['order']:.2f} ({fit['interval'][0]:.2f} to {fit['interval'][1]:.2f})" if fit else "-"
-
-
 def ratio(peer: Results | None, mujoco: Results | None) -> str:
     """The peer's cost over MuJoCo's; in words where one of the two does not get there."""
     if peer is None:
@@ -144,7 +139,11 @@ def procedure(results: Results) -> Iterator[tuple[str, ...]]:
 def orders(results: Results) -> Iterator[tuple[str, ...]]:
     """Fitted orders with their 95 % intervals."""
     for name, scene in results["precision"]["scenes"].items():
-        yield words(name), f"{scene['reference']['own_error']:.0e}", *map(order, scene["orders"].values())
+        fits = (
+            fit and "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit)
+            for fit in scene["orders"].values()
+        )
+        yield words(name), f"{scene['reference']['own_error']:.0e}", *(fit or "-" for fit in fits)
 
 
 @table("scene", "peer", *SHOWN_ERRORS)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import mujoco
@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grader.bench.peers import EQUATIONS, Array, by_hand, over_mj_forward, peers_of
-from grader.bench.picture import COLOURS, MARKERS
 from grader.bench.scenes import load_scene, words
 from grader.bench.study import Measurement, Record, Records, Study, of_kind
 from grader.bench.timing import paired, timer_is_known
@@ -157,11 +156,12 @@ class PeerSetting(Measurement):
     def measure(self, quick: bool, done: Records) -> Record:
         """Error and CPU time of a peer, against the same reference and the same yardstick."""
         scene = load_scene(self.scene)
-        run = next(peer.run for peer in peers_of(self.scene) if peer.name == self.method)
+        run = peers_of(self.scene)[self.method].run
         try:
-            error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), run(self.setting, SAMPLE_TIMES_S))
+            found = run(self.setting, SAMPLE_TIMES_S)
         except RuntimeError as failure:
             return {"error": None, "why": str(failure)}
+        error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), found)
         yardstick = Stepping(scene, *YARDSTICK)
         return {"error": error} | asdict(paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], 3))
 
@@ -172,9 +172,9 @@ def plan(quick: bool) -> Sequence[Measurement]:
     chosen = slice(0, 7, 2) if quick else slice(None)  # four settings, without the finest, which take longest
     for name in SCENES:
         found += [Setting(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[chosen]]
-        for peer in peers_of(name):
+        for method, peer in peers_of(name).items():
             settings = TIMESTEPS_S if peer.setting == "timestep" else TOLERANCES
-            found += [PeerSetting(name, peer.name, setting) for setting in settings[chosen]]
+            found += [PeerSetting(name, method, setting) for setting in settings[chosen]]
     return found
 
 
@@ -190,13 +190,14 @@ class Point:
     high: float
 
 
-def points_of(records: Records, kind: type[Setting] | type[PeerSetting], scene: str) -> list[Point]:
-    """All points of a scene that could be timed."""
-    return [
-        Point(key.method, key.setting, record["error"], record["ratio"], record["low"], record["high"])
-        for key, record in of_kind(records, kind).items()
-        if key.scene == scene and "ratio" in record
-    ]
+def points_of(records: Records, kind: type[Setting] | type[PeerSetting], scene: str) -> dict[str, list[Point]]:
+    """All points of a scene that could be timed, by method."""
+    found: dict[str, list[Point]] = {}
+    for key, record in of_kind(records, kind).items():
+        if key.scene == scene and "ratio" in record:
+            point = Point(key.method, key.setting, record["error"], record["ratio"], record["low"], record["high"])
+            found.setdefault(key.method, []).append(point)
+    return found
 
 
 def pareto(points: Sequence[Point]) -> list[Point]:
@@ -261,11 +262,9 @@ def summarise(records: Records) -> Record:
 def summarise_scene(records: Records, scene: str) -> Record:
     """Everything the tables need about one scene."""
     truth = records[Truth(scene)]
-    points, peers = points_of(records, Setting, scene), points_of(records, PeerSetting, scene)
+    by_method, by_peer = points_of(records, Setting, scene), points_of(records, PeerSetting, scene)
+    points = [*chain(*by_method.values())]
     best = {error: cheapest(points, error) for error in ERRORS}
-    by_method = {name: [p for p in points if p.method == name] for name in BY_NAME}
-    by_peer = {name: [p for p in peers if p.method == name] for name in dict.fromkeys(p.method for p in peers)}
-    yardsticks = [r["yardstick_s"] for key, r in of_kind(records, Setting).items() if key.scene == scene]
     return {
         "reference": {"method": truth["method"], "own_error": truth["own_error"]},
         "pareto": [[p.method, p.setting, p.cost, p.error] for p in pareto(points)],
@@ -276,7 +275,7 @@ def summarise_scene(records: Records, scene: str) -> Record:
             for name, own in by_peer.items()
         },
         "procedure": procedure(points),
-        "yardstick_s": min(yardsticks),
+        "yardstick_s": min(r["yardstick_s"] for key, r in of_kind(records, Setting).items() if key.scene == scene),
         "warned": sum(1 for point in points if point.error is None),
     }
 
@@ -292,23 +291,35 @@ def summarise_point(point: Point) -> Record:
     }
 
 
-def draw(records: Records, summary: Record) -> dict[str, Figure]:
-    """MuJoCo's settings on every scene, and its front beside the peers on three."""
-    return {"precision": draw_settings(records, summary), "precision_peers": draw_peers(records, summary)}
+MARKS = {
+    "Euler": ("#4477aa", "o"),
+    "RK4": ("#ee6677", "s"),
+    "implicit": ("#228833", "^"),
+    "implicitfast": ("#ccbb44", "v"),
+    "discrete": ("#aa3377", "D"),
+}
+"""Colour and marker. Source: Paul Tol's bright scheme, which colour-blind readers can tell apart."""
 
 
 def draw_settings(records: Records, summary: Record) -> Figure:
-    """Error against CPU time, one panel a scene, the Pareto front in grey."""
+    """Error against CPU time, one panel a scene, the Pareto front in grey; the last panel explains the others."""
     figure = Figure(figsize=(14, 7.4))
-    panels = figure.subplots(2, 4).flat
-    for axes, name in zip(panels, SCENES, strict=False):
-        points = points_of(records, Setting, name)
-        for kind in BY_NAME:
-            own = [p for p in points if p.method == kind]
-            draw_line(axes, own, color=COLOURS[kind], marker=MARKERS[kind], ms=4)
-        draw_line(axes, pareto(points), color="black", lw=4, alpha=0.15, zorder=1)
+    *panels, last = figure.subplots(2, 4).flat
+    for axes, name in zip(panels, SCENES, strict=True):
+        by_method = points_of(records, Setting, name)
+        for kind, own in by_method.items():
+            draw_line(axes, own, color=MARKS[kind][0], marker=MARKS[kind][1], ms=4, label=kind)
+        front = pareto([*chain(*by_method.values())])
+        draw_line(axes, front, color="black", lw=4, alpha=0.15, zorder=1, label="Pareto front")
         draw_axes(axes, summary["scenes"][name], words(name))
-    draw_legend(panels[len(SCENES)], summary)
+    last.axis("off")
+    last.legend(*panels[0].get_legend_handles_labels(), loc="upper left", frameon=False)
+    said = (
+        f"{HORIZON_S:g} s simulated, timesteps 16 ms to 31 us by halves\n"
+        f"MuJoCo {summary['versions']['mujoco']}, {summary['machine']['processor']}\n"
+        "A setting that warned has no point."
+    )
+    last.text(0.02, 0.02, said, transform=last.transAxes, fontsize=8)
     return figure
 
 
@@ -322,27 +333,11 @@ def draw_axes(axes: Any, scene: Record, title: str) -> None:
     """Logarithmic axes, and the level below which the reference itself is not known."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.axhspan(1e-17, scene["reference"]["own_error"], color="#dddddd")
+    axes.axhspan(1e-17, scene["reference"]["own_error"], color="#dddddd", label="own error of the reference")
     axes.set_ylim(1e-15, 20)
     axes.set_title(title)
     axes.set_xlabel(f"CPU time / ({1e3 * scene['yardstick_s']:.2f} ms: Euler at 2 ms)")
     axes.set_ylabel("sup-norm error [rad, m]")
-
-
-def draw_legend(axes: Any, summary: Record) -> None:
-    """The last panel explains the others."""
-    axes.axis("off")
-    for kind in BY_NAME:
-        axes.plot([], [], color=COLOURS[kind], marker=MARKERS[kind], label=kind)
-    axes.plot([], [], color="black", lw=4, alpha=0.15, label="Pareto front")
-    axes.fill_between([], [], color="#dddddd", label="own error of the reference")
-    axes.legend(loc="upper left", frameon=False)
-    said = (
-        f"{HORIZON_S:g} s simulated, timesteps 16 ms to 31 us by halves\n"
-        f"MuJoCo {summary['versions']['mujoco']}, {summary['machine']['processor']}\n"
-        "A setting that warned has no point."
-    )
-    axes.text(0.02, 0.02, said, transform=axes.transAxes, fontsize=8)
 
 
 PEER_COLOURS = {"Python loop": "#999999", "SciPy": "#0077bb", "Pinocchio": "#cc3311", "Drake": "#009988"}
@@ -352,14 +347,12 @@ def draw_peers(records: Records, summary: Record) -> Figure:
     """MuJoCo's Pareto front beside what a user would pick instead."""
     figure = Figure(figsize=(14, 5))
     for axes, name in zip(figure.subplots(1, 3), PEER_SCENES, strict=True):
-        front = pareto(points_of(records, Setting, name))
+        front = pareto([*chain(*points_of(records, Setting, name).values())])
         draw_line(axes, front, color="black", marker="o", ms=4, label="MuJoCo in C, its best settings")
-        peers = points_of(records, PeerSetting, name)
-        for method in dict.fromkeys(p.method for p in peers):
+        for method, own in points_of(records, PeerSetting, name).items():
             colour = next(colour for family, colour in PEER_COLOURS.items() if method.startswith(family))
             dash = ":" if "LSODA" in method or "Euler" in method else "-"
             marker = "x" if "mj_forward" in method else "."
-            own = [p for p in peers if p.method == method]
             draw_line(axes, own, ls=dash, color=colour, marker=marker, ms=5, label=method)
         draw_axes(axes, summary["scenes"][name], words(name))
     handles = figure.axes[0].get_legend_handles_labels()
@@ -367,4 +360,4 @@ def draw_peers(records: Records, summary: Record) -> Figure:
     return figure
 
 
-STUDY = Study("precision", plan, summarise, draw)
+STUDY = Study("precision", plan, summarise, {"precision": draw_settings, "precision_peers": draw_peers})

@@ -11,9 +11,9 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
 from http.client import HTTPConnection
@@ -82,10 +82,6 @@ class Client:
         status, body = self.request("POST", "/submissions", {"quiz": "1.3-check", "question": "q2", "answer": "5 ms"})
         require(status == 201 and body["verdict"]["status"] == "correct", body)
 
-    def script(self) -> None:
-        """Submit a script and wait until its verdict can be fetched."""
-        self.graded("servo-threshold", SCRIPT)
-
     def graded(self, question: str, source: str) -> dict[str, Any]:
         """The verdict on a script of the exercises. Raises TimeoutError after GRADED_S."""
         end = time.perf_counter() + GRADED_S
@@ -102,29 +98,16 @@ class Client:
         raise TimeoutError("a script was not graded in time")
 
 
+SUBMIT: dict[str, Callable[[Client], object]] = {
+    "answers": Client.answer,
+    "scripts": lambda client: client.graded("servo-threshold", SCRIPT),
+}
+
+
 def require(held: bool, body: Any) -> None:
     """Raise RuntimeError for an unexpected answer: its time would say nothing."""
     if not held:
         raise RuntimeError(f"the service answered {body}")
-
-
-@contextmanager
-def server(students: int) -> Iterator[list[Client]]:
-    """`grader serve` on a free port with fresh data, and a client for each student."""
-    with TemporaryDirectory() as folder:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = int(free.getsockname()[1])
-        arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
-        process = subprocess.Popen(  # noqa: S603  our own command
-            arguments, env=os.environ | UNLIMITED, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        try:
-            wait_until_ready(process, port)
-            yield [Client(port, token_of(folder, f"student{number}")) for number in range(students)]
-        finally:
-            process.terminate()
-            process.wait(timeout=30)
 
 
 def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
@@ -143,16 +126,28 @@ def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
 def token_of(folder: str, user: str) -> str:
     """A student's token."""
     arguments = [str(GRADER), "token", "create", "--user", user, "--role", "student", "--data", folder]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=True)  # noqa: S603  our own command
-    return str(done.stdout).strip()
+    return subprocess.check_output(arguments, text=True).strip()  # noqa: S603  our own command
 
 
 @cache
 def clients() -> list[Client]:
-    """One server for all measurements, started when something is left to measure, and stopped at exit."""
+    """A client for each student of `grader serve`, on a free port with fresh data.
+
+    It is started when something is left to measure, and stopped at exit.
+    """
     stack = ExitStack()
     atexit.register(stack.close)
-    return stack.enter_context(server(STUDENTS))
+    folder = stack.enter_context(TemporaryDirectory())
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = int(free.getsockname()[1])
+    arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
+    null, environment = subprocess.DEVNULL, os.environ | UNLIMITED
+    process = subprocess.Popen(arguments, env=environment, stdout=null, stderr=null)  # noqa: S603  our own command
+    stack.callback(process.wait, 30)
+    stack.callback(process.terminate)
+    wait_until_ready(process, port)
+    return [Client(port, token_of(folder, f"student{number}")) for number in range(STUDENTS)]
 
 
 def percentiles(times_s: Sequence[float]) -> Record:
@@ -170,7 +165,7 @@ class Load(Measurement):
 
     def measure(self, quick: bool, done: Records) -> Record:
         """Wall times from request to verdict [s]; each student submits one after the other."""
-        submit = Client.answer if self.load == "answers" else Client.script
+        submit = SUBMIT[self.load]
         each = {"answers": (200, 25), "scripts": (15, 3)}[self.load][quick]
 
         def time_all(client: Client) -> list[float]:
@@ -263,7 +258,7 @@ def summarise(records: Records) -> Record:
     return {"loads": [key.row() | row for key, record in records.items() for row in key.rows(record)]}
 
 
-def draw(records: Records, _summary: Record) -> dict[str, Figure]:
+def draw(records: Records, _summary: Record) -> Figure:
     """Median and 95th percentile of each load."""
     figure = Figure(figsize=(7, 4))
     axes = figure.subplots()
@@ -275,7 +270,7 @@ def draw(records: Records, _summary: Record) -> dict[str, Figure]:
     axes.set_yticks([])
     axes.set_xlim(0, 2.2e3 * max(row["p95_s"] for _, row in bars))
     axes.set_xlabel("ms until the verdict is back: median (dark) and 95th percentile (light)")
-    return {"service": figure}
+    return figure
 
 
 def label_of(key: Measurement, row: Record) -> str:
@@ -285,4 +280,4 @@ def label_of(key: Measurement, row: Record) -> str:
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 
-STUDY = Study("service", plan, summarise, draw)
+STUDY = Study("service", plan, summarise, {"service": draw})

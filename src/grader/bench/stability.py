@@ -6,7 +6,6 @@ from enum import IntEnum
 from functools import lru_cache, partial
 from typing import Any
 
-import matplotlib as mpl
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
@@ -34,14 +33,6 @@ PENDULUM_GRAVITY_STIFFNESS = 4.905
 OMEGA = 100.0
 """Angular frequency of the oscillator [rad/s]; only h * omega matters."""
 
-CLOSED_FORM: dict[str, Callable[[Servo], float]] = {
-    "Euler": lambda servo: servo.euler_s,
-    "RK4": lambda servo: servo.rk4_s,
-    "implicit": lambda servo: servo.implicit_s,
-    "implicitfast": lambda servo: servo.implicit_s,
-    "discrete": lambda servo: servo.discrete_s,
-}
-
 
 class Class(IntEnum):
     """What a point of a map shows, the simulation beside the spectral radius."""
@@ -53,13 +44,14 @@ class Class(IntEnum):
     FRAGILE = 4
 
 
-MEANING = {
-    Class.STABLE: "stable: no warning in 3 s, spectral radius at most 1",
-    Class.SLOW: "no warning in 3 s, yet the spectral radius is above 1",
-    Class.WINDOW: "warned, but not with BADQACC: the lesson's test says stable",
-    Class.UNSTABLE: "BADQACC, spectral radius above 1",
-    Class.FRAGILE: "warned although the spectral radius is at most 1",
+LOOK = {
+    Class.STABLE: ("#e8f1e4", "stable: no warning in 3 s, spectral radius at most 1"),
+    Class.SLOW: ("#ffcf56", "no warning in 3 s, yet the spectral radius is above 1"),
+    Class.WINDOW: ("#7b3fa0", "warned, but not with BADQACC: the lesson's test says stable"),
+    Class.UNSTABLE: ("#d9827a", "BADQACC, spectral radius above 1"),
+    Class.FRAGILE: ("#3b78b5", "warned although the spectral radius is at most 1"),
 }
+"""Colour and meaning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +75,9 @@ class Chart(Plane):
 
     def closed_form_s(self, integrator: str, value: float) -> float:
         """The largest stable timestep [s] by the closed form; inf where there is none."""
-        return CLOSED_FORM[integrator](self.servo(value))
-
-
-def pendulum(kp: float, kv: float) -> Servo:
-    """The lesson's pendulum under a servo."""
-    return Servo(PENDULUM_INERTIA, kp, kv, PENDULUM_GRAVITY_STIFFNESS)
+        servo = self.servo(value)
+        limits = {"Euler": servo.euler_s, "RK4": servo.rk4_s, "discrete": servo.discrete_s}
+        return limits.get(integrator, servo.implicit_s)
 
 
 CHARTS = {
@@ -98,7 +87,7 @@ CHARTS = {
         parameter="kp [N m/rad]",
         span=(100, 40000),
         timestep_span_s=(0.001, 0.1),
-        servo=lambda kp: pendulum(kp, 5),
+        servo=lambda kp: Servo(PENDULUM_INERTIA, kp, 5, PENDULUM_GRAVITY_STIFFNESS),
     ),
     "damping": Chart(
         name="damping",
@@ -106,7 +95,7 @@ CHARTS = {
         parameter="kv [N m s/rad]",
         span=(0.5, 100),
         timestep_span_s=(0.001, 0.2),
-        servo=lambda kv: pendulum(100, kv),
+        servo=lambda kv: Servo(PENDULUM_INERTIA, 100, kv, PENDULUM_GRAVITY_STIFFNESS),
     ),
     "oscillator": Chart(
         name="oscillator",
@@ -284,22 +273,7 @@ def summarise_windows(records: Records, chart: str, integrator: str) -> list[Rec
     return found
 
 
-CLASS_COLOURS = {
-    Class.STABLE: "#e8f1e4",
-    Class.SLOW: "#ffcf56",
-    Class.WINDOW: "#7b3fa0",
-    Class.UNSTABLE: "#d9827a",
-    Class.FRAGILE: "#3b78b5",
-}
-
-
-def draw(records: Records, _summary: Record) -> dict[str, Figure]:
-    """One picture a chart, and one of the collisions."""
-    charts = {f"stability_{chart.name}": draw_chart(chart, records) for chart in CHARTS.values()}
-    return charts | {"stability_collisions": draw_cases(records)}
-
-
-def draw_chart(chart: Chart, records: Records) -> Figure:
+def draw_chart(chart: Chart, records: Records, _summary: Record) -> Figure:
     """Five integrators side by side: classes, the closed form in black, simulated edges as circles."""
     figure = Figure(figsize=(15, 4.3))
     panels = figure.subplots(1, len(BY_NAME), sharey=True)
@@ -307,13 +281,8 @@ def draw_chart(chart: Chart, records: Records) -> Figure:
         draw_map(axes, chart, integrator, records)
         axes.set_title(integrator)
     panels[0].set_ylabel(chart.timestep_label)
-    line = partial(mpl.lines.Line2D, [], [], color="black")
-    handles: list[Any] = [Patch(color=CLASS_COLOURS[kind], label=text) for kind, text in MEANING.items()]
-    handles += [
-        line(label="closed form"),
-        line(marker="o", mfc="none", ls="", label="simulated limit, 3 s"),
-        line(marker="+", ls="", label="spectral radius = 1"),
-    ]
+    handles: list[Any] = [Patch(color=colour, label=text) for colour, text in LOOK.values()]
+    handles += panels[0].get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure
 
@@ -321,14 +290,16 @@ def draw_chart(chart: Chart, records: Records) -> Figure:
 def draw_map(axes: Any, chart: Chart, integrator: str, records: Records) -> None:
     """The classes as coloured cells, the closed form as a line, the edges found by simulation and radius as marks."""
     grid, scale = as_grid(records[Map(chart.name, integrator)]["classes"]), chart.timestep_scale
-    chart.draw(axes, grid, CLASS_COLOURS.values(), scale)
+    chart.draw(axes, grid, [colour for colour, _ in LOOK.values()], scale)
     values = chart.ticks(200)[1]
-    axes.plot(values, [chart.closed_form_s(integrator, value) * scale for value in values], color="black", lw=1.2)
+    closed = [chart.closed_form_s(integrator, value) * scale for value in values]
+    axes.plot(values, closed, color="black", lw=1.2, label="closed form")
     edges = edges_of(records, chart.name, integrator)
-    for name, marker in (("simulated_s", "o"), ("spectral_s", "+")):
-        known = [(edge["parameter"], edge[name] * scale) for edge in edges if edge[name] is not None]
+    for name, marker, label in (("simulated", "o", "simulated limit, 3 s"), ("spectral", "+", "spectral radius = 1")):
+        known = [(edge["parameter"], edge[f"{name}_s"] * scale) for edge in edges if edge[f"{name}_s"] is not None]
         if known:
-            axes.plot(*zip(*known, strict=True), marker, color="black", ms=5, mfc="none", mew=0.8)
+            axes.plot(*zip(*known, strict=True), marker, color="black", ms=5, mfc="none", mew=0.8, label=label)
 
 
-STUDY = Study("stability", plan, summarise, draw)
+CHARTS_DRAWN = {f"stability_{name}": partial(draw_chart, chart) for name, chart in CHARTS.items()}
+STUDY = Study("stability", plan, summarise, CHARTS_DRAWN | {"stability_collisions": draw_cases})

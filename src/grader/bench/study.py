@@ -7,8 +7,9 @@ import json
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,16 +18,29 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from grader.bench import STUDIES, picture
+from grader.bench import STUDIES
 from grader.numerics.process import prepare
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
 ROOM = Path(__file__).parent
-UNRELATED = {"__init__", "picture", "floors", "lines", "loops", "measured", "agree"}
+UNRELATED = {"__init__", "floors", "lines", "loops", "measured"}
 """Modules of this package that take no part in a study's measurements."""
 
 NOT_MEASURING = ("draw", "summarise", "rows")
 """How the names of functions begin that only evaluate records."""
+
+LOOK: Any = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 110,
+    "savefig.facecolor": "white",
+    "svg.hashsalt": "grader",
+}
+"""Matplotlib's settings for every picture; the salt makes the same bytes every time."""
 
 Record = dict[str, Any]
 
@@ -45,7 +59,7 @@ class Measurement:
 
     def rows(self, record: Record) -> list[Record]:
         """The lines of the CSV: by default one of the record's numbers and words, where it has any."""
-        found = {name: value for name, value in record.items() if not isinstance(value, list | dict)}
+        found = {name: value for name, value in record.items() if isinstance(value, str | int | float)}
         return [found] if found else []
 
 
@@ -62,14 +76,14 @@ def of_kind(records: Records, kind: type[KindT]) -> dict[KindT, Record]:
 class Study:
     """`plan(quick)` lists what to measure, in order; the other functions only evaluate records.
 
-    `draw` gives the figures by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that
+    `draw` makes the figures, by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that
     changing them does not discard what was measured.
     """
 
     name: str
     plan: Callable[[bool], Sequence[Measurement]]
     summarise: Callable[[Records], Record]
-    draw: Callable[[Records, Record], dict[str, Figure]]
+    draw: Mapping[str, Callable[[Records, Record], Figure]]
 
     def run(self, out: Path, quick: bool) -> None:
         """Run the study; interrupted and started again with the same `out`, it resumes.
@@ -89,53 +103,50 @@ class Study:
             raise
         summary |= {"measurements": len(records)} | self.summarise(records)
         written = [out / f"{self.name}.json", out / f"{self.name}.csv"]
-        written[0].write_text(json.dumps(rounded(summary), indent=1) + "\n", encoding="utf-8")
+        # Times are known to no more than four significant digits, and the file stays small.
+        rounded = json.loads(json.dumps(summary), parse_float=lambda digits: float(f"{float(digits):.4g}"))
+        written[0].write_text(json.dumps(rounded, indent=1) + "\n", encoding="utf-8")
         rows = [key.row() | row for key, record in records.items() for row in key.rows(record)]
         with written[1].open("w", encoding="utf-8", newline="") as lines:
             writer = csv.DictWriter(lines, list(dict.fromkeys(column for row in rows for column in row)))
             writer.writeheader()
             writer.writerows(rows)
-        with mpl.rc_context(picture.LOOK):
-            for name, figure in self.draw(records, summary).items():
-                written += picture.save(figure, out / name)
+        with mpl.rc_context(LOOK):
+            for name, draw in self.draw.items():
+                figure = draw(records, summary)
+                written += [out / f"{name}.svg", out / f"{name}.png"]
+                figure.savefig(written[-2], metadata={"Date": None})
+                figure.savefig(written[-1], dpi=130)
         for path in written:
             console.print(f"{self.name}: wrote {path}")
 
 
+@dataclass(frozen=True)
 class Journal:
     """Finished measurements on disk, one JSON line each.
 
     Only lines of the same context (versions, code, scenes) are read; the others stay in the file.
     """
 
-    def __init__(self, path: Path, context: str) -> None:
-        self.path, self.context = path, context
-        self._records: dict[str, Record] = {}
-        text = path.read_text(encoding="utf-8") if path.exists() else ""
-        if text and not text.endswith("\n"):
-            self._append("\n")  # a run was killed while it wrote its last line
-        for line in text.splitlines():
-            try:
+    path: Path
+    context: str
+
+    def read(self) -> dict[str, Record]:
+        """The records by their measurements' rows as JSON; a line that was cut short is left out."""
+        found = {}
+        for line in self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else ():
+            with suppress(ValueError):
                 entry = json.loads(line)
-            except ValueError:
-                continue
-            if entry["context"] == context:
-                self._records[json.dumps(entry["key"])] = entry["record"]
+                if entry["context"] == self.context:
+                    found[json.dumps(entry["key"])] = entry["record"]
+        return found
 
-    def find(self, key: Measurement) -> Record | None:
-        """The record of a finished measurement."""
-        return self._records.get(json.dumps(key.row()))
-
-    def add(self, key: Measurement, record: Record) -> None:
-        """Append one finished measurement."""
+    def add(self, key: Measurement, record: Record) -> Record:
+        """Append a record, on a line of its own whatever stands before it; return it as `read` would."""
         line = json.dumps({"context": self.context, "key": key.row(), "record": record})
-        self._append(line + "\n")
-        # Keep what a later run would read back, so that resumed and whole runs agree.
-        self._records[json.dumps(key.row())] = json.loads(line)["record"]
-
-    def _append(self, text: str) -> None:
         with self.path.open("a", encoding="utf-8") as lines:
-            lines.write(text)
+            lines.write(f"\n{line}")
+        return dict(json.loads(line)["record"])
 
 
 def carry_out(
@@ -147,7 +158,8 @@ def carry_out(
     """
     if len(set(plan)) != len(plan):
         raise ValueError(f"{title}: two measurements are the same")
-    done = {key: record for key in plan if (record := journal.find(key)) is not None}
+    kept = journal.read()
+    done = {key: kept[row] for key in plan if (row := json.dumps(key.row())) in kept}
     if done:
         console.print(f"{title}: {len(done)} of {len(plan)} measurements are already in {journal.path}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
@@ -156,34 +168,21 @@ def carry_out(
         for key in plan:
             if key not in done:
                 progress.update(bar, description=f"{title}: {' '.join(map(str, key.row().values()))}")
-                journal.add(key, key.measure(quick, done))
-                done[key] = journal.find(key) or {}
+                done[key] = journal.add(key, key.measure(quick, done))
                 progress.advance(bar)
     return {key: done[key] for key in plan}
 
 
-def rounded(value: Any) -> Any:
-    """The same JSON with floats to four significant digits: times are no more precise, and the file stays small."""
-    return json.loads(json.dumps(value), parse_float=lambda digits: float(f"{float(digits):.4g}"))
-
-
 def versions() -> dict[str, str]:
     """Versions of Python and of each package; `not installed` where an optional one is missing."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    found = {one.name: one.version for one in distributions()}
+    return {"python": platform.python_version()} | {name: found.get(name, "not installed") for name in PACKAGES}
 
 
 def machine() -> dict[str, str | int | float]:
     """Processor, cores, system and load now: what a reader needs to judge a time."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
+    cpus = Path("/proc/cpuinfo")
+    lines = cpus.read_text(encoding="utf-8").splitlines() if cpus.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return {
         "processor": names[0] if names else platform.machine(),

@@ -9,12 +9,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import mujoco
 import numpy as np
-
-ResultT = TypeVar("ResultT")
 
 _library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
 _callback = ctypes.c_void_p.in_dll(_library, "mjcb_time")
@@ -28,7 +25,7 @@ def timer_is_known() -> bool:
 
 @contextmanager
 def profiling_timer() -> Iterator[None]:
-    """Restore the timer, as the wheel installs it at import, for the duration of a measurement."""
+    """Restore the timer, as the wheel installs it at import, for the duration of a measurement; also a decorator."""
     before = _callback.value
     _callback.value = _as_found
     try:
@@ -39,16 +36,6 @@ def profiling_timer() -> Iterator[None]:
 
 SAMPLE_S = 1e-3
 """Shortest sample [s]: far above the clock's resolution and the cost of reading it."""
-
-
-def with_timer(work: Callable[[], ResultT]) -> Callable[[], ResultT]:
-    """The same work with the wheel's profiling timer on."""
-
-    def timed() -> ResultT:
-        with profiling_timer():
-            return work()
-
-    return timed
 
 
 @dataclass(frozen=True)
@@ -93,23 +80,14 @@ def paired(
 
     The order within a pair alternates, so that a drift of the clock frequency does not favour either side.
     """
-    counts = calls_per_sample(work, yardstick)
-    pairs: list[tuple[float, float]] = []
+    works, pairs = (work, yardstick), list[list[float]]()
+    counts = calls_per_sample(*works)
     end = time.thread_time() + budget_s
     while len(pairs) < least or (time.thread_time() < end and len(pairs) < 200):
-        if len(pairs) % 2:
-            second = sample(yardstick, counts[1])
-            pairs.append((sample(work, counts[0]), second))
-        else:
-            pairs.append((sample(work, counts[0]), sample(yardstick, counts[1])))
+        turns = [0, 1] if len(pairs) % 2 == 0 else [1, 0]
+        taken = {turn: sample(works[turn], counts[turn]) for turn in turns}
+        pairs.append([taken[0], taken[1]])
     times = np.array(pairs)
-    ratios = times[:, 0] / times[:, 1]
-    low, middle, high = np.percentile(ratios, [10, 50, 90])
-    return Paired(
-        ratio=float(middle),
-        low=float(low),
-        high=float(high),
-        seconds=float(times[:, 0].min()),
-        yardstick_s=float(times[:, 1].min()),
-        pairs=len(pairs),
-    )
+    low, middle, high = np.percentile(times[:, 0] / times[:, 1], [10, 50, 90]).tolist()
+    seconds, yardstick_s = times.min(axis=0).tolist()
+    return Paired(middle, low, high, seconds, yardstick_s, len(pairs))
