@@ -54,19 +54,12 @@ def borders(values: list[float]) -> NDArray[np.float64]:
     return np.append(np.array(values) / ratio, values[-1] * ratio)
 
 
-@dataclass(frozen=True)
-class Refined:
-    """`classes` (n, n) at every grid point, filled in where not evaluated; `evaluated` (n, n) says which were."""
-
-    classes: Grid
-    evaluated: NDArray[np.bool_]
-
-
-def refined_map(levels: int, coarse: int, classify: Callable[[int, int], int]) -> Refined:
+def refined_map(levels: int, coarse: int, classify: Callable[[int, int], int]) -> tuple[Grid, Grid]:
     """A grid of 2^levels + 1 points a side, from cells of 2^coarse points on: cells are split where corners differ.
 
     A cell beside a split one is split too, so that an edge which only grazes a cell is followed into it. A region
-    that lies wholly between the points of the coarsest grid is missed; compare with the full grid to know.
+    that lies wholly between the points of the coarsest grid is missed; compare with the full grid to know. Returns the
+    classes at every point, filled in where not evaluated, and 1 where evaluated, both (2^levels + 1, 2^levels + 1).
     """
     size = 2**levels + 1
     found = np.full((size, size), UNKNOWN, dtype=np.int8)
@@ -87,11 +80,11 @@ def refined_map(levels: int, coarse: int, classify: Callable[[int, int], int]) -
             break
         width //= 2
         cells = {part for cell in split for part in around(cell, 0, width)}
-    evaluated = found != UNKNOWN
+    evaluated = (found != UNKNOWN).astype(np.int8)
     for row, column, side, kind in fills:
         patch = found[row : row + side + 1, column : column + side + 1]
         patch[patch == UNKNOWN] = kind
-    return Refined(found, evaluated)
+    return found, evaluated
 
 
 def around(cell: tuple[int, int], *offsets: int) -> Iterator[tuple[int, int]]:

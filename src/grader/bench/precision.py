@@ -46,6 +46,9 @@ YARDSTICK = ("Euler", 0.002)
 BUDGET_S = {True: 0.02, False: 0.3}
 """CPU time of a comparison [s], by whether the run is quick."""
 
+PEER_PAIRS = 3
+"""The least number of pairs for a peer, which may take long."""
+
 ERRORS = tuple(10.0**-k for k in range(1, 11))
 """The position errors [rad or m] that the cheapest setting is sought for."""
 
@@ -163,7 +166,9 @@ class PeerSetting(Measurement):
             return {"error": None, "why": str(failure)}
         error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), found)
         yardstick = Stepping(scene, *YARDSTICK)
-        return {"error": error} | asdict(paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], 3))
+        return {"error": error} | asdict(
+            paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], PEER_PAIRS)
+        )
 
 
 def plan(quick: bool) -> Sequence[Measurement]:
@@ -269,6 +274,7 @@ def summarise_scene(records: Records, scene: str) -> Record:
         "reference": {"method": truth["method"], "own_error": truth["own_error"]},
         "pareto": [[p.method, p.setting, p.cost, p.error] for p in pareto(points)],
         "cheapest": {f"{error:.0e}": point and summarise_point(point) for error, point in best.items()},
+        "errors": {name: [point.error for point in own] for name, own in by_method.items()},
         "orders": {name: fitted_order(own, truth["own_error"]) for name, own in by_method.items()},
         "peers": {
             name: {f"{error:.0e}": against(best[error], cheapest(own, error)) for error in ERRORS}

@@ -20,6 +20,7 @@ from http.client import HTTPConnection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from urllib.request import urlopen
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -114,11 +115,8 @@ def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
     """Return once /readyz answers 200. Raises RuntimeError where the server ended or took too long."""
     end = time.perf_counter() + START_S
     while time.perf_counter() < end and process.poll() is None:
-        with suppress(OSError):
-            connection = HTTPConnection("127.0.0.1", port, timeout=5)
-            connection.request("GET", "/readyz")
-            if connection.getresponse().status == 200:
-                return
+        with suppress(OSError), urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5):
+            return
         time.sleep(0.1)
     raise RuntimeError("the server did not become ready")
 

@@ -148,10 +148,10 @@ class Map(OnChart):
         """Classify points where the class changes."""
         timesteps_s, values = CHARTS[self.chart].ticks(2 ** LEVELS[quick] + 1)
         coarse = 2 if quick else 3
-        refined = refined_map(
+        classes, evaluated = refined_map(
             LEVELS[quick], coarse, lambda row, column: self.classify(timesteps_s[row], values[column])
         )
-        return {"classes": as_rows(refined.classes), "evaluated": as_rows(refined.evaluated)}
+        return {"classes": as_rows(classes), "evaluated": as_rows(evaluated)}
 
     def rows(self, record: Record) -> list[Record]:
         """One row an evaluated point."""

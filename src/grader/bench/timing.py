@@ -34,6 +34,9 @@ def profiling_timer() -> Iterator[None]:
         _callback.value = before
 
 
+SPREAD = (10, 50, 90)
+"""Percentiles of the pairs that are quoted."""
+
 SAMPLE_S = 1e-3
 """Shortest sample [s]: far above the clock's resolution and the cost of reading it."""
 
@@ -74,20 +77,20 @@ def sample(work: Callable[[], object], calls: int) -> float:
 
 
 def paired(
-    work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2, least: int = 5
+    work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2, least: int = 5, most: int = 200
 ) -> Paired:
-    """Measure pairs for `budget_s` of CPU time [s]: at least `least` of them, at most 200.
+    """Measure pairs for `budget_s` of CPU time [s]: at least `least` of them, at most `most`.
 
     The order within a pair alternates, so that a drift of the clock frequency does not favour either side.
     """
     works, pairs = (work, yardstick), list[list[float]]()
     counts = calls_per_sample(*works)
     end = time.thread_time() + budget_s
-    while len(pairs) < least or (time.thread_time() < end and len(pairs) < 200):
+    while len(pairs) < least or (time.thread_time() < end and len(pairs) < most):
         turns = [0, 1] if len(pairs) % 2 == 0 else [1, 0]
         taken = {turn: sample(works[turn], counts[turn]) for turn in turns}
         pairs.append([taken[0], taken[1]])
     times = np.array(pairs)
-    low, middle, high = np.percentile(times[:, 0] / times[:, 1], [10, 50, 90]).tolist()
+    low, middle, high = np.percentile(times[:, 0] / times[:, 1], SPREAD).tolist()
     seconds, yardstick_s = times.min(axis=0).tolist()
     return Paired(middle, low, high, seconds, yardstick_s, len(pairs))
