@@ -107,11 +107,21 @@ def _wanted(count: int, every: int, at_s: Sequence[float] | Vector | None, times
     if at_s is None:
         if every < 1:
             raise ValueError("every must be 1 or more")
-        return np.unique(np.append(np.arange(0, count + 1, every, dtype=np.int64), count))
+        steps = np.arange(0, count + every, every, dtype=np.int64)
+        steps[-1] = count
+        return steps
     times = np.asarray(at_s, dtype=np.float64)
     if not np.all((times >= 0) & (times <= (count + 0.5) * timestep_s)):
         raise ValueError(f"times must lie between 0 and {count * timestep_s} s")
     return np.unique(np.rint(times / timestep_s).astype(np.int64))
+
+
+def _kept(rows: Vector, count: int) -> Vector:
+    """The first rows, read-only; copied only where that frees the others."""
+    if count < len(rows):
+        return frozen(rows[:count])
+    rows.setflags(write=False)
+    return rows
 
 
 def _record(workspace: Workspace, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
@@ -128,10 +138,10 @@ def _record(workspace: Workspace, wanted: NDArray[np.int64], advance: Advance) -
         kept += 1
     return Rollout(
         step=wanted[:kept],
-        time=frozen(time[:kept]),
-        qpos=frozen(qpos[:kept]),
-        qvel=frozen(qvel[:kept]),
-        act=frozen(act[:kept]),
+        time=_kept(time, kept),
+        qpos=_kept(qpos, kept),
+        qvel=_kept(qvel, kept),
+        act=_kept(act, kept),
         timestep_s=float(workspace.option.timestep),
         integrator=int(workspace.option.integrator),
         steps=done,
