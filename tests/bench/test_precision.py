@@ -83,7 +83,7 @@ def test_the_python_loop_is_what_our_stepping_does() -> None:
 
 
 def test_a_run_that_warned_has_no_error() -> None:
-    record = Setting("stiff_servo", "Euler", 0.016).error(np.zeros((len(SAMPLE_TIMES_S), 1)))
+    record = Setting("stiff_servo", "Euler", 0.016).error(np.zeros((len(SAMPLE_TIMES_S), 1)), load_scene("stiff_servo"))
     assert record == {"warning": "mjWARN_BADQACC", "diverged_at_step": record["diverged_at_step"]}
     assert 0 < record["diverged_at_step"] < 64
 

@@ -137,11 +137,12 @@ class Setting(Measurement):
         scene = load_scene(self.scene)
         work = Stepping(scene, self.method, self.setting)
         timed = asdict(paired(work, Stepping(scene, *YARDSTICK), BUDGET_S[quick]))
-        return {"error": None, "steps": work.steps} | self.error(np.array(done[Truth(self.scene)]["qpos"])) | timed
+        error = self.error(np.array(done[Truth(self.scene)]["qpos"]), scene)
+        return {"error": None, "steps": work.steps} | error | timed
 
-    def error(self, truth: Array) -> Record:
+    def error(self, truth: Array, scene: Scene) -> Record:
         """The error; or the warning and the step before it, since MuJoCo resets the state then."""
-        scene, code, times = load_scene(self.scene), BY_NAME[self.method].code, SAMPLE_TIMES_S.tolist()
+        code, times = BY_NAME[self.method].code, SAMPLE_TIMES_S.tolist()
         run = simulate(scene, seconds=HORIZON_S, timestep_s=self.setting, integrator=code, at_s=times)
         if run.warning is not None:
             return {"warning": run.warning.name, "diverged_at_step": run.diverged_at_step}
@@ -166,9 +167,8 @@ class PeerSetting(Measurement):
             return {"error": None, "why": str(failure)}
         error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), found)
         yardstick = Stepping(scene, *YARDSTICK)
-        return {"error": error} | asdict(
-            paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], PEER_PAIRS)
-        )
+        timed = paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], PEER_PAIRS)
+        return {"error": error} | asdict(timed)
 
 
 def plan(quick: bool) -> Sequence[Measurement]:
@@ -339,7 +339,8 @@ def draw_axes(axes: Any, scene: Record, title: str) -> None:
     """Logarithmic axes, and the level below which the reference itself is not known."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.axhspan(1e-17, scene["reference"]["own_error"], color="#dddddd", label="own error of the reference")
+    level = scene["reference"]["own_error"]
+    axes.axhspan(1e-17, level, facecolor="none", edgecolor="#bbbbbb", hatch="//", label="own error of the reference")
     axes.set_ylim(1e-15, 20)
     axes.set_title(title)
     axes.set_xlabel(f"CPU time / ({1e3 * scene['yardstick_s']:.2f} ms: Euler at 2 ms)")

@@ -273,33 +273,33 @@ def summarise_windows(records: Records, chart: str, integrator: str) -> list[Rec
     return found
 
 
-def draw_chart(chart: Chart, records: Records, _summary: Record) -> Figure:
+def draw_chart(chart: str, records: Records, _summary: Record) -> Figure:
     """Five integrators side by side: classes, the closed form in black, simulated edges as circles."""
     figure = Figure(figsize=(15, 4.3))
     panels = figure.subplots(1, len(BY_NAME), sharey=True)
     for axes, integrator in zip(panels, BY_NAME, strict=True):
         draw_map(axes, chart, integrator, records)
         axes.set_title(integrator)
-    panels[0].set_ylabel(chart.timestep_label)
+    panels[0].set_ylabel(CHARTS[chart].timestep_label)
     handles: list[Any] = [Patch(color=colour, label=text) for colour, text in LOOK.values()]
     handles += panels[0].get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
-def draw_map(axes: Any, chart: Chart, integrator: str, records: Records) -> None:
+def draw_map(axes: Any, name: str, integrator: str, records: Records) -> None:
     """The classes as coloured cells, the closed form as a line, the edges found by simulation and radius as marks."""
-    grid, scale = as_grid(records[Map(chart.name, integrator)]["classes"]), chart.timestep_scale
+    chart, grid = CHARTS[name], as_grid(records[Map(name, integrator)]["classes"])
+    scale, values = chart.timestep_scale, chart.ticks(200)[1]
     chart.draw(axes, grid, [colour for colour, _ in LOOK.values()], scale)
-    values = chart.ticks(200)[1]
     closed = [chart.closed_form_s(integrator, value) * scale for value in values]
     axes.plot(values, closed, color="black", lw=1.2, label="closed form")
-    edges = edges_of(records, chart.name, integrator)
-    for name, marker, label in (("simulated", "o", "simulated limit, 3 s"), ("spectral", "+", "spectral radius = 1")):
-        known = [(edge["parameter"], edge[f"{name}_s"] * scale) for edge in edges if edge[f"{name}_s"] is not None]
+    edges = edges_of(records, name, integrator)
+    for found, marker, label in (("simulated", "o", "simulated limit, 3 s"), ("spectral", "+", "spectral radius = 1")):
+        known = [(edge["parameter"], edge[f"{found}_s"] * scale) for edge in edges if edge[f"{found}_s"] is not None]
         if known:
             axes.plot(*zip(*known, strict=True), marker, color="black", ms=5, mfc="none", mew=0.8, label=label)
 
 
-CHARTS_DRAWN = {f"stability_{name}": partial(draw_chart, chart) for name, chart in CHARTS.items()}
+CHARTS_DRAWN = {f"stability_{name}": partial(draw_chart, name) for name in CHARTS}
 STUDY = Study("stability", plan, summarise, CHARTS_DRAWN | {"stability_collisions": draw_cases})
