@@ -217,7 +217,7 @@ def advise(
 def bench(
     name: Annotated[str, typer.Argument(help="precision, stability, skip or service")],
     out: Annotated[Path, typer.Option(help="Folder for JSON, CSV and pictures.")] = Path("out"),
-    quick: Annotated[bool, typer.Option(help="A part of the benchmark, in under a minute.")] = False,
+    quick: Annotated[bool, typer.Option(help="A small part of the benchmark.")] = False,
 ) -> None:
     """Run a benchmark. Interrupted and started again, it continues where it stopped."""
     from grader.bench import run
