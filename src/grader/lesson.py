@@ -14,10 +14,11 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from grader.domain.lab import LabConfig
+from grader.domain.misread import without_remarks
 from grader.domain.quiz import PredictQuestion
 from grader.errors import ContentError, Fault
 from grader.labs import lab_programs
-from grader.library.json_text import json_faults, parse_json, without_remarks
+from grader.library.json_text import json_faults, parse_json
 from grader.library.schema import LAB, QUIZ, Part
 
 FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
