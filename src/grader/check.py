@@ -128,6 +128,8 @@ def lucky(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> I
     say(f"{quiz_id} {question.id}: a fixed answer passes with a chance of at most {chance:.1e}; {allowed:g} is allowed")
     if chance > allowed:
         why = f"a fixed answer is right in every case with a chance of {chance:.1e}; {allowed:g} is allowed"
+        if chance == 1:
+            why += "; no case draws a number, or the kind does not say what it accepts (Kind.accepted)"
         cure = "draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
         yield Fault(library.file(quiz_id), f"{question.id}.check.luck", f"{why}: {cure}")
 

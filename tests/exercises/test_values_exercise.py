@@ -234,7 +234,8 @@ def words(path: Path) -> Path:
     references.mkdir(parents=True)
     (path / "quizzes/words.json").write_text(json.dumps({"id": "words", "title": "Words", "questions": [question]}))
     (references / "correct__slice.py").write_text("def turn(word):\n    return word[::-1]\n")
-    (references / "incorrect__same.py").write_text("def turn(word):\n    return word\n")
+    diagnosis = "# diagnosis: You return the word as it is"
+    (references / "incorrect__same.py").write_text(f"{diagnosis}\ndef turn(word):\n    return word\n")
     return path
 
 
@@ -246,13 +247,25 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
     wrong = content / "reference_solutions/words/turn/incorrect__same.py"
     graded = grader(installed, content, "grade", "words", "turn", str(wrong), "--json")
     assert graded.returncode == 1
-    assert json.loads(graded.stdout)["findings"][0]["expected"] == "cabba"
+    verdict = json.loads(graded.stdout)
+    assert verdict["findings"][0]["expected"] == "cabba"
+    assert verdict["findings"][1]["expected"] is None  # the case is hidden, so the runner hides its trial
+    assert [chart["case"] for chart in verdict["evidence"]["charts"]] == ["abba"]
 
 
 def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
     checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
     assert checked.returncode == 2
     assert "no kind of exercise is called 'exact-text'; use rk4, threshold, values" in checked.stdout
+
+
+def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(installed, broken)
+    (broken / "exact_text.py").write_text("import no_such_module\n")
+    graded = grader(broken, words(tmp_path), "grade", "words", "turn", str(tmp_path / "models"))
+    assert "the exercise kind 'exact-text' (exact_text:ExactText) cannot be loaded" in graded.stderr
+    assert "no_such_module" in graded.stderr and "uninstall grader-exact-text" in graded.stderr
 
 
 def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ Intervals = Sequence[tuple[float, float]]
 """Intervals (lowest, highest) within which the numbers of one answer are accepted; (inf, inf) stands for None."""
 
 P = TypeVar("P", bound=ExerciseParameters)
+C = TypeVar("C", bound=Case)
 Problem = TypeVar("Problem")
 Outcome = TypeVar("Outcome")
 
@@ -35,16 +36,18 @@ class Content:
 
 
 @dataclass(frozen=True)
-class DrawnCase:
-    """A case whose numbers are drawn: `xml` is its MJCF with them, `xml_as_written` without; both None without a model.
+class DrawnCase(Generic[C]):
+    """A case whose numbers are drawn.
 
-    `rng` is seeded by [seed, index of the case] and has drawn the numbers already; a kind may draw more from it.
+    `xml` is the MJCF of its model with the drawn numbers, `xml_as_written` without them. Both are empty where the case
+    has no model, which only a kind with `needs_model = False` allows. `rng` is seeded by [seed, index of the case] and
+    has drawn the numbers already; a kind draws everything else from it.
     """
 
-    case: Case
+    case: C
     numbers: Mapping[str, float]
-    xml: str | None
-    xml_as_written: str | None
+    xml: str
+    xml_as_written: str
     rng: np.random.Generator
     content: Content
 
@@ -53,19 +56,23 @@ class DrawnCase:
 class Trial(Generic[Problem]):
     """One run of the kind's driver in the jail, which gives one finding.
 
-    `inputs` is plain JSON for the driver; `problem` is what only the judge knows. A trial without a `case` concerns the
-    exercise as a whole. `title` follows the case's title; it is public also where the trial is hidden. `points` are
-    shares. `entries` names the student's functions that the driver gets; empty means the question's `entry`.
+    `id` is unique in the exercise, and students see it. `inputs` is plain JSON for the driver (lists, no arrays);
+    `problem` is what only the judge knows. `title` follows the case's title; it is public also where the trial is
+    hidden. `points` are shares of the case's points. `entries` names the student's functions that the driver gets;
+    empty means the question's `entry`.
+
+    The runner sets `case`, and hides the trials of a hidden case. A trial of `further_trials` has no case: it sets
+    `hidden` itself, and its `points` are shares of the question's.
     """
 
     id: str
     inputs: Mapping[str, Any]
     problem: Problem
-    case: Case | None = None
     title: str = ""
-    hidden: bool = False
     points: float = 1.0
     entries: tuple[str, ...] = ()
+    hidden: bool = False
+    case: Case | None = None
 
 
 @dataclass(frozen=True)
@@ -112,9 +119,12 @@ class LazyAnswer:
 class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`.
 
-    `driver` is Python source that runs in the jail. It defines `trial(functions, inputs, submit)`: call the student's
-    functions and submit named arrays of numbers. It may define `before_import()`, called before the student's module is
-    imported. What it raises in a trial counts as raised by the student.
+    A kind must define `parameters`, `driver`, `trials` and `judge`; the rest has defaults.
+
+    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
+    It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
+    numbers. It may define `before_import()`, called before the student's module is imported. What it raises in a trial
+    counts as raised by the student, and so does a result that is not finite.
     """
 
     parameters: type[P]
@@ -125,7 +135,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """Whether a case without a model is a fault."""
 
     @abstractmethod
-    def trials(self, parameters: P, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
         """Returns the trials of one case. Raises WrongParameter, or ValueError or KeyError for faults of the case."""
 
     def further_trials(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
@@ -138,17 +148,26 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
 
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds."""
+        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds.
+
+        The student's process may have forged the results: names, shapes and types must be checked, finite they are.
+        """
 
     def mistake(self, parameters: P, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
         """Names the mistake behind the trials that failed, without numbers of hidden cases; None if none is recognised.
 
-        `judged` leaves out the trials that raised.
+        `judged` leaves out the trials that raised. `outcome` is what `judge` gave it, also for results of the wrong
+        shape; `mistake` and `pictures` must not raise either.
         """
         return None
 
     def pictures(self, parameters: P, visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
-        """Returns the verdict's evidence as plain JSON."""
+        """Returns the verdict's evidence as plain JSON (lists, no arrays).
+
+        `charts` is drawn by the student's page: a list of {"case": the trial's id, "title", "x": {"label", "log"},
+        "y": {"label", "log"}, "series": [{"label", "x": [...], "y": [...], "points": whether to draw points}],
+        "marks": [{"y": a value to mark, "label"}]}. Students see it with the solutions.
+        """
         return {}
 
     def lazy_answers(
@@ -160,7 +179,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.
 
-        Each item holds the intervals that one draw decides together; the items are drawn independently. None means
-        that no answer that ignores its inputs is judged by intervals.
+        An answer that ignores its inputs is a list of numbers; an interval holds the right values of one of them.
+        Put the intervals that depend on the same draw into one item, and those of independent draws into items of their
+        own. A case of one drawn model with the right answers `right` returns
+        [[(value - tolerance, value + tolerance) for value in right]].
+
+        None: unknown, which counts as a chance of 1. `grader check` then refuses the exercise unless its `luck` is 1.
         """
         return None

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from grader.domain.misread import misread, without_remarks
 from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
@@ -34,9 +35,8 @@ from grader.exercises.parameters import (
     WrongParameter,
     drawn,
     ends,
-    misread_parameters,
+    known_keys,
     with_numbers,
-    without_remarks,
 )
 
 GROUP = "grader.exercise_kinds"
@@ -60,12 +60,20 @@ AnyJudged = Judged[Any, Any]
 
 @cache
 def installed_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by its name. Raises GraderError if two packages claim one name."""
+    """Returns every installed kind by its name.
+
+    Raises GraderError if two packages claim one name, or if a kind cannot be loaded.
+    """
     found: dict[str, AnyKind] = {}
     for point in entry_points(group=GROUP):
         if point.name in found:
             raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: remove one of them")
-        found[point.name] = point.load()()
+        try:
+            found[point.name] = point.load()()
+        except Exception as error:  # code of another package: anything may be raised
+            package = point.dist.name if point.dist else "its package"
+            why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
+            raise GraderError(f"the exercise kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
     return found
 
 
@@ -99,15 +107,23 @@ def check_exercise(question: CodeQuestion, model_xml: ModelXml, where: str, text
     """Returns every fault of the question's `check`, each once; `where` is the quiz file's name."""
     kind = installed_kinds().get(question.check.kind)
     if kind is None:
-        why = f"no kind of exercise is called {question.check.kind!r}; use {', '.join(sorted(installed_kinds()))}"
+        known = ", ".join(sorted(installed_kinds()))
+        why = f"no kind of exercise is called {question.check.kind!r}; use {known}, or install the package that has it"
         return [Fault(where, f"{question.id}.check.kind", why)]
     try:
         parameters = read_parameters(kind, question)
     except ValidationError as error:
-        found: Iterator[tuple[str, str]] = misread_parameters(kind.parameters, question.check.parameters, error)
+        found = misread_parameters(kind, question, error)
     else:
         found = wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
     return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+
+
+def misread_parameters(kind: AnyKind, question: CodeQuestion, error: ValidationError) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every parameter that pydantic refused."""
+    known = known_keys(kind.parameters)
+    for place, why in misread(error, question.check.parameters, lambda _: known):
+        yield ".".join(map(str, place)), why
 
 
 def read_parameters(kind: AnyKind, question: CodeQuestion) -> ExerciseParameters:
@@ -191,18 +207,23 @@ def lazy_answers(
 def case_trials(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
 ) -> Sequence[AnyTrial]:
-    """Returns the trials of one case. Raises WrongParameter, ValueError, KeyError and GraderError."""
+    """Returns the trials of one case, hidden with it, which share its points.
+
+    Raises WrongParameter, ValueError, KeyError and GraderError.
+    """
     rng = np.random.default_rng(seed)
     numbers = {name: drawn(value, rng) for name, value in case.set.items()}
     written = model_of(parameters, case, content.model_xml)
-    if written is None and kind.needs_model:
+    if not written and kind.needs_model:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
-    xml = None if written is None else with_numbers(written, parameters.numbers, numbers)
-    return kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    xml = with_numbers(written, parameters.numbers, numbers) if written else ""
+    made = kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    shares = sum(trial.points for trial in made)
+    return [replace(trial, case=case, hidden=case.hidden, points=case.points * trial.points / shares) for trial in made]
 
 
-def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str | None:
-    """Returns the MJCF text of a case's own model, or of the exercise's; None if there is neither."""
+def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str:
+    """Returns the MJCF text of a case's own model, or of the exercise's; empty if there is neither."""
     if case.model is not None and case.xml is not None:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text), not both")
     if case.xml is not None:
@@ -210,7 +231,7 @@ def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) ->
     if case.model is not None:
         return model_xml(case.model)
     if parameters.model is None:
-        return None
+        return ""
     try:
         return model_xml(parameters.model)
     except GraderError as error:

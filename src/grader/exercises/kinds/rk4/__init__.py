@@ -10,7 +10,7 @@ from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind,
 from grader.exercises.kinds.rk4 import driver
 from grader.exercises.kinds.rk4.judge import Outcome, accepted_states, judge_order, judge_run, rehearse
 from grader.exercises.kinds.rk4.mistakes import lazy_steps, name_the_mistake
-from grader.exercises.kinds.rk4.parameters import Problem, Rk4Parameters, pose_case
+from grader.exercises.kinds.rk4.parameters import Problem, Rk4Case, Rk4Parameters, pose_case
 from grader.exercises.kinds.rk4.pictures import evidence_of
 
 ORDER = "order"
@@ -24,11 +24,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
     driver = getsource(driver)
     without_integrators = True
 
-    def trials(self, parameters: Rk4Parameters, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Sequence[Trial[Problem]]:
         """Returns one run of the student's step."""
-        case = drawn.case
         problem = pose_case(parameters, drawn)
-        return [Trial(case.id, problem.inputs(), problem, case, hidden=case.hidden, points=case.points)]
+        return [Trial(drawn.case.id, problem.inputs(), problem)]
 
     def further_trials(self, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
         """Returns the runs of the first case at every timestep of the order check, as one trial."""

@@ -122,11 +122,9 @@ class Problem:
         }
 
 
-def pose_case(parameters: Rk4Parameters, drawn: DrawnCase) -> Problem:
+def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     """Draws the force of a case. Raises ValueError and KeyError for a start that the model does not have."""
-    case = drawn.case
-    assert isinstance(case, Rk4Case)
-    xml = drawn.xml or ""
+    case, xml = drawn.case, drawn.xml
     scene = Scene.from_xml(xml, key=case.start.key)
     check_supported(scene.model)
     check_muscles(xml)

@@ -12,6 +12,7 @@ from grader.exercises.kinds.threshold.judge import Claim, accepted_lower_ends, e
 from grader.exercises.kinds.threshold.mistakes import constant_answers, name_the_mistake
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, cells
 from grader.exercises.kinds.threshold.pictures import evidence_of
+from grader.exercises.parameters import Case
 
 
 class Threshold(Kind[ThresholdParameters, Cell, Claim]):
@@ -20,17 +21,14 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
     parameters = ThresholdParameters
     driver = getsource(driver)
 
-    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase) -> Sequence[Trial[Cell]]:
+    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
         return [
             Trial(
                 id=f"{drawn.case.id}.{cell.integrator.name}",
                 inputs={"model": drawn.xml, "integrator": cell.integrator.code},
                 problem=cell,
-                case=drawn.case,
                 title=cell.integrator.name,
-                hidden=drawn.case.hidden,
-                points=drawn.case.points / len(parameters.integrators),
             )
             for cell in cells(parameters, drawn)
         ]

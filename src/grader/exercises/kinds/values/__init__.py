@@ -9,7 +9,7 @@ from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind,
 from grader.exercises.kinds.values import driver
 from grader.exercises.kinds.values.judge import Outcome, expected_of, judge_calls, tolerance
 from grader.exercises.kinds.values.mistakes import name_the_mistake
-from grader.exercises.kinds.values.parameters import Problem, ValuesParameters, pose_case
+from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import evidence_of
 
 
@@ -20,13 +20,10 @@ class Values(Kind[ValuesParameters, Problem, Outcome]):
     driver = getsource(driver)
     needs_model = False
 
-    def trials(self, parameters: ValuesParameters, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""
-        case, problem = drawn.case, pose_case(parameters, drawn)
-        entries = (problem.name,)
-        return [
-            Trial(case.id, problem.inputs(), problem, case, hidden=case.hidden, points=case.points, entries=entries)
-        ]
+        problem = pose_case(parameters, drawn)
+        return [Trial(drawn.case.id, problem.inputs(), problem, entries=(problem.name,))]
 
     def rehearse(self, parameters: ValuesParameters, trial: Trial[Problem]) -> None:
         """Runs the author's programs. Raises ValueError if one gives no results."""

@@ -53,9 +53,9 @@ def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Call
             submit(f"r{index}_{position}", values)
 
 
-def compiled(xml: str | None) -> mujoco.MjModel | None:
-    """Returns the model of a case; None if it has none."""
-    return None if xml is None else mujoco.MjModel.from_xml_string(xml)
+def compiled(xml: str) -> mujoco.MjModel | None:
+    """Returns the model of a case; None where `xml` is empty."""
+    return mujoco.MjModel.from_xml_string(xml) if xml else None
 
 
 def results_of(

@@ -135,7 +135,7 @@ class Problem:
 
     name: str
     function: Function
-    xml: str | None
+    xml: str
     calls: tuple[Call, ...]
     program: Program
     mistakes: tuple[tuple[Program, str], ...]
@@ -201,15 +201,14 @@ def program_of(path: str, text_of: TextOf, key: str, *functions: str) -> Program
     return program
 
 
-def pose_case(parameters: ValuesParameters, drawn: DrawnCase) -> Problem:
+def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Problem:
     """Draws the calls of a case. Raises WrongParameter, ValueError and KeyError for what cannot work."""
     case = drawn.case
-    assert isinstance(case, ValuesCase)
     known = {one.name or drawn.content.entry: one for one in parameters.functions}
     name = case.function or next(iter(known))
     if name not in known:
         raise ValueError(f"`functions` has no function {name!r}; it has {', '.join(known)}")
-    if drawn.xml is None and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
+    if not drawn.xml and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
     wanted = known[name].residual.function if known[name].residual else name  # type: ignore[union-attr]
     problem = Problem(
@@ -224,9 +223,8 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase) -> Problem:
         ),
         independent=not any(isinstance(value, tuple) for value in case.set.values()),
     )
-    if problem.xml is not None:
-        model = compiled(problem.xml)
-        assert model is not None
+    model = compiled(problem.xml)
+    if model is not None:
         started(model, problem.calls[0].start)
     return problem
 
