@@ -228,7 +228,7 @@ def test_a_run_that_breaks_off_is_not_told_that_its_time_is_wrong(grade: Grade) 
     verdict = grade(exercise, broken)
     assert verdict.findings[0].message == "The state does not stay finite. It is no longer finite after step 9."
     slow = CLASSICAL.replace("v, act, t0 + h\n", "v, act, t0 + h / 2\n")
-    assert "data.time is not where it should be" in (grade(exercise, slow).diagnosis or "")
+    assert "data.time has the wrong value" in (grade(exercise, slow).diagnosis or "")
 
 
 OTHER_STEP = {

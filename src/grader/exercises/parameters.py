@@ -1,4 +1,4 @@
-"""The parameters of an exercise, as an author writes them in JSON, and how a case's numbers get into its model."""
+"""The parameters of every exercise, as authors write them in JSON; writes a case's numbers into its model."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ class Number(Strict):
 
 
 class Case(Strict):
-    """What every case has. Students see neither title nor numbers of a hidden one.
+    """The keys of every case. Students see neither title nor numbers of a hidden case.
 
     `model` (a name in models/) or `xml` (MJCF text) replaces the exercise's model. `hint` is the diagnosis when this is
     the first case that fails and no mistake is recognised.
@@ -49,7 +49,7 @@ class Case(Strict):
 
 
 class ExerciseParameters(Strict):
-    """What the `check` of every exercise has beside its `kind`; a kind adds its own fields in a subclass.
+    """The keys of every exercise's `check` beside its `kind`; a kind adds its own in a subclass.
 
     `luck` is the largest chance at which one fixed answer may be right in every case; docs/authoring.md says more.
     """
@@ -61,7 +61,7 @@ class ExerciseParameters(Strict):
 
 
 class WrongParameter(ValueError):
-    """A parameter that cannot work; `key` is its place below `check`, such as `start` or `numbers.kp.element`."""
+    """A parameter that cannot work. `key` is its place below `check`, such as `start` or `numbers.kp.element`."""
 
     def __init__(self, key: str, why: str) -> None:
         super().__init__(why)
@@ -96,7 +96,7 @@ def with_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, f
     """Writes `values` into the MJCF text `xml`.
 
     Raises:
-        WrongParameter: a number's `element` is no path, or the model has no such element.
+        WrongParameter: a number's `element` is not a path, or the model has no such element.
         ValueError: the text is not XML.
     """
     try:
@@ -107,16 +107,18 @@ def with_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, f
         number = numbers[name]
         found = elements(root, name, number)
         if not found:
-            raise WrongParameter(f"numbers.{name}.element", f"the model has no element {number.element}")
+            raise WrongParameter(
+                f"numbers.{name}.element", f"the model has no element {number.element}: correct the path"
+            )
         for element in found:
             element.set(number.attribute, number.text.format(repr(float(value))))
     return ET.tostring(root, encoding="unicode")
 
 
 def elements(root: ET.Element, name: str, number: Number) -> list[ET.Element]:
-    """Returns the elements that hold a number. Raises WrongParameter where `element` is no path."""
+    """Returns the elements that hold a number. Raises WrongParameter where `element` is not a path."""
     try:
         return root.findall(f".//{number.element}")
     except (SyntaxError, KeyError, TypeError, ValueError) as error:
-        why = f"{number.element!r} is no path; write it like body[@name='arm']/inertial"
+        why = f"{number.element!r} is not a path: write it like body[@name='arm']/inertial"
         raise WrongParameter(f"numbers.{name}.element", why) from error

@@ -52,20 +52,20 @@ Row = Sequence[float]
 
 @dataclass(frozen=True)
 class Motion:
-    """Accelerations and position updates of one model."""
+    """Computes accelerations and moves positions of one model."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
     forward: Forward
 
     def accelerate(self, q: Vector, v: Vector, time: float) -> Vector:
-        """Accelerations (nv,) at a state."""
+        """Returns the accelerations (nv,) at a state."""
         self.data.qpos[:], self.data.qvel[:], self.data.time = q, v, time
         self.forward(self.model, self.data)
         return np.array(self.data.qacc)
 
     def move(self, q: Vector, velocity: Vector, h: float) -> Vector:
-        """Positions after `h` [s] at a constant velocity: quaternion-aware."""
+        """Returns the positions after `h` [s] at a constant velocity, rotations included."""
         moved = q.copy()
         mujoco.mj_integratePos(self.model, moved, velocity, h)
         return moved
@@ -76,7 +76,7 @@ Method = Callable[[Motion, Vector, Vector, float, float], State]
 
 
 def stepper(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
-    """A method as a function like the student's."""
+    """Returns a method as a function of model and data, like the student's."""
 
     def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         time, h = float(data.time), float(model.opt.timestep)
@@ -98,9 +98,9 @@ CLASSICAL: tuple[Row, ...] = ((1 / 2,), (0, 1 / 2), (0, 0, 1))
 def tableau(
     stages: Sequence[Row] = CLASSICAL, weights: Row = WEIGHTS, acceleration_weights: Row | None = None
 ) -> Method:
-    """The explicit Runge-Kutta method of a Butcher tableau: row i of `stages` weights the slopes before stage i + 1.
+    """Returns the explicit Runge-Kutta method of a Butcher tableau.
 
-    `acceleration_weights` replace `weights` for the accelerations.
+    Row i of `stages` weights the slopes before stage i + 1. `acceleration_weights` replace `weights` for accelerations.
     """
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
@@ -126,7 +126,7 @@ Stage = Callable[[Motion, State, State, State, float], State]
 """(motion, start, here, slope, time) -> the state at which the next stage is evaluated.
 
 `start` is the state at the start of the step, `here` that of the stage before, `slope` its velocity and acceleration;
-`time` [s] is what passes from the start of the step to the next stage.
+`time` [s] is the time from the start of the step to the next stage.
 """
 
 
@@ -224,10 +224,10 @@ Rate = Callable[[Vector, Vector], Vector]
 
 
 class WorldMotion(Motion):
-    """Takes the angular velocity of a free or ball joint as if it were given in the world's axes."""
+    """Takes the angular velocity of free and ball joints to be in the world's axes."""
 
     def move(self, q: Vector, velocity: Vector, h: float) -> Vector:
-        """Positions after `h` [s], quaternions turned from the wrong side."""
+        """Returns the positions after `h` [s], with quaternions multiplied from the wrong side."""
         moved = super().move(q, velocity, h)
         for kind, at, dof in zip(self.model.jnt_type, self.model.jnt_qposadr, self.model.jnt_dofadr, strict=True):
             if int(kind) in QUATERNION:
@@ -245,7 +245,7 @@ QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL
 
 
 def in_the_world(method: Method) -> Method:
-    """A method with angular velocities taken in the world's axes."""
+    """Returns a method with angular velocities taken in the world's axes."""
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         return method(WorldMotion(motion.model, motion.data, motion.forward), q, v, time, h)
@@ -271,7 +271,7 @@ def quaternion_derivative(rate: Rate) -> Method:
 
 
 def qpos_rate(motion: Motion, rate: Rate, q: Vector, v: Vector) -> Vector:
-    """The rate of change of qpos (nq,)."""
+    """Returns the rate of change of qpos (nq,)."""
     result, model = np.zeros(len(q)), motion.model
     for kind, at, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
         plain = QUATERNION.get(int(kind), 1)

@@ -37,7 +37,7 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         """Certifies a claim by simulating at its ends."""
         claim = read_claim(results)
         judgement = judge_claim(parameters, trial.problem, claim)
-        if trial.hidden:  # the runner would drop them, and what is expected takes a bisection
+        if trial.hidden:  # the runner drops them, and the expected limit takes a bisection
             return judgement
         return replace(judgement, measured=str(claim), expected=expected_of(parameters, trial.problem))
 
@@ -56,5 +56,5 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         return constant_answers(question.entry, parameters, trials)
 
     def accepted(self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Sequence[Intervals]:
-        """Returns where the lower end of a bracket of the allowed width may lie under every integrator."""
+        """Returns the accepted lower ends of a bracket of the allowed width, under every integrator."""
         return [[accepted_lower_ends(parameters, trial.problem) for trial in trials]]

@@ -1,4 +1,4 @@
-"""What an author writes in the JSON of a `threshold` exercise, and the cells that come of it."""
+"""The parameters of a `threshold` exercise, and the cells that they define."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class ThresholdParameters(ExerciseParameters):
 
 @dataclass(frozen=True)
 class Cell:
-    """One model under one integrator; `scene` starts as `start` says, and so does that of the model without numbers."""
+    """One model under one integrator. Both scenes begin at `start`; `scene_as_written` lacks the drawn numbers."""
 
     case: str
     scene: Scene

@@ -1,4 +1,4 @@
-"""The `values` kind: functions whose results are held against an author's program, or whose residual must vanish."""
+"""The `values` kind: compares the results of functions with an author's program, or puts them into a residual."""
 
 from collections.abc import Mapping, Sequence
 from inspect import getsource
@@ -37,7 +37,7 @@ class Values(Kind[ValuesParameters, Problem, Outcome]):
                 return
 
     def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Holds every call against the author's program, or asks its residual."""
+        """Compares every call with the author's program, or computes its residual."""
         return judge_calls(trial.problem, results)
 
     def mistake(self, parameters: ValuesParameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:

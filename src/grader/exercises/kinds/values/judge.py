@@ -1,4 +1,4 @@
-"""Judges results: against those of the author's program, or by a residual that must vanish."""
+"""Judges results: compares them with those of the author's program, or computes a residual that must vanish."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ ELEMENTS_SHOWN = 12
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a function gave in one call: the values of its results, or else (None) the `text` of what it returned."""
+    """The answer of one call: the `values` of its results, or None and the `text` of what was returned instead."""
 
     values: tuple[Rows, ...] | None
     text: str = ""
@@ -23,7 +23,7 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """One call with the student's answer; `expected` is None where a residual decides, `why` empty if it is right."""
+    """One call with its answer. `expected` is None where a residual decides; `why` is empty if the answer is right."""
 
     call: Call
     answer: Answer
@@ -36,7 +36,7 @@ Outcome = tuple[Held, ...]
 
 
 def read_answer(problem: Problem, results: Results, index: int) -> Answer:
-    """Returns what was given in one call; what the driver does not write is no result."""
+    """Returns the answer of one call; arrays that the driver never sends count as no result."""
     found = [results.get(f"r{index}_{position}") for position in range(len(problem.function.results))]
     values = [None if value is None or value.dtype != np.float64 else numbers(value) for value in found]
     if not any(value is None for value in values):
@@ -109,12 +109,12 @@ def shortened(values: Rows) -> Any:
 
 
 def unit(text: str) -> str:
-    """Returns a unit as it stands behind a number."""
+    """Returns a unit with the space that separates it from a number; empty for no unit."""
     return f" {text}" if text else ""
 
 
 def hold(problem: Problem, call: Call, answer: Answer) -> Held:
-    """Holds one call's answer against the author's program."""
+    """Compares the answer of one call with the author's program."""
     if answer.values is None:
         what = " and ".join(filter(None, (returned_names(problem), field_names(problem))))
         expected = expected_of(problem, call)
@@ -149,7 +149,7 @@ def field_names(problem: Problem) -> str:
 
 
 def hold_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> Held:
-    """Judges by the author's residual; one that cannot take the results refuses them."""
+    """Judges by the author's residual. A residual that raises counts as results of the wrong shape."""
     residual = problem.function.residual
     assert residual is not None
     try:

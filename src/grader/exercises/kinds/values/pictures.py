@@ -1,4 +1,4 @@
-"""A table of the results of visible calls beside what is expected."""
+"""The evidence of visible calls: a table of computed and expected results."""
 
 from collections.abc import Sequence
 from typing import Any
