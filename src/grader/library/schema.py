@@ -89,7 +89,7 @@ def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
 
 
 def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The quiz without its lists, every question and every lab, each with the key that its faults begin with."""
+    """Yield the quiz without its lists, every question and every lab, each with the key that begins its faults."""
     yield "", _without_lists(raw)
     yield from _named_questions(raw)
     yield from _named_labs(raw)
@@ -117,7 +117,7 @@ def _named_questions(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _named_labs(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Every lab with the key that its faults begin with: its id, or its place in the list."""
+    """Yield every lab with the key that begins its faults: its id, or its place in the list."""
     for index, item in enumerate(_list(raw, "labs")):
         named = isinstance(item, dict) and isinstance(item.get("id"), str)
         yield (item["id"] if named else f"labs.{index}"), item
