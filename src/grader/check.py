@@ -19,7 +19,7 @@ from grader.library.files import list_files, read_text
 from grader.pipeline import Pipeline
 
 POINTS_ROUNDING = 1e-6
-"""Shares of points are rounded."""
+"""Rounding of shares of points."""
 
 Say = Callable[[str], None]
 
@@ -45,7 +45,7 @@ class Report:
 
 
 def content_root(path: Path) -> Path:
-    """The content folder that is or contains `path`. Raises ContentError if there is none."""
+    """Return the content folder that is or contains `path`. Raises ContentError if there is none."""
     for folder in (path.resolve(), *path.resolve().parents):
         if (folder / "quizzes").is_dir():
             return folder
@@ -123,7 +123,7 @@ def grade_lazy_answers(pipeline: Pipeline, quiz_id: str, question: CodeQuestion,
 
 
 def lucky(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
-    """Yields a fault if an answer that ignores its inputs is right in every case too often."""
+    """Yields a fault if an answer that ignores its inputs is too likely to be right in every case."""
     chance, allowed = chance_of_luck(question, library.model_xml, library.text)
     say(f"{quiz_id} {question.id}: a fixed answer passes with a chance of at most {chance:.1e}; {allowed:g} is allowed")
     if chance > allowed:
@@ -147,7 +147,7 @@ class ReferenceProgram:
 
 
 def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
-    """Every reference program, or the fault of its file. A first line `# diagnosis: ...` requires that diagnosis."""
+    """Yield every reference program, or the fault of its file. A first line `# diagnosis: ...` requires it."""
     for file in list_files(root, "reference_solutions", "*/*/*.py"):
         source = read_text(root, file, SOURCE_BYTES_MAX)
         if isinstance(source, Fault):
@@ -169,7 +169,7 @@ def grade_references(pipeline: Pipeline, references: list[ReferenceProgram], rep
 
 
 def grade_one(pipeline: Pipeline, reference: ReferenceProgram) -> dict[str, Any]:
-    """The status and diagnosis of a reference program, seeded by the name of its file."""
+    """Grade a reference program, seeded by the name of its file; return status and diagnosis."""
     seed = zlib.crc32(reference.file.encode())
     try:
         verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.source}, seed)
@@ -179,7 +179,7 @@ def grade_one(pipeline: Pipeline, reference: ReferenceProgram) -> dict[str, Any]
 
 
 def mismatches(reference: ReferenceProgram, outcome: dict[str, Any]) -> Iterable[str]:
-    """How the outcome differs from what the reference program requires."""
+    """Yield each difference between the outcome and what the reference program requires."""
     if reference.status not in set(Status):
         yield f"the name must begin with a status: {', '.join(Status)}"
     elif outcome["got"] != reference.status:

@@ -219,7 +219,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def grader(installed: Path, content: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": str(installed)}
+    path = os.pathsep.join(filter(None, [str(installed), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": path}
     return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment)
 
 
