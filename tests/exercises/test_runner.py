@@ -33,6 +33,7 @@ from grader.exercises import (
     plan_exercise,
     runner,
 )
+from grader.sandbox.jail import Jail
 
 SOLVED = {
     "servo-threshold": "spectral_radius",
@@ -285,6 +286,19 @@ def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
         )
 
     return judge
+
+
+def test_a_result_that_is_not_finite_loses_its_trial_alone(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "installed_kinds", lambda: {"echo": Echo()})
+    number = {"element": "x", "attribute": "y"}
+    cases = [{"id": "one", "set": {"n": 1}}, {"id": "two", "set": {"n": 2}}]
+    check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
+    exercise = CodeQuestion.model_validate({"kind": "code", "id": "e", "q": "?", "entry": "f", "check": check})
+    plan = plan_exercise(exercise, model_xml, 1)
+    report = jail.run(plan.job("def f(n):\n    return n if n == 1 else float('nan')\n", exercise.limits))
+    verdict = judge_exercise(exercise, plan, report)
+    assert [finding.passed for finding in verdict.findings] == [True, False]
+    assert verdict.diagnosis == "two: ValueError: the result said holds a number that is not finite (nan or inf)."
 
 
 class Shares(Echo):

@@ -227,7 +227,7 @@ def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("main")).to_contain_text("1.3-check")
-    page.get_by_role("button", name="Hold the answer keys").click()
+    page.get_by_role("button", name="Check the answer keys").click()
     expect(page.get_by_role("row").filter(has_text="1.3-check q2").filter(has_text="certified")).to_be_visible()
     row = page.get_by_role("row").filter(has_text="learner").filter(has_text="incorrect").first
     row.get_by_role("button").click()

@@ -11,7 +11,7 @@ export function evidenceFigures(evidence, findings) {
   return Object.entries(PICTURES).flatMap(([key, draw]) => (evidence[key] ? draw(evidence[key], titleOf) : []));
 }
 
-// What any kind may give: line charts as chart.js takes them, each with the id of its trial as `case`.
+// Line charts of any kind of exercise, as chart.js takes them, each with the id of its trial as `case`.
 function plainCharts(specs, titleOf) {
   return specs.map((spec) => chart({ ...spec, title: `${titleOf(spec.case)}: ${spec.title}` }));
 }
