@@ -66,7 +66,9 @@ def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextM
         return report
     report.warnings.extend(library.warnings)
     exercises = list(find_exercises(library, path.resolve()))
-    report.faults.extend(fault for quiz_id, question in exercises for fault in lucky(library, quiz_id, question, say))
+    report.faults.extend(
+        fault for quiz_id, question in exercises for fault in luck_faults(library, quiz_id, question, say)
+    )
     certify_library(library, path.resolve(), report, say)
     found = [item for item in find_references(library.root) if within(library.root / item.file, path.resolve())]
     report.faults.extend(item for item in found if isinstance(item, Fault))
@@ -122,7 +124,7 @@ def grade_lazy_answers(pipeline: Pipeline, quiz_id: str, question: CodeQuestion,
             yield Fault(library.file(quiz_id), f"{question.id}.check", f"{why}: {cure}")
 
 
-def lucky(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
+def luck_faults(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
     """Yields a fault if an answer that ignores its inputs is too likely to be right in every case."""
     chance, allowed = chance_of_luck(question, library.model_xml, library.text)
     say(f"{quiz_id} {question.id}: a fixed answer passes with a chance of at most {chance:.1e}; {allowed:g} is allowed")

@@ -74,7 +74,7 @@ class Pool:
                 self._change.wait_for(self._needed, timeout=1.0)
                 if self._closing:
                     break
-            self._bury()
+            self._drop_retired()
             try:
                 zygote = self._living()
                 child = zygote.child() if self._lacking() else None
@@ -114,7 +114,7 @@ class Pool:
             self._retired.append(self._zygote)
             self._zygote = None
 
-    def _bury(self) -> None:
+    def _drop_retired(self) -> None:
         """End retired zygotes whose last child is gone, and drop spares that died with theirs."""
         with self._change:
             living = deque(child for child in self._ready if child.alive())

@@ -95,7 +95,7 @@ class Watch:
             self._until_dead()
             self._drain()
         wall_s = self._usage.wall_s
-        last = self._last_word()
+        last = self._final_report()
         killed = os.WIFSIGNALED(last["ended"]) and os.WTERMSIG(last["ended"]) == signal.SIGKILL
         oom_killed = (child.group is not None and child.group.ran_out()) or (
             killed and self._cause is None and machine_oom_kills() > killed_before
@@ -123,7 +123,7 @@ class Watch:
                 if key.fd == self._child.job:
                     self._feed()
                 elif key.fd == self._child.status.fileno():
-                    self._hear()
+                    self._read_keeper()
                 else:
                     self._take(key.fd)
 
@@ -180,7 +180,7 @@ class Watch:
                 self._hidden_sent = True
             self._send_next()
 
-    def _hear(self) -> None:
+    def _read_keeper(self) -> None:
         """Read a message of the keeper: the integrators are removed, or the child has died."""
         message = self._child.status.recv(READ_BYTES)
         if message == b"removed":
@@ -216,7 +216,7 @@ class Watch:
             while self._take(descriptor):
                 pass
 
-    def _last_word(self) -> dict[str, Any]:
+    def _final_report(self) -> dict[str, Any]:
         """Return the last message of the keeper, which is trusted: it never ran a student's code."""
         try:
             self._child.status.settimeout(DEATH_S_MAX)

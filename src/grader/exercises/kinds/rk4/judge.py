@@ -123,21 +123,21 @@ def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
 def difference(run: Run, one: Trajectory, other: Trajectory) -> Difference:
     """Returns the difference at each common step; complete if `one` has every step of `other`."""
     rows = min(len(one), len(other))
-    turn = turned(run, one.qpos[:rows], other.qpos[:rows])
+    turn = tangent_difference(run, one.qpos[:rows], other.qpos[:rows])
     return Difference(
-        qpos=sup(turn),
-        qvel=sup(one.qvel[:rows] - other.qvel[:rows]),
-        act=sup(one.act[:rows] - other.act[:rows]),
+        qpos=row_maxima(turn),
+        qvel=row_maxima(one.qvel[:rows] - other.qvel[:rows]),
+        act=row_maxima(one.act[:rows] - other.act[:rows]),
         complete=len(one) >= len(other),
     )
 
 
-def sup(values: Rows) -> Rows:
+def row_maxima(values: Rows) -> Rows:
     """Returns the largest absolute value of each row."""
     return np.array(np.max(np.abs(values), axis=1, initial=0.0))
 
 
-def turned(run: Run, one: Rows, other: Rows) -> Rows:
+def tangent_difference(run: Run, one: Rows, other: Rows) -> Rows:
     """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
 
     The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
@@ -170,19 +170,19 @@ def stepped(run: Run, step: Step, steps: int | None = None) -> Trajectory:
 
 
 @lru_cache(maxsize=256)
-def mujocos(run: Run) -> Trajectory:
+def mujoco_run(run: Run) -> Trajectory:
     """Simulates the run by MuJoCo 3.14.0's RK4 with the hidden force."""
     return stepped(run, partial(mujoco_rk4_step, forward=forward_of(run)))
 
 
 @lru_cache(maxsize=64)
-def fourth_order(run: Run) -> Trajectory:
+def fourth_order_run(run: Run) -> Trajectory:
     """Simulates the run by a method of fourth order, rotations included, with the hidden force."""
     return stepped(run, partial(lie_rk4_step, forward=forward_of(run)))
 
 
 @lru_cache(maxsize=64)
-def unforced(run: Run, integrator: int, steps: int) -> Trajectory:
+def unforced_run(run: Run, integrator: int, steps: int) -> Trajectory:
     """Simulates the run by mj_step, which lacks the hidden force."""
     return steps_of(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
 
@@ -264,7 +264,7 @@ class RunOutcome:
     @cached_property
     def difference(self) -> Difference:
         """The difference from MuJoCo's method."""
-        return difference(self.run, self.student, mujocos(self.run))
+        return difference(self.run, self.student, mujoco_run(self.run))
 
     @cached_property
     def agrees(self) -> bool:
@@ -276,10 +276,10 @@ class RunOutcome:
         """Whether the run is as near to the truth as a fourth-order method; False where that does not count."""
         if not self.problem.accepts_other_methods or self.agrees:
             return False
-        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujocos(self.run)) + TRUTH_FLOOR:
+        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujoco_run(self.run)) + TRUTH_FLOOR:
             return False  # saves the simulation of our own method, which is no further from the truth than MuJoCo's
         coarse, factor = coarser(self.run)
-        ours = self.truth.error(coarse, fourth_order(coarse)) / factor
+        ours = self.truth.error(coarse, fourth_order_run(coarse)) / factor
         return self.error <= NEARNESS * ours + TRUTH_FLOOR
 
     @cached_property
@@ -290,7 +290,7 @@ class RunOutcome:
     @cached_property
     def keeps_time(self) -> bool:
         """Whether data.time is right after every step of the student's, in a case where that matters."""
-        late = self.student.time - mujocos(self.run).time[: len(self.student)]
+        late = self.student.time - mujoco_run(self.run).time[: len(self.student)]
         return not self.problem.case.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
 
     @cached_property
@@ -355,7 +355,7 @@ class OrderOutcome:
     @cached_property
     def is_accurate(self) -> bool:
         """Whether every error is small enough for a fourth-order method at its timestep."""
-        ours = self.truth.error(self.coarsest, fourth_order(self.coarsest))
+        ours = self.truth.error(self.coarsest, fourth_order_run(self.coarsest))
         allowed = (NEARNESS * ours * (h / self.coarsest.timestep_s) ** ORDER for h in self.check.timesteps_s)
         return all(error <= most + TRUTH_FLOOR for error, most in zip(self.errors, allowed, strict=True))
 
@@ -411,9 +411,9 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
     errors = tuple(truth.error(run, student) for run, student in zip(runs, students, strict=True))
     coarsest, student = max(zip(runs, students, strict=True), key=lambda pair: pair[0].timestep_s)
     agrees = problem.accepts_other_methods and (
-        difference(coarsest, student, mujocos(coarsest)).worst <= problem.case.tolerance
+        difference(coarsest, student, mujoco_run(coarsest)).worst <= problem.case.tolerance
     )
-    outcome = OrderOutcome(problem.order, errors, all_alike(students), agrees, coarsest, truth)
+    outcome = OrderOutcome(problem.order, errors, ignore_timestep(students), agrees, coarsest, truth)
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
         message=order_message(outcome),
@@ -424,7 +424,7 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
     )
 
 
-def all_alike(students: Sequence[Trajectory]) -> bool:
+def ignore_timestep(students: Sequence[Trajectory]) -> bool:
     """Whether the states after each step are the same in all runs, and change from step to step."""
     rows = min(map(len, students))
     one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
@@ -472,5 +472,5 @@ def accepted_states(problem: Problem) -> list[tuple[float, float]]:
     """
     rows = int(sampled_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
     around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
-    early = mujocos(retimed(problem.run, problem.run.timestep_s, rows))
+    early = mujoco_run(retimed(problem.run, problem.run.timestep_s, rows))
     return [(value - around, value + around) for value in early.qvel[-1].tolist()]

@@ -15,10 +15,10 @@ from grader.exercises.kinds.rk4.judge import (
     Trajectory,
     difference,
     forward_of,
-    mujocos,
+    mujoco_run,
     stepped,
-    turned,
-    unforced,
+    tangent_difference,
+    unforced_run,
 )
 from grader.exercises.kinds.rk4.parameters import Problem, Run, retimed
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
@@ -424,7 +424,7 @@ def matches(run: Run, student: Trajectory, other: Trajectory, departure: float) 
 
 def departure_of(run: Run, student: Trajectory) -> float:
     """Returns the largest difference from MuJoCo's RK4 within PREFIX steps."""
-    return difference(run, student.first(PREFIX), mujocos(run).first(PREFIX)).worst
+    return difference(run, student.first(PREFIX), mujoco_run(run).first(PREFIX)).worst
 
 
 def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
@@ -447,7 +447,7 @@ def name_the_step(wrong: RunOutcome) -> str | None:
 
 def name_the_state(wrong: RunOutcome) -> str | None:
     """Returns the sentence of a part of the state that does not change although it should."""
-    student, ours = wrong.student, mujocos(wrong.run)
+    student, ours = wrong.student, mujoco_run(wrong.run)
     if not len(student):
         return None
     if wraps(wrong):
@@ -466,7 +466,7 @@ def wraps(wrong: RunOutcome) -> bool:
     if wrong.first_departure is None:
         return False
     run, here, model = wrong.run, slice(wrong.first_departure - 1, wrong.first_departure), wrong.run.scene().model
-    turns = turned(run, mujocos(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
+    turns = tangent_difference(run, mujoco_run(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
     hinges = model.jnt_dofadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     whole = np.zeros(model.nv)
     whole[hinges] = np.round(turns[hinges])
@@ -476,7 +476,7 @@ def wraps(wrong: RunOutcome) -> bool:
 def another_forward(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if MuJoCo's own stepping, which lacks the hidden force, gives the trajectory."""
     for integrator in (RK4, EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
-        if matches(run, student, unforced(run, integrator.code, PREFIX), departure):
+        if matches(run, student, unforced_run(run, integrator.code, PREFIX), departure):
             return (
                 f"The trajectory is that of MuJoCo's own stepping ({integrator.name}): the accelerations did not come "
                 "from mujoco.mj_forward."
@@ -486,7 +486,7 @@ def another_forward(run: Run, student: Trajectory, departure: float) -> str | No
 
 def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if the states are right, but at the wrong time."""
-    ours = mujocos(run)
+    ours = mujoco_run(run)
     if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
         return "You are one step behind: the first call does not advance the state."
     if matches(run, student.first(PREFIX), ours.at(slice(1, PREFIX + 1)), departure):

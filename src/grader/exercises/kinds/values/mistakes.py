@@ -10,7 +10,7 @@ import numpy as np
 
 from grader.exercises.kind import Judged
 from grader.exercises.kinds.values.driver import Rows, compiled, started
-from grader.exercises.kinds.values.judge import Held, Outcome, fits
+from grader.exercises.kinds.values.judge import Comparison, Outcome, fits
 from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result, ValuesParameters
 
 SWAPS_MAX = 4
@@ -22,12 +22,12 @@ class Asked:
     """One call of the function, with its outcome."""
 
     problem: Problem
-    held: Held
+    compared: Comparison
 
     @property
     def pairs(self) -> list[tuple[Result, Rows, Rows]]:
         """Result, got and expected."""
-        got, expected = self.held.answer.values or (), self.held.expected or ()
+        got, expected = self.compared.answer.values or (), self.compared.expected or ()
         return list(zip(self.problem.function.results, got, expected, strict=True))
 
     @property
@@ -44,10 +44,10 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Probl
     """Returns the sentence for the first function that is wrong: the mistake and the cure; None if no mistake fits."""
     first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
     asked = [
-        Asked(one.trial.problem, held)
+        Asked(one.trial.problem, compared)
         for one in judged
         if one.trial.problem.name == first
-        for held in one.judgement.outcome
+        for compared in one.judgement.outcome
     ]
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
         found = sentence_of(asked)
@@ -57,33 +57,33 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Probl
 
 def sentence_of(asked: Sequence[Asked]) -> str | None:
     """Returns the sentence of the first mistake that explains every wrong call."""
-    wrong = [one for one in asked if one.held.why]
+    wrong = [one for one in asked if one.compared.why]
     if not wrong:
         return None
-    if any(one.held.answer.values is None for one in wrong):
+    if any(one.compared.answer.values is None for one in wrong):
         return missing(wrong)
     if is_stale(asked):
         return "You give the same results for every call: compute them from the arguments of the call."
-    if any(one.held.expected is None for one in wrong):
+    if any(one.compared.expected is None for one in wrong):
         return by_programs(wrong)
     return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong)
 
 
 def missing(wrong: Sequence[Asked]) -> str | None:
     """Returns the sentence for a function that returns nothing."""
-    if any(one.held.answer.text != "None" for one in wrong if one.held.answer.values is None):
+    if any(one.compared.answer.text != "None" for one in wrong if one.compared.answer.values is None):
         return None
-    if any(one.held.answer.printed for one in wrong):
+    if any(one.compared.answer.printed for one in wrong):
         return "Your function prints its result and returns None: return it instead."
     return "Your function returns None: end it with `return` and the results."
 
 
 def is_stale(asked: Sequence[Asked]) -> bool:
     """Whether every call gave the same results although the arguments or starts, and the right results, differ."""
-    answers = [one.held.answer.values or () for one in asked]
-    if any(one.held.call == asked[0].held.call for one in asked[1:]) or len(asked) < 2:
+    answers = [one.compared.answer.values or () for one in asked]
+    if any(one.compared.call == asked[0].compared.call for one in asked[1:]) or len(asked) < 2:
         return False
-    rights = [one.held.expected for one in asked if one.held.expected is not None]
+    rights = [one.compared.expected for one in asked if one.compared.expected is not None]
     return all(same(answers[0], other) for other in answers) and not (
         len(rights) == len(asked) and all(same(rights[0], other) for other in rights)
     )
@@ -110,11 +110,11 @@ def gives(
     times: int = 1,
 ) -> bool:
     """Whether the reference (or another program) with these changes gives the student's results."""
-    problem, values = asked.problem, asked.held.answer.values
+    problem, values = asked.problem, asked.compared.answer.values
     if program is not None and not callable(program.get(problem.name)):
         return False
     try:
-        found = problem.answer(call or asked.held.call, program, change, times)
+        found = problem.answer(call or asked.compared.call, program, change, times)
     except Exception:  # the author's program, outside the range that it was written for
         return False
     if isinstance(found, str) or values is None:
@@ -213,7 +213,7 @@ def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], No
     """Returns the state of a call's start after `advance`, by field."""
     model = compiled(asked.problem.xml)
     assert model is not None
-    data = started(model, asked.held.call.start)
+    data = started(model, asked.compared.call.start)
     advance(model, data)
     return {
         result.field: np.array(getattr(data, result.field), dtype=np.float64)
@@ -250,7 +250,7 @@ def variants(first: Asked) -> Iterator[Variant]:
     """Yields the sentence of every change of arguments, state and model, with the change."""
     degrees = "You take {what} for degrees: it is in radians already, so do not convert it."
     radians = "You take radians for degrees in {what}: the trigonometric functions need radians."
-    arguments = first.held.call.arguments
+    arguments = first.compared.call.arguments
     for index, argument in enumerate(arguments):
         name = f"argument {index + 1}"
         if isinstance(argument, int):
@@ -289,7 +289,7 @@ def with_argument(index: int, change: Callable[[float], float]) -> Callable[[Ask
     """Returns whether the reference with one argument changed, element by element, gives the results."""
 
     def explains(asked: Asked) -> bool:
-        call = asked.held.call
+        call = asked.compared.call
         arguments = list(call.arguments)
         arguments[index] = nested(arguments[index], change)
         return gives(asked, replace(call, arguments=tuple(arguments)))
@@ -308,7 +308,7 @@ def scale_state(name: str, factor: float) -> Callable[[Asked], bool]:
     """Returns whether the reference from a start with one part scaled gives the results."""
 
     def explains(asked: Asked) -> bool:
-        call = asked.held.call
+        call = asked.compared.call
         if call.start[name] is None:
             return False
         start = {**call.start, name: [factor * value for value in call.start[name]]}
