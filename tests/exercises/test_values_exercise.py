@@ -124,7 +124,7 @@ def test_of_hidden_calls_no_number_is_told(library: Library) -> None:
     verdict = judged(library, first, *[(a + 0.123456, b) for a, b in others])
     hidden = verdict.findings[1]
     assert (verdict.status, hidden.measured, hidden.expected) == (Status.PARTIAL, None, None)
-    assert hidden.message == "sum is not what it should be."
+    assert hidden.message == "sum is wrong."
     text = verdict.model_dump_json()
     assert not any(f"{value:.4g}" in text for pair in others for value in pair)
     assert {row["case"] for row in verdict.evidence["values"]} == {"seen"}
@@ -152,6 +152,12 @@ def test_forged_results_are_a_wrong_answer_and_never_a_fault(library: Library, r
         exercise(library), plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results)
     )
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+
+
+def test_a_call_without_results_says_what_to_return(library: Library) -> None:
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    verdict = judge_exercise(exercise(library), plan, RunReport(RunStatus.RETURNED))
+    assert verdict.findings[0].message.startswith("The function must return sum, product as finite numbers.")
 
 
 def test_a_wrong_program_of_the_author_names_its_mistake_first(tmp_path: Path) -> None:

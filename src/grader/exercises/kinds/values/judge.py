@@ -121,7 +121,7 @@ def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
         what = " and ".join(filter(None, (returned_names(problem), field_names(problem))))
         expected = expected_of(problem, call)
         return Comparison(
-            call, answer, expected, f"The function must give {what} as finite numbers.", f"it gave {answer.text}."
+            call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
     if problem.function.residual is not None:
         return compare_residual(problem, call, answer, answer.values)
@@ -130,11 +130,11 @@ def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
     for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
         if got.shape != right.shape:
             detail = f"{result.name} has the shape {got.shape}, not {right.shape}."
-            return Comparison(call, answer, expected, f"{result.name} has another shape than it should have.", detail)
+            return Comparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
         if not fits(result, got, right):
             off = f"{result.name} is off by {largest(got - right):.3g}{unit(result.unit)}"
             detail = f"{off}; {tolerance(result, right):.2g}{unit(result.unit)} is allowed."
-            return Comparison(call, answer, expected, f"{result.name} is not what it should be.", detail)
+            return Comparison(call, answer, expected, f"{result.name} is wrong.", detail)
     return Comparison(call, answer, expected, "")
 
 
@@ -157,7 +157,7 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     try:
         size = residual_of(problem, call, values)
     except Exception:  # the author's own function, over results of any shape
-        return Comparison(call, answer, None, "The results do not have the shape that they should have.")
+        return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
         return Comparison(call, answer, None, "")
     detail = f"it is {size:.3g}{unit(residual.unit)}; {residual.atol:g}{unit(residual.unit)} is allowed."
