@@ -1,4 +1,4 @@
-"""What a kind of exercise provides, and the values that pass between a kind and the runner."""
+"""Defines a kind of exercise, and the values that pass between a kind and the runner."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ Results = Mapping[str, NDArray[np.generic]]
 """The arrays that a driver submitted in one trial, by name. They are claims of the student's process."""
 
 Intervals = Sequence[tuple[float, float]]
-"""Intervals (lowest, highest) within which the numbers of one answer are accepted; (inf, inf) stands for None."""
+"""Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) stands for None."""
 
 P = TypeVar("P", bound=ExerciseParameters)
 C = TypeVar("C", bound=Case)
@@ -28,7 +28,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Content:
-    """What a kind may read beside its parameters: the question's `entry`, models and files of the content folder."""
+    """The question's `entry`, and the models and files of the content folder, which a kind may read."""
 
     entry: str
     model_xml: ModelXml
@@ -77,14 +77,15 @@ class Trial(Generic[Problem]):
 
 @dataclass(frozen=True)
 class Judgement(Generic[Outcome]):
-    """What a kind finds out about one trial.
+    """A kind's judgement on one trial.
 
-    `message` is a sentence that holds no number of the case, of the student's result, or of the expected one. `detail`
-    is another that may; like `measured` and `expected` it is left out of hidden trials. `outcome` is the kind's own,
-    for its mistakes and pictures.
+    `message` is a sentence without numbers of the case, of the student's result, or of the expected result. `detail` is
+    a sentence that may have numbers; the runner leaves it, `measured` and `expected` out of hidden trials. `measured`
+    and `expected` are plain JSON. `outcome` is what the kind passes to its `mistake` and `pictures`; None if the script
+    raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
-    its message is `unmet`. `review`, where not empty, is a sentence that asks for a person's decision.
+    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
     """
 
     passed: bool
@@ -100,7 +101,7 @@ class Judgement(Generic[Outcome]):
 
 @dataclass(frozen=True, eq=False)
 class Judged(Generic[Problem, Outcome]):
-    """A trial with its judgement. `counts`: it passed, and what it needs passed too."""
+    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too."""
 
     trial: Trial[Problem]
     judgement: Judgement[Outcome]
@@ -109,7 +110,7 @@ class Judged(Generic[Problem, Outcome]):
 
 @dataclass(frozen=True)
 class LazyAnswer:
-    """A script that does not solve the exercise, and the points [of the question's] that it may earn at most."""
+    """A script that does not solve the exercise, and the most points that it may earn, of those of the question."""
 
     name: str
     source: str
@@ -143,21 +144,21 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         return ()
 
     def rehearse(self, parameters: P, trial: Trial[Problem]) -> None:
-        """Raises ValueError if the trial could not be judged; called when content is loaded."""
+        """Raises ValueError if the trial cannot be judged; called when content is loaded."""
         return
 
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds.
 
-        The student's process may have forged the results: names, shapes and types must be checked, finite they are.
+        The student's process may have forged the results: check names, shapes and types. Floating numbers are finite.
         """
 
     def mistake(self, parameters: P, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
-        """Names the mistake behind the trials that failed, without numbers of hidden cases; None if none is recognised.
+        """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.
 
-        `judged` leaves out the trials that raised. `outcome` is what `judge` gave it, also for results of the wrong
-        shape; `mistake` and `pictures` must not raise either.
+        `judged` leaves out the trials in which the script raised, but not those whose results `judge` could not read.
+        Like `judge`, `mistake` and `pictures` must not raise.
         """
         return None
 
