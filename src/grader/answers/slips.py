@@ -1,4 +1,4 @@
-"""Find known slips: changes that turn a wrong number into the right one. The sentence does not give it away."""
+"""Find known slips: changes that turn a wrong number into the right one. Sentences do not reveal it."""
 
 import math
 from collections.abc import Iterator

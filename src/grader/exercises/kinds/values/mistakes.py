@@ -161,7 +161,7 @@ def by_results(wrong: Sequence[Asked]) -> str | None:
     if all(permuted(*pair) for pair in pairs):
         return f"The elements of {names} are in the wrong order: check which comes first."
     if all(shifted(*pair) for pair in pairs):
-        return f"{names} is off by one step: each row belongs to the step beside it. Check where you start and store."
+        return f"{names} is off by one step: each row is one step early or late. Check where you start and store."
     if all(got.size == right.size and fits(result, got.reshape(right.shape), right) for result, got, right in pairs):
         return f"{names} has the right numbers in the wrong shape: give it the shape that the exercise asks for."
     return None
