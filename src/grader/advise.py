@@ -2,7 +2,7 @@
 
 Start from implicitfast at 2 ms. Try RK4 at a quarter of the step if energy is conserved, and `discrete` if stiffness
 limits the timestep. Raise the timestep until the error of the quantity exceeds the tolerance; check warnings after
-every run. Unlike the lesson, errors are measured against a reference solution, so that the start has to pass too.
+every run. Unlike the lesson, it measures errors against a reference solution, so the start has to pass too.
 """
 
 import time
@@ -194,7 +194,7 @@ def loses_energy(scene: Scene) -> str | None:
 
 
 def binding_stiffness(scene: Scene, seconds: float) -> str | None:
-    """Why a timestep of the range is unstable under implicitfast, or None.
+    """Return why a timestep of the range is unstable under implicitfast, or None.
 
     Tries the linear stability limit at the equilibrium first, then looks for a warning. Instability at the shortest
     timestep does not count: it belongs to the equilibrium or the motion, not to the timestep.

@@ -19,7 +19,7 @@ from grader.library.files import list_files, read_text
 from grader.pipeline import Pipeline
 
 POINTS_ROUNDING = 1e-6
-"""Shares of points are rounded."""
+"""Rounding of shares of points."""
 
 Say = Callable[[str], None]
 
@@ -45,7 +45,7 @@ class Report:
 
 
 def content_root(path: Path) -> Path:
-    """The content folder that is or contains `path`. Raises ContentError if there is none."""
+    """Return the content folder that is or contains `path`. Raises ContentError if there is none."""
     for folder in (path.resolve(), *path.resolve().parents):
         if (folder / "quizzes").is_dir():
             return folder
@@ -66,7 +66,9 @@ def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextM
         return report
     report.warnings.extend(library.warnings)
     exercises = list(find_exercises(library, path.resolve()))
-    report.faults.extend(fault for quiz_id, question in exercises for fault in lucky(library, quiz_id, question, say))
+    report.faults.extend(
+        fault for quiz_id, question in exercises for fault in luck_faults(library, quiz_id, question, say)
+    )
     certify_library(library, path.resolve(), report, say)
     found = [item for item in find_references(library.root) if within(library.root / item.file, path.resolve())]
     report.faults.extend(item for item in found if isinstance(item, Fault))
@@ -122,12 +124,14 @@ def grade_lazy_answers(pipeline: Pipeline, quiz_id: str, question: CodeQuestion,
             yield Fault(library.file(quiz_id), f"{question.id}.check", f"{why}: {cure}")
 
 
-def lucky(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
-    """Yields a fault if an answer that ignores its inputs is right in every case too often."""
+def luck_faults(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
+    """Yields a fault if an answer that ignores its inputs is too likely to be right in every case."""
     chance, allowed = chance_of_luck(question, library.model_xml, library.text)
     say(f"{quiz_id} {question.id}: a fixed answer passes with a chance of at most {chance:.1e}; {allowed:g} is allowed")
     if chance > allowed:
         why = f"a fixed answer is right in every case with a chance of {chance:.1e}; {allowed:g} is allowed"
+        if chance == 1:
+            why += "; no case draws a number, or the kind does not say what it accepts (Kind.accepted)"
         cure = "draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
         yield Fault(library.file(quiz_id), f"{question.id}.check.luck", f"{why}: {cure}")
 
@@ -145,7 +149,7 @@ class ReferenceProgram:
 
 
 def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
-    """Every reference program, or the fault of its file. A first line `# diagnosis: ...` requires that diagnosis."""
+    """Yield every reference program, or the fault of its file. A first line `# diagnosis: ...` requires it."""
     for file in list_files(root, "reference_solutions", "*/*/*.py"):
         source = read_text(root, file, SOURCE_BYTES_MAX)
         if isinstance(source, Fault):
@@ -167,7 +171,7 @@ def grade_references(pipeline: Pipeline, references: list[ReferenceProgram], rep
 
 
 def grade_one(pipeline: Pipeline, reference: ReferenceProgram) -> dict[str, Any]:
-    """The status and diagnosis of a reference program, seeded by the name of its file."""
+    """Grade a reference program, seeded by the name of its file; return status and diagnosis."""
     seed = zlib.crc32(reference.file.encode())
     try:
         verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.source}, seed)
@@ -177,7 +181,7 @@ def grade_one(pipeline: Pipeline, reference: ReferenceProgram) -> dict[str, Any]
 
 
 def mismatches(reference: ReferenceProgram, outcome: dict[str, Any]) -> Iterable[str]:
-    """How the outcome differs from what the reference program requires."""
+    """Yield each difference between the outcome and what the reference program requires."""
     if reference.status not in set(Status):
         yield f"the name must begin with a status: {', '.join(Status)}"
     elif outcome["got"] != reference.status:

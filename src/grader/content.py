@@ -1,4 +1,4 @@
-"""The content as it is now, shared by server and workers: replaced as a whole or not at all."""
+"""Holds the current content for server and workers: a reload replaces all of it or nothing."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -22,10 +22,10 @@ from grader.store.tables import NAME, Credential, Member, now
 DEFAULT_COURSE = "default"
 COOKIE = "grader_session"
 SECURE_COOKIE = "__Host-grader_session"
-"""Under https: the prefix makes browsers accept the cookie from this host alone."""
+"""The cookie's name under https: its prefix makes browsers accept it from this host alone."""
 
 TOUCH = timedelta(minutes=1)
-"""Resolution of `last_used_at`, so that not every request writes."""
+"""Resolution of `last_used_at`: not every request writes it."""
 
 FAILED = "Send a valid token as `Authorization: Bearer ...`, or sign in."
 
@@ -39,7 +39,7 @@ class Role(StrEnum):
 
 
 class Scope(StrEnum):
-    """What a token may be restricted to. The routes of each are listed in one place: `api/scopes.py`."""
+    """The scopes to which a token may be restricted. The routes of each are listed in one place: `api/scopes.py`."""
 
     READ = "read"
     ANSWER = "answer"
@@ -61,7 +61,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Identity:
-    """An authenticated member of a course: `id` identifies it, `user` is its name, which others may bear too.
+    """An authenticated member of a course: `id` identifies it, `user` is its name, which need not be unique.
 
     `by_cookie` requests may be forged by other sites: check their origin.
     """
@@ -72,7 +72,7 @@ class Identity:
     course: str
     by_cookie: bool = False
     scopes: frozenset[Scope] | None = None
-    """What a token is restricted to; None for all that the role may."""
+    """The scopes of a restricted token; None for all rights of the role."""
 
     @property
     def is_instructor(self) -> bool:
@@ -85,7 +85,7 @@ class Identity:
             raise Forbidden(f"This is for the role {' or '.join(roles)}; yours is {self.role}.")
 
     def require_scope(self, scope: Scope | None) -> None:
-        """Raises Forbidden unless the token has the scope; None is for tokens without restriction."""
+        """Raises Forbidden unless the token has the scope; None asks for an unrestricted token."""
         if self.scopes is not None and scope not in self.scopes:
             wanted = "no scope" if scope is None else f"the scope `{scope}`"
             raise Forbidden(f"This needs a token with {wanted}; yours has: {', '.join(sorted(self.scopes))}.")

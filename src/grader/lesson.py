@@ -5,20 +5,19 @@ kind (`simlab` or `integrators`), around one JSON object. Quiz blocks with the s
 lesson go into one file.
 """
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from grader.domain.lab import LabConfig
 from grader.domain.quiz import PredictQuestion
 from grader.errors import ContentError, Fault
 from grader.labs import lab_programs
-from grader.library.json_text import json_faults, parse_json, without_remarks
-from grader.library.schema import LAB, QUIZ, Part
+from grader.library.json_text import json_faults, parse_json
+from grader.library.schema import LAB, QUIZ, Part, validate
 
 FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
 TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
@@ -167,14 +166,10 @@ class _Reading:
         return raw if isinstance(raw, dict) and not faults else None
 
     def _validate(self, adapter: TypeAdapter[Part], raw: dict[str, Any], line: int) -> Part | None:
-        try:
-            return adapter.validate_json(json.dumps(without_remarks(raw)), strict=True)
-        except ValidationError as error:
-            for detail in error.errors(include_url=False):
-                unknown = detail["type"] == "extra_forbidden"
-                why = "unknown key: remove it, or begin it with x-" if unknown else detail["msg"]
-                self.fault(line, f"{'.'.join(map(str, detail['loc']))}: {why}")
-            return None
+        parts, faults = validate(adapter, [("", raw)], self.name)
+        for fault in faults:
+            self.fault(line, f"{fault.key}: {fault.why}")
+        return parts[0] if parts else None
 
     def _check_programs(self, config: LabConfig, where: str, line: int) -> None:
         try:

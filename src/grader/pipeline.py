@@ -73,7 +73,7 @@ class ParsedSubmission:
 
 @dataclass(frozen=True)
 class Measured:
-    """What a script printed, and how long each part of grading it took [ms]."""
+    """The output of a script, and the time of each part of its grading [ms]."""
 
     stdout: str = ""
     stderr: str = ""
@@ -82,7 +82,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Retries:
-    """The schedule of retries after a fault of ours: how many tries, and the pauses between them.
+    """The schedule of retries after a fault of the grader: the number of tries, and the pauses between them.
 
     The worker follows it by putting a job back into the queue. A command has no queue, and waits in
     `Pipeline.judge_with_retries`. Nothing else tries again.
@@ -97,7 +97,7 @@ class Retries:
 
 
 COMMAND_RETRIES = Retries(tries=2, pause_s=0.5)
-"""For commands: enough for a jail that broke once, and soon over if the fault stays."""
+"""The retries of commands: enough for a jail that broke once, and short if the fault remains."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Pipeline:
         return replace(parsed, source=source, seed=keyed_seed(self.secret, digest) if seed is None else seed)
 
     def describe(self, submission: ParsedSubmission) -> str:
-        """What was understood of an answer, for the learner to confirm. Raises InvalidAnswer with the reason."""
+        """Returns the answer as it is understood, for the learner to confirm. Raises InvalidAnswer with the reason."""
         if submission.refusal is not None:
             raise InvalidAnswer(submission.refusal)
         if submission.source is not None:
@@ -144,7 +144,7 @@ class Pipeline:
         return self.judge_with_retries(self.read(quiz_id, question_id, answer, seed))
 
     def judge_with_retries(self, submission: ParsedSubmission, retries: Retries = COMMAND_RETRIES) -> Verdict:
-        """As `judge`, trying again after a fault of ours. Sleeps between the tries: for commands only."""
+        """Judges, and tries again after a fault of the grader. Sleeps between the tries: for commands only."""
         tried = 1
         while True:
             verdict = self.judge(submission)
@@ -155,7 +155,7 @@ class Pipeline:
             tried += 1
 
     def judge(self, submission: ParsedSubmission) -> Verdict:
-        """Makes the verdict, in one try. Whatever breaks on our side gives `grader_fault`, never a wrong answer."""
+        """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer."""
         started = time.perf_counter()
         question = submission.question
         measured = Measured()
@@ -174,7 +174,7 @@ class Pipeline:
         return self._completed(verdict, submission.quiz_id, submission.digest, replace(measured, timing_ms=timing_ms))
 
     def fault(self, quiz_id: str, question_id: str, text: str) -> Verdict:
-        """The verdict on a kept answer that we failed to grade: it costs the learner nothing. Raises NotFound."""
+        """Makes the verdict on a stored answer that could not be graded; it uses no attempt. Raises NotFound."""
         verdict = ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
         return self._completed(verdict, quiz_id, submission_digest(quiz_id, question_id, text), Measured())
 
@@ -190,7 +190,7 @@ class Pipeline:
         return verdict, Measured(report.stdout, report.stderr, timing_ms)
 
     def _completed(self, verdict: Verdict, quiz_id: str, digest: str, measured: Measured) -> Verdict:
-        """The judges' verdict with the script's output and times, and what it was made with and of."""
+        """Completes a verdict with the script's output, times, environment and digests."""
         return verdict.model_copy(
             update={
                 "stdout": measured.stdout,
@@ -204,7 +204,7 @@ class Pipeline:
 
 
 def canonical(answer: Any) -> str:
-    """The answer as JSON text in its one form, in ASCII.
+    """Returns the answer as canonical JSON text in ASCII.
 
     Raises Unprocessable for text that is not UTF-8, and for lists and objects nested more than LEVELS_MAX deep.
     """
@@ -252,8 +252,8 @@ def submission_digest(quiz_id: str, question_id: str, text: str) -> str:
 def keyed_seed(secret: bytes, digest: str) -> int:
     """The seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest).
 
-    The same submission gets the same hidden cases again. Without the secret, a learner cannot try comments offline
-    until the cases suit a script.
+    The same submission gets the same hidden cases again. Without the secret, a learner cannot change a comment
+    offline until the drawn cases suit the script.
     """
     mac = hmac.digest(secret, digest.encode(), "sha256")
     return int.from_bytes(mac[:8], "big") >> (64 - SEED_BITS)

@@ -36,7 +36,7 @@ class Grading:
     grade: Judge
     fault: Judge
     append: Append = submissions.append_verdict
-    """Stores a verdict with what follows from it."""
+    """Stores a verdict, and the result that follows from it."""
 
     def start(self, session: Session, subject: str) -> Submission | None:
         """Marks the submission as running, unless it has its verdict."""
@@ -44,12 +44,12 @@ class Grading:
         return None if submission is None or submission.revision else submissions.start(session, subject)
 
     def run(self, started: Submission) -> Outcome:
-        """Judges the submission. A `grader_fault` is worth another try."""
+        """Judges the submission. The queue tries again after a `grader_fault`."""
         verdict = self.grade(started)
         return self._outcome(started, verdict, again=verdict.status is Status.GRADER_FAULT)
 
     def give_up(self, started: Submission) -> Outcome:
-        """A verdict that costs the learner nothing."""
+        """Stores a `grader_fault`, which uses no attempt, after the last try."""
         return self._outcome(started, self.fault(started))
 
     def put_back(self, session: Session, subject: str) -> None:
@@ -68,7 +68,7 @@ class Grading:
 
 
 def grade_with(content: Content) -> Judge:
-    """Judges a stored submission in this process against the content as it is then, with its recorded seed."""
+    """Judges a stored submission in this process against the current content, with its recorded seed."""
 
     def grade(submission: Submission) -> Verdict:
         pipeline = content.pipeline
@@ -79,7 +79,7 @@ def grade_with(content: Content) -> Judge:
 
 
 def grade_in(graders: Graders, content: Content) -> Judge:
-    """As `grade_with`, in one of the grading processes."""
+    """Judges like `grade_with`, in one of the grading processes."""
 
     def grade(submission: Submission) -> Verdict:
         answer = json.loads(submission.answer)
@@ -90,7 +90,7 @@ def grade_in(graders: Graders, content: Content) -> Judge:
 
 
 def fault_with(content: Content) -> Judge:
-    """Makes the verdict on a submission that we failed to grade; worth 0 points if its question is gone."""
+    """Makes the verdict on a submission that could not be graded; it is out of 0 points if its question is gone."""
 
     def fault(submission: Submission) -> Verdict:
         try:
@@ -102,7 +102,7 @@ def fault_with(content: Content) -> Judge:
 
 
 def append_with(database: Database, content: Content) -> Append:
-    """Appends a verdict, and counts the learner's result again, under the policies as they are at that moment."""
+    """Appends a verdict, and counts the learner's result again under the current policies."""
 
     def append(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
         results.append_verdict(database, content.library, session, submission, verdict, cause=cause)

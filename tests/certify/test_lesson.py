@@ -118,7 +118,7 @@ def test_every_fault_is_told_with_its_line() -> None:
         ('```quiz\n{"kind": "numeric", "q": "a", "answer": ' + "9" * 5000 + "}\n```", "a number"),
         ('```quiz\n{"kind": "open", "q": "a", "x-a": NaN}\n```', "a finite number"),
         ('```quiz\n{"kind": "open", "q": "a", "x-a": "\\ud800"}\n```', "x-a: holds half a surrogate pair"),
-        ('```lab simlab\n{"id": [], "model": "m"}\n```', "id: Input should be a valid string"),
+        ('```lab simlab\n{"id": [], "model": "m"}\n```', "id: must be a valid string"),
         (
             '```quiz\n{"id": "9.9-labs", "title": "t", "questions": []}\n```\n```lab integrators\n{"model": "m"}\n```',
             "9.9: line 1: the labs of this lesson have the id '9.9-labs'",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exercises.conftest import model_xml, question, with_check
-from grader.check import lucky
+from grader.check import luck_faults
 from grader.domain.quiz import Quiz
 from grader.exercises import chance_of_luck, installed_kinds
 from grader.exercises.kind import Content
@@ -64,7 +64,7 @@ def test_narrow_ranges_are_refused_unless_the_author_raises_the_limit() -> None:
         quiz = Quiz(id="q", title="Q", questions=(exercise,))
         models = {"pendulum_servo": model_xml("pendulum_servo")}
         library = Library(root=None, quizzes={"q": quiz}, files={"q": "quizzes/q.json"}, models=models)  # type: ignore[arg-type]
-        found = list(lucky(library, "q", exercise, lambda text: None))
+        found = list(luck_faults(library, "q", exercise, lambda text: None))
         assert [fault.key for fault in found] == ["servo-threshold.check.luck"] * faults
 
 

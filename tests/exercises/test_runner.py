@@ -17,8 +17,10 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import GraderError
 from grader.exercises import (
+    Case,
     DrawnCase,
     ExerciseParameters,
+    Judged,
     Judgement,
     Kind,
     Plan,
@@ -31,6 +33,7 @@ from grader.exercises import (
     plan_exercise,
     runner,
 )
+from grader.sandbox.jail import Jail
 
 SOLVED = {
     "servo-threshold": "spectral_radius",
@@ -250,9 +253,9 @@ class Echo(Kind[ExerciseParameters, float, float]):
     driver = "def trial(functions, inputs, submit):\n    submit('said', functions[0](inputs['number']))\n"
     needs_model = False
 
-    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase) -> Sequence[Trial[float]]:
-        case, number = drawn.case, float(drawn.numbers.get("n", 0))
-        return [Trial(case.id, {"number": number}, number, case, hidden=case.hidden, points=case.points)]
+    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
+        number = float(drawn.numbers.get("n", 0))
+        return [Trial(drawn.case.id, {"number": number}, number)]
 
     def judge(self, parameters: ExerciseParameters, trial: Trial[float], results: Results) -> Judgement[float]:
         said = float(results["said"].flat[0]) if "said" in results else -1.0
@@ -283,6 +286,55 @@ def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
         )
 
     return judge
+
+
+def test_a_result_that_is_not_finite_loses_its_trial_alone(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "installed_kinds", lambda: {"echo": Echo()})
+    number = {"element": "x", "attribute": "y"}
+    cases = [{"id": "one", "set": {"n": 1}}, {"id": "two", "set": {"n": 2}}]
+    check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
+    exercise = CodeQuestion.model_validate({"kind": "code", "id": "e", "q": "?", "entry": "f", "check": check})
+    plan = plan_exercise(exercise, model_xml, 1)
+    report = jail.run(plan.job("def f(n):\n    return n if n == 1 else float('nan')\n", exercise.limits))
+    verdict = judge_exercise(exercise, plan, report)
+    assert [finding.passed for finding in verdict.findings] == [True, False]
+    assert verdict.diagnosis == "two: ValueError: the result said holds a number that is not finite (nan or inf)."
+
+
+class Shares(Echo):
+    """Divides each case into a trial of one share and one of three."""
+
+    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
+        return [Trial(f"{drawn.case.id}.{share}", {"number": 0}, 0.0, points=share) for share in (1, 3)]
+
+
+def test_trials_are_hidden_with_their_case_and_share_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "installed_kinds", lambda: {"shares": Shares()})
+    cases = [{"id": "a", "points": 1}, {"id": "b", "hidden": True, "points": 2}]
+    raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "shares", "cases": cases}}
+    trials = plan_exercise(CodeQuestion.model_validate(raw), model_xml, 1).trials
+    assert [(trial.id, trial.hidden, trial.points) for trial in trials] == [
+        ("a.1", False, 0.25),
+        ("a.3", False, 0.75),
+        ("b.1", True, 0.5),
+        ("b.3", True, 1.5),
+    ]
+
+
+class Arrays(Echo):
+    """Forgets that evidence is plain JSON."""
+
+    def pictures(self, parameters: ExerciseParameters, visible: Sequence[Judged[float, float]]) -> dict[str, Any]:
+        return {"charts": np.zeros(2)}
+
+
+def test_evidence_that_is_no_json_is_refused_before_it_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "installed_kinds", lambda: {"arrays": Arrays()})
+    raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "arrays", "cases": [{"id": "a"}]}}
+    exercise = CodeQuestion.model_validate(raw)
+    plan = plan_exercise(exercise, model_xml, 1)
+    with pytest.raises(ValueError, match=r"evidence\.charts"):
+        judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results={"t0_said": np.zeros(1)}))
 
 
 def test_points_are_scaled_and_the_explanation_comes_with_all_of_them(echo: Callable[..., Verdict]) -> None:

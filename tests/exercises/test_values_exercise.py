@@ -124,7 +124,7 @@ def test_of_hidden_calls_no_number_is_told(library: Library) -> None:
     verdict = judged(library, first, *[(a + 0.123456, b) for a, b in others])
     hidden = verdict.findings[1]
     assert (verdict.status, hidden.measured, hidden.expected) == (Status.PARTIAL, None, None)
-    assert hidden.message == "sum is not what it should be."
+    assert hidden.message == "sum is wrong."
     text = verdict.model_dump_json()
     assert not any(f"{value:.4g}" in text for pair in others for value in pair)
     assert {row["case"] for row in verdict.evidence["values"]} == {"seen"}
@@ -152,6 +152,12 @@ def test_forged_results_are_a_wrong_answer_and_never_a_fault(library: Library, r
         exercise(library), plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results)
     )
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+
+
+def test_a_call_without_results_says_what_to_return(library: Library) -> None:
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    verdict = judge_exercise(exercise(library), plan, RunReport(RunStatus.RETURNED))
+    assert verdict.findings[0].message.startswith("The function must return sum, product as finite numbers.")
 
 
 def test_a_wrong_program_of_the_author_names_its_mistake_first(tmp_path: Path) -> None:
@@ -219,7 +225,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def grader(installed: Path, content: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": str(installed)}
+    path = os.pathsep.join(filter(None, [str(installed), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": path}
     return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment)
 
 
@@ -234,7 +241,8 @@ def words(path: Path) -> Path:
     references.mkdir(parents=True)
     (path / "quizzes/words.json").write_text(json.dumps({"id": "words", "title": "Words", "questions": [question]}))
     (references / "correct__slice.py").write_text("def turn(word):\n    return word[::-1]\n")
-    (references / "incorrect__same.py").write_text("def turn(word):\n    return word\n")
+    diagnosis = "# diagnosis: You return the word as it is"
+    (references / "incorrect__same.py").write_text(f"{diagnosis}\ndef turn(word):\n    return word\n")
     return path
 
 
@@ -246,13 +254,25 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
     wrong = content / "reference_solutions/words/turn/incorrect__same.py"
     graded = grader(installed, content, "grade", "words", "turn", str(wrong), "--json")
     assert graded.returncode == 1
-    assert json.loads(graded.stdout)["findings"][0]["expected"] == "cabba"
+    verdict = json.loads(graded.stdout)
+    assert verdict["findings"][0]["expected"] == "cabba"
+    assert verdict["findings"][1]["expected"] is None  # the case is hidden, so the runner hides its trial
+    assert [chart["case"] for chart in verdict["evidence"]["charts"]] == ["abba"]
 
 
 def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
     checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
     assert checked.returncode == 2
     assert "no kind of exercise is called 'exact-text'; use rk4, threshold, values" in checked.stdout
+
+
+def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(installed, broken)
+    (broken / "exact_text.py").write_text("import no_such_module\n")
+    graded = grader(broken, words(tmp_path), "grade", "words", "turn", str(tmp_path / "models"))
+    assert "the exercise kind 'exact-text' (exact_text:ExactText) cannot be loaded" in graded.stderr
+    assert "no_such_module" in graded.stderr and "uninstall grader-exact-text" in graded.stderr
 
 
 def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:

@@ -157,6 +157,19 @@ def test_evidence_of_a_step_is_drawn_on_logarithmic_axes(visit: Visit) -> None:
     assert own == ideal  # fourth order lies on its own reference line
 
 
+CHART = {"case": "a", "title": "energy", "x": {"label": "t"}, "y": {}, "series": [{"label": "", "x": [1], "y": [2]}]}
+
+
+def test_charts_of_any_kind_of_exercise_are_drawn(visit: Visit) -> None:
+    visit.page.evaluate(
+        "async evidence => { const { evidenceFigures } = await import('/static/evidence.js');"
+        " document.querySelector('main').replaceChildren(...evidenceFigures(evidence, "
+        "[{id: 'a', title: 'The arm'}])); }",
+        {"charts": [CHART]},
+    )
+    expect(visit.page.get_by_text("The arm: energy")).to_be_visible()
+
+
 def test_the_lab_of_a_prediction_opens_once_it_is_made(visit: Visit) -> None:
     card = visit.card("1.3-check", "q3")
     expect(card.locator("canvas")).to_have_count(0)
@@ -214,7 +227,7 @@ def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("main")).to_contain_text("1.3-check")
-    page.get_by_role("button", name="Hold the answer keys").click()
+    page.get_by_role("button", name="Check the answer keys").click()
     expect(page.get_by_role("row").filter(has_text="1.3-check q2").filter(has_text="certified")).to_be_visible()
     row = page.get_by_role("row").filter(has_text="learner").filter(has_text="incorrect").first
     row.get_by_role("button").click()

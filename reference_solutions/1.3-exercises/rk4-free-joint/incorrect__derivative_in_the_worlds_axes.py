@@ -1,4 +1,4 @@
-# diagnosis: in the world's axes, as mju_derivQuat does
+# diagnosis: mju_derivQuat and the like
 import mujoco
 import numpy as np
 

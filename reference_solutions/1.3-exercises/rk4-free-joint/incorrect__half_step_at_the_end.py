@@ -1,4 +1,4 @@
-# diagnosis: last stage stands at half
+# diagnosis: last stage is evaluated at half
 """Half step at the end."""
 import mujoco
 

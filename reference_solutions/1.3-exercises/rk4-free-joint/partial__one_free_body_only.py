@@ -1,4 +1,4 @@
-# diagnosis: Some velocities stand still
+# diagnosis: Some velocities do not change
 """Returns at once where the model is not a single free body."""
 import mujoco
 

@@ -1,4 +1,4 @@
-# diagnosis: last stage stands at half
+# diagnosis: last stage is evaluated at half
 """Last stage at half the step."""
 import mujoco
 

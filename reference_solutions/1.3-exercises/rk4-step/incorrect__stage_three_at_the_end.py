@@ -1,4 +1,4 @@
-# diagnosis: stage 3 stands at the end
+# diagnosis: stage 3 is evaluated at the end
 import mujoco
 
 

@@ -1,4 +1,4 @@
-# diagnosis: stage 3 starts from the first slope
+# diagnosis: stage 3 uses the first slope
 """Stage three from the first slope."""
 import mujoco
 

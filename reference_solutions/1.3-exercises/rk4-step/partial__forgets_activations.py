@@ -1,4 +1,4 @@
-# diagnosis: data.act stands still
+# diagnosis: data.act does not change
 """Forgets activations."""
 import mujoco
 

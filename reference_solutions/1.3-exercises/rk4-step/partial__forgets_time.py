@@ -1,4 +1,4 @@
-# diagnosis: data.time stands still
+# diagnosis: data.time does not change
 """Forgets time."""
 import mujoco
 

@@ -1,4 +1,4 @@
-# diagnosis: Some velocities stand still
+# diagnosis: Some velocities do not change
 import mujoco
 import numpy as np
 

@@ -11,7 +11,7 @@ from grader.errors import InvalidAnswer
 INDEX = re.compile(r"[+-]?[0-9]{1,9}")
 
 CHARACTERS_MAX = 4000
-"""The longest text that is compared with the options: the time to strip its tags is quadratic in their nesting."""
+"""The longest text that is compared with the options; stripping tags takes time quadratic in their nesting."""
 
 
 def read_choice(question: ChoiceQuestion | PredictQuestion, answer: Any) -> int:

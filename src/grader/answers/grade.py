@@ -22,7 +22,7 @@ TEXT_CHARACTERS_MAX = 20_000
 
 
 def read_answer(question: Question, answer: Any) -> str:
-    """Say what was understood of an answer, for the learner to confirm.
+    """Return the answer as it is understood, for the learner to confirm.
 
     Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
     """

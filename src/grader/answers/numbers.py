@@ -80,7 +80,7 @@ def not_one_number(text: str) -> InvalidAnswer:
 
 
 def unreadable(text: str, rest: str, otherwise: str) -> InvalidAnswer:
-    """Build the refusal of a text of which `rest` could not be read, with the likeliest reason or else `otherwise`."""
+    """Build the refusal of a text whose `rest` cannot be read; gives the likeliest reason, by default `otherwise`."""
     scanned = rest if rest == text else f"1{rest}"  # the number before it is one operand
     if LOST_POWER.search(scanned):
         return InvalidAnswer(f"{quoted(text)} has a power of ten without its sign ^: write it as in 5e-3, and type it.")
@@ -119,7 +119,7 @@ def _mixed(found: re.Match[str], text: str) -> float:
 
 
 def read_digits(digits: str, text: str) -> str:
-    """Write digits with one decimal point, from the ways in which people group and separate them.
+    """Normalise grouped and separated digits to digits with one decimal point.
 
     Raises InvalidAnswer, which quotes `text`, the answer around the digits.
     """

@@ -25,7 +25,7 @@ NAME = re.compile(
     r"[^\W\d]\w{0,15}(?: [0-9])?",
     re.IGNORECASE,
 )
-"""What may stand before the sign in `h < 5 ms`; other words could turn the meaning, as in `log h = 5`."""
+"""Names that may precede the sign in `h < 5 ms`; other words could change the meaning, as in `log h = 5`."""
 
 HEDGE = re.compile(
     r"(?:about|around|approximately|approx\.?|roughly|exactly|circa|ca\.?|etwa|ungefähr)(?: |(?<=\.)|(?=[0-9]))", re.I
@@ -41,7 +41,7 @@ AGREEMENT = 1e-3
 
 @dataclass(frozen=True)
 class Quantity:
-    """What was understood: `value` in the question's `unit`, from a `number` in the `typed_unit`."""
+    """An answer as it was understood: `value` in the question's `unit`, from a `number` in the `typed_unit`."""
 
     value: float
     number: float
@@ -97,7 +97,7 @@ def sides(text: str) -> list[str]:
 
 
 def _without_hedge(text: str) -> str:
-    """Drop `about` and its like from the front."""
+    """Drop words such as `about` from the front."""
     found = HEDGE.match(text)
     return text[found.end() :] if found else text
 

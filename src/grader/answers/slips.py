@@ -1,4 +1,4 @@
-"""Find known slips: what turns a wrong number into the right one, said without giving that number away."""
+"""Find known slips: changes that turn a wrong number into the right one. Sentences do not reveal it."""
 
 import math
 from collections.abc import Iterator
@@ -13,15 +13,15 @@ from grader.errors import InvalidAnswer
 
 DECADES_MAX = 12
 BROADEST_TOLERANCE = 0.1
-"""Relative to |answer|: with a broader tolerance a match would say little."""
+"""Largest tolerance relative to |answer| at which slips are sought; within a wider one many slips match by chance."""
 
 SLIPS_MAX = 2
-"""More than two explanations explain nothing."""
+"""The largest number of matching slips; with more of them none is named, as it would be a guess."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """What was seen of a wrong number (`Your number ...`), and what to do about it."""
+    """A known mistake: what is seen of the number (`Your number ...`), and the cure."""
 
     seen: str
     cure: str
@@ -49,7 +49,7 @@ def _ten(power: int, seen: str = "") -> Slip:
 
 
 def find_slip(given: Quantity, question: NumericQuestion) -> str | None:
-    """Say what went wrong with a wrong number and what to do, in one sentence; None where no known slip explains it."""
+    """Return one sentence with the slip and its cure; None where no known slip explains the number."""
     if given.value == 0 or question.tolerance > BROADEST_TOLERANCE * abs(question.answer):
         return None
     wanted = known_unit(given.unit) if given.unit else None
@@ -120,7 +120,7 @@ def _double_slips(value: float, question: NumericQuestion) -> Iterator[Slip]:
 
 
 def _power_of_ten(value: float, question: NumericQuestion) -> int | None:
-    """Count the decades by which the number is off, in either direction; None where it is off by something else."""
+    """Return the power of ten by which the number is off; None where it is off by anything else."""
     ratio = question.answer / value if value else math.inf
     if not 0 < ratio < math.inf:
         return None

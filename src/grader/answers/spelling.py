@@ -1,4 +1,4 @@
-"""Bring what looks alike to one spelling: tags, TeX, the digits of every script, dashes and times signs."""
+"""Normalise spelling: tags, TeX, the digits of every script, dashes and multiplication signs."""
 
 import re
 import unicodedata
@@ -59,7 +59,7 @@ TEX_COMMANDS: Mapping[str, str] = {
 
 
 def fold(text: str) -> str:
-    """Bring what looks alike to one spelling (`10⁻³` to `10^-3`, `٥` to `5`), without markup, in linear time.
+    """Remove markup and normalise spelling (`10⁻³` to `10^-3`, `٥` to `5`), in linear time.
 
     A digit in another position (`½`, `₂`, `①`) is set apart by spaces: `2½` does not become 21/2.
     """

@@ -29,7 +29,7 @@ FACTOR = re.compile(
     """,
     re.VERBOSE,
 )
-"""One factor of a product of units, with what joins it to the one before; every part after the name is optional."""
+"""One factor of a product of units and the sign before it; every part after the name is optional."""
 
 SPELLINGS: Mapping[str, str] = {
     "°": "degree",
@@ -41,7 +41,7 @@ SPELLINGS: Mapping[str, str] = {
     "Grad": "degree",
     "Mhz": "megahertz",
 }
-"""What pint reads as something else, or not at all. `Grad` is the German noun for a degree."""
+"""Names that pint does not know or reads as another unit. `Grad` is the German noun for a degree."""
 
 IN_ANY_CASE: Mapping[str, str] = {
     **dict.fromkeys(["rad", "rads"], "radian"),
@@ -59,7 +59,7 @@ TWO_MEANINGS: Mapping[str, str] = {
     "grad": "degrees (deg) or gradians (gon)",
     "mhz": "millihertz (mHz) or megahertz (MHz)",
 }
-"""Names that are used for two units: the student has to say which."""
+"""Names of two units; the student must say which one is meant."""
 
 JOINED: Mapping[str, tuple[str, ...]] = {
     "".join(names): names
@@ -87,10 +87,10 @@ FAMILIES = (
 
 SUGGESTED = [spelled for family in FAMILIES for name in family for spelled in (f"{name}s", name)]
 SIMILARITY_MIN = 0.8
-"""From 0 to 1, as difflib measures it: `miliseconds` and `milliseconds` reach 0.96, `parsnips` reaches nothing."""
+"""difflib's similarity, 0 to 1, at which a unit is suggested: `miliseconds` is 0.96 from `milliseconds`."""
 
 SCALES_WITH_OFFSET = ("degree_Celsius", "degree_Fahrenheit", "degree_Reaumur")
-"""Temperature scales; in a product they mean differences: a kelvin per metre is a degree Celsius per metre."""
+"""Temperature scales. In a product they mean differences: a degree Celsius per metre is a kelvin per metre."""
 
 LOGARITHMIC = ("bel", "neper", "decade", "octave", "decibelwatt", "decibelmilliwatt", "decibelmicrowatt")
 """Units of levels, which are not converted: a negative ratio has no level."""
@@ -139,18 +139,18 @@ class Unit:
 
     @cached_property
     def radians(self) -> float:
-        """The power of an angle in it: 1 for radians, degrees and turns, also where rpm hides one."""
+        """The power of an angle in the unit: 1 for radians, degrees and turns, and for rpm, which contains a turn."""
         _, root = registry().get_root_units(self.quantity)
         return float(str(root._units.get("radian", 0)))
 
     @property
     def is_angular(self) -> bool:
-        """Whether an angle is part of it."""
+        """Whether an angle is part of the unit."""
         return bool(self.radians)
 
     @cached_property
     def rotation(self) -> Rotation:
-        """How it counts rotation. pint itself takes a cycle for a radian."""
+        """How the unit counts rotation. pint itself takes a cycle for a radian."""
         if any(name in TURNS for name, _ in self.powers):
             return Rotation.TURNS
         if self.is_angular:

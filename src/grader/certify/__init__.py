@@ -57,6 +57,6 @@ def _certify(question: Decidable, verify: Verify, model_xml: ModelXml) -> Certif
 
 
 def _all_stable(certificate: Certificate) -> bool:
-    """Whether every option's run is stable: then the question was not about stability, and the inference was wrong."""
+    """Whether every option's run is stable; the question is then not about stability, and the inference is wrong."""
     runs = [m for name, m in certificate.measured.items() if name != "all integrators" and isinstance(m, dict)]
     return certificate.method == "options" and bool(runs) and all(run.get("stable", True) for run in runs)

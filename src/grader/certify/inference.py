@@ -1,4 +1,4 @@
-"""Infer how a key can be derived again if its author does not say: from the lab's select, or numbers in the text."""
+"""Infers how to derive a key that has no `verify`: from a select of the lab, or from numbers in the text."""
 
 import re
 
@@ -21,7 +21,7 @@ EXPLICIT = re.compile(r"\bexplicit|\bEuler\b")
 
 
 def infer(question: Question) -> Verify | None:
-    """A `verify` for the question, or None if nothing in it suggests one."""
+    """Return a `verify` for the question, or None if its text suggests none."""
     if isinstance(question, PredictQuestion) and question.sim is not None:
         return ByOptions(by="options") if matching_select(question.options, question.sim) else None
     if isinstance(question, ChoiceQuestion):

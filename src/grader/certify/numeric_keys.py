@@ -1,4 +1,4 @@
-"""Keys of numeric questions: a largest stable timestep, a measurement, or a closed form."""
+"""Certifies keys of numeric questions: a largest stable timestep, a measurement, or a closed form."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,7 +32,7 @@ CHUNK = 100
 """Steps between two readings of the speed."""
 
 MARGIN = 0.1
-"""Distance from the limit at which stepping is tried, as a share of the tolerance or of the limit, the smaller one."""
+"""Distance from the limit at which stepping is tried: this share of the tolerance or of the limit, if smaller."""
 
 EMPTY = "<mujoco/>"
 

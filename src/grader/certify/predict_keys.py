@@ -1,4 +1,4 @@
-"""Keys of predict questions: the lab is run under each option's setting, or once for the claims of all options."""
+"""Certifies keys of predict questions: runs the lab under each option's setting, or once for all claims."""
 
 import re
 from collections.abc import Sequence
@@ -108,7 +108,7 @@ def _inferred_settings(options: Sequence[str], select: Select) -> list[Setting |
 
 
 def _right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
-    """The options that hold; the one that says "none" or "all" where none or all of the others do."""
+    """Return the options that hold; if none or all of them hold, the option that says "none" or "all"."""
     holding = [i for i, holds in held.items() if holds]
     rest = [i for i in range(len(options)) if i not in held]
     nones = [i for i in rest if NONE.search(plain_text(options[i]))]
@@ -121,9 +121,9 @@ def _right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
 
 
 def _variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
-    """The runs that must agree: nudged starts always, h/2 and h/4 unless the setting itself changes the numerics.
+    """Return the runs that must agree: nudged starts, and h/2 and h/4 unless the setting itself changes the numerics.
 
-    Stability is a property of one timestep, so that it is not compared with finer ones.
+    Stability belongs to one timestep, so it is not compared with finer ones.
     """
     options_are_numerics = any(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting

@@ -1,4 +1,4 @@
-"""Keys of questions about mj_step: which of its stages fills a field of mjData, found by calling them one by one."""
+"""Certifies keys of questions about mj_step: calls its stages one by one to find which fills a field of mjData."""
 
 from collections.abc import Sequence
 
@@ -67,7 +67,7 @@ def certify_stage(question: ChoiceQuestion | PredictQuestion, verify: ByStage, m
 
 
 def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
-    """Each call of mj_step with the field in short before and after it. Raises VerifyError for an unknown field."""
+    """Summarise the field before and after each call of mj_step. Raises VerifyError for an unknown field."""
     if field != "contact" and field not in DATA_FIELDS:
         raise VerifyError("verify", f"verify.fills must be contact or an array of the data, not {field!r}")
     model = mujoco.MjModel.from_xml_string(xml)
@@ -83,7 +83,7 @@ def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
 
 
 def _short(data: mujoco.MjData, field: str) -> str:
-    """The number of contacts, or the sum of magnitudes of an array with all its digits."""
+    """Return the number of contacts, or the sum of magnitudes of an array with all digits."""
     if field == "contact":
         return f"{data.ncon} contacts"
     return repr(float(abs(getattr(data, field)).sum()))

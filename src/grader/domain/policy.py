@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from grader.domain.verdict import Status
 
 EARLIEST, LATEST = datetime(2000, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
-"""Moments outside are typing errors, and near year 1 and 9999 they cannot be converted to UTC."""
+"""Years outside are typing errors; near year 1 and 9999 a moment cannot be converted to UTC."""
 
 
 def _utc(moment: datetime) -> datetime:
@@ -32,7 +32,7 @@ class PolicyPart(BaseModel):
 class Late(PolicyPart):
     """Late answers are taken until `until`; points are multiplied by `per_day` for every day started since `due`.
 
-    `floor` is the least multiplier. `until` is required: solutions stay closed while answers are still taken.
+    `floor` is the smallest multiplier. `until` is required: solutions stay closed while answers are still taken.
     """
 
     per_day: Share
@@ -61,12 +61,12 @@ def _with_due(when: str, info: ValidationInfo) -> str:
 
 
 class Policy(PolicyPart):
-    """The rules of one quiz; every key may be left out. A question's own `attempts` is stronger than the quiz's.
+    """The rules of one quiz; every key may be left out. A question's own `attempts` overrides the quiz's.
 
     Answers are taken from `opens` to `due`, both included, and where `late` is given until its `until`. `counts`
     says which attempts make the points. `feedback` says when a learner sees how an answer was graded, `solutions`
     when the right answer and its explanation: never before the feedback. `after_due` means once the learner can hand
-    in no more answers, so that nobody answers late what is solved already.
+    in no more answers, so that no late answer copies a published solution.
     """
 
     attempts: int | None = Field(default=None, ge=1, strict=True)
@@ -81,7 +81,7 @@ class Policy(PolicyPart):
 
 
 class Extension(PolicyPart):
-    """What one learner gets beyond the policy: later dates, and further attempts at every question of the quiz.
+    """Later dates, and further attempts at every question of the quiz, for one learner.
 
     Dates that are earlier than the policy's change nothing.
     """
@@ -93,9 +93,9 @@ class Extension(PolicyPart):
 
 @dataclass(frozen=True)
 class Progress:
-    """What a decision needs to know of a learner's attempts at a question: counts, so that no attempt need be read.
+    """Counts of a learner's attempts at a question, from which decisions are made without reading the attempts.
 
-    `used` counts the attempts that used one, `pending` those of them without a verdict. `solved` says whether an
+    `used` counts the attempts against the limit, `pending` those of them without a verdict. `solved` says whether an
     attempt is right.
     """
 

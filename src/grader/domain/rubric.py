@@ -1,4 +1,4 @@
-"""Rubric: what a reviewer ticks, and the points that it gives."""
+"""Rubric: the items that a reviewer ticks, and their points."""
 
 import math
 from typing import Annotated
@@ -7,11 +7,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from pydantic_core import PydanticCustomError
 
 ROUNDING = 1e-9
-"""Points of items that add up to the question's points in decimals may miss them by this much in binary."""
+"""Tolerance of a sum of points: decimals that add up may not do so in binary."""
 
 
 class RubricItem(BaseModel):
-    """One thing to tick. Its points are added; where they are negative, they are deducted."""
+    """One item to tick. Its points are added; negative points are deducted."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -28,17 +28,17 @@ class Job:
     """A script to run in the jail, with the source text of a driver that calls it.
 
     The driver is executed before the student's module is imported, so that the student's `from mujoco import ...`
-    finds what it patched. After the import its `run(student, inputs, submit)` is called: `student` is the module,
+    finds its patches. After the import its `run(student, inputs, submit)` is called: `student` is the module,
     `inputs` plain JSON, and `submit(name, array)` returns one named array of numbers (text as uint8). The inputs reach
     the process after the import.
 
-    `hidden_inputs` reach it when the driver calls `hidden_inputs()`, which is among its names. What the script prints
-    after that is not kept, and what it returns is kept apart.
+    `hidden_inputs` reach it when the driver calls `hidden_inputs()`, a name that the jail defines. Output after that
+    call is dropped, and results are kept apart.
 
     `without_integrators`: MuJoCo's integrators are removed from the process after the module has been imported, before
     the inputs reach it. Nothing steps a model from there on; the report counts the attempts. Where the jail
     `keeps_integrators` they stay. Models compile as before, except those with muscles, whose length range MuJoCo
-    simulates: the driver compiles these at its top level, before the import.
+    simulates: the driver must compile these at its top level, before the import.
     """
 
     source: str
@@ -66,14 +66,14 @@ class RunReport:
     """How a script ended, and what it returned. `results` come from the student's process and prove nothing.
 
     `stepped` counts calls of MuJoCo's integrators after they were removed (see Job). Where it is above zero the script
-    has tried to use them; a hostile one can keep it at zero, but cannot step.
+    has tried to use them. A hostile script can keep it at zero, but cannot step.
     """
 
     status: RunStatus
     reason: str = ""
     results: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     hidden_results: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
-    """What was returned after the hidden inputs had been asked for."""
+    """Results that arrived after the request for the hidden inputs."""
     stdout: str = ""
     stderr: str = ""
     cpu_s: float = 0.0

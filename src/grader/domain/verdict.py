@@ -2,9 +2,12 @@
 
 import math
 from enum import StrEnum
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, TypeAdapter
+
+PlainJson = Annotated[Any, AfterValidator(TypeAdapter[JsonValue](JsonValue).validate_python)]
+"""A value of JSON. An array or a class of a kind of exercise is refused here, not when the verdict is saved."""
 
 POINT_DIGITS = 9
 """Decimals of a sum of points, so that three thirds of a point add up to 1."""
@@ -42,8 +45,8 @@ class Finding(BaseModel):
     points: float
     max_points: float
     message: str
-    measured: Any = None
-    expected: Any = None
+    measured: PlainJson = None
+    expected: PlainJson = None
 
 
 class Verdict(BaseModel):
@@ -58,7 +61,7 @@ class Verdict(BaseModel):
     diagnosis: str | None = None
     read_as: str | None = None
     explain: str | None = None
-    evidence: dict[str, Any] = Field(default_factory=dict)
+    evidence: dict[str, PlainJson] = Field(default_factory=dict)
     stdout: str = ""
     stderr: str = ""
     timing_ms: dict[str, float] = Field(default_factory=dict)

@@ -2,11 +2,10 @@
 
 The text of this file is sent to the jail with the kind's driver; it imports nothing of the grader. The jail defines two
 names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden", "out_of_memory"), and
-`hidden_inputs()` fetches the hidden trials. The process does not know them before, and what is printed after that is
-not kept.
+`hidden_inputs()` fetches the hidden trials, which the process does not know before. What it prints then is dropped.
 
-A trial that raises is lost alone: its result `raised` says what and in which line. What ends the whole script is raised
-again: SystemExit and its like, a refusal of the jail, and lack of memory.
+An exception ends its trial alone: the result `raised` holds its name and line. SystemExit and its like, a refusal of
+the jail, and lack of memory end the whole script: they are raised again.
 """
 
 import builtins
@@ -40,7 +39,7 @@ def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
     if not inputs["more"]:
         return
     hidden = GIVEN["hidden_inputs"]()
-    nowhere = os.open(os.devnull, os.O_WRONLY)  # what is not kept should not count as output either
+    nowhere = os.open(os.devnull, os.O_WRONLY)  # dropped output must not count against the limit
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
     for trial in hidden["trials"]:
@@ -52,7 +51,10 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
     index = trial["index"]
 
     def submit_result(name: str, value: Any) -> None:
-        submit(f"t{index}_{name}", value)
+        numbers = np.asarray(value)
+        if numbers.dtype.kind == "f" and not np.isfinite(numbers).all():  # the grader would refuse all results
+            raise ValueError(f"the result {name} holds a number that is not finite (nan or inf)")
+        submit(f"t{index}_{name}", numbers)
 
     try:
         functions = tuple(function_of(student, name) for name in trial["entries"])
@@ -86,7 +88,7 @@ def built_in(error: BaseException) -> type[BaseException]:
 
 
 def account(error: BaseException, student: object, hidden: bool) -> bytes:
-    """Returns what was raised, and in which line of the student's file, as JSON; writes it to stderr if visible."""
+    """Returns an exception and its line in the student's file as JSON; of a visible trial, writes it to stderr too."""
     file = getattr(student, "__file__", "")
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     what = built_in(error).__name__

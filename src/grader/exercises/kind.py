@@ -1,4 +1,4 @@
-"""What a kind of exercise provides, and the values that pass between a kind and the runner."""
+"""Defines a kind of exercise, and the values that pass between a kind and the runner."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -18,16 +18,17 @@ Results = Mapping[str, NDArray[np.generic]]
 """The arrays that a driver submitted in one trial, by name. They are claims of the student's process."""
 
 Intervals = Sequence[tuple[float, float]]
-"""Intervals (lowest, highest) within which the numbers of one answer are accepted; (inf, inf) stands for None."""
+"""Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) stands for None."""
 
 P = TypeVar("P", bound=ExerciseParameters)
+C = TypeVar("C", bound=Case)
 Problem = TypeVar("Problem")
 Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
 class Content:
-    """What a kind may read beside its parameters: the question's `entry`, models and files of the content folder."""
+    """The question's `entry`, and the models and files of the content folder, which a kind may read."""
 
     entry: str
     model_xml: ModelXml
@@ -35,16 +36,18 @@ class Content:
 
 
 @dataclass(frozen=True)
-class DrawnCase:
-    """A case whose numbers are drawn: `xml` is its MJCF with them, `xml_as_written` without; both None without a model.
+class DrawnCase(Generic[C]):
+    """A case whose numbers are drawn.
 
-    `rng` is seeded by [seed, index of the case] and has drawn the numbers already; a kind may draw more from it.
+    `xml` is the MJCF of its model with the drawn numbers, `xml_as_written` without them. Both are empty where the case
+    has no model, which only a kind with `needs_model = False` allows. `rng` is seeded by [seed, index of the case] and
+    has drawn the numbers already; a kind draws everything else from it.
     """
 
-    case: Case
+    case: C
     numbers: Mapping[str, float]
-    xml: str | None
-    xml_as_written: str | None
+    xml: str
+    xml_as_written: str
     rng: np.random.Generator
     content: Content
 
@@ -53,31 +56,36 @@ class DrawnCase:
 class Trial(Generic[Problem]):
     """One run of the kind's driver in the jail, which gives one finding.
 
-    `inputs` is plain JSON for the driver; `problem` is what only the judge knows. A trial without a `case` concerns the
-    exercise as a whole. `title` follows the case's title; it is public also where the trial is hidden. `points` are
-    shares. `entries` names the student's functions that the driver gets; empty means the question's `entry`.
+    `id` is unique in the exercise, and students see it. `inputs` is plain JSON for the driver (lists, no arrays);
+    `problem` is what only the judge knows. `title` follows the case's title; it is public also where the trial is
+    hidden. `points` are shares of the case's points. `entries` names the student's functions that the driver gets;
+    empty means the question's `entry`.
+
+    The runner sets `case`, and hides the trials of a hidden case. A trial of `further_trials` has no case: it sets
+    `hidden` itself, and its `points` are shares of the question's.
     """
 
     id: str
     inputs: Mapping[str, Any]
     problem: Problem
-    case: Case | None = None
     title: str = ""
-    hidden: bool = False
     points: float = 1.0
     entries: tuple[str, ...] = ()
+    hidden: bool = False
+    case: Case | None = None
 
 
 @dataclass(frozen=True)
 class Judgement(Generic[Outcome]):
-    """What a kind finds out about one trial.
+    """A kind's judgement on one trial.
 
-    `message` is a sentence that holds no number of the case, of the student's result, or of the expected one. `detail`
-    is another that may; like `measured` and `expected` it is left out of hidden trials. `outcome` is the kind's own,
-    for its mistakes and pictures.
+    `message` is a sentence without numbers of the case, of the student's result, or of the expected result. `detail` is
+    a sentence that may have numbers; the runner leaves it, `measured` and `expected` out of hidden trials. `measured`
+    and `expected` are plain JSON. `outcome` is what the kind passes to its `mistake` and `pictures`; None if the script
+    raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
-    its message is `unmet`. `review`, where not empty, is a sentence that asks for a person's decision.
+    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
     """
 
     passed: bool
@@ -93,7 +101,7 @@ class Judgement(Generic[Outcome]):
 
 @dataclass(frozen=True, eq=False)
 class Judged(Generic[Problem, Outcome]):
-    """A trial with its judgement. `counts`: it passed, and what it needs passed too."""
+    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too."""
 
     trial: Trial[Problem]
     judgement: Judgement[Outcome]
@@ -102,7 +110,7 @@ class Judged(Generic[Problem, Outcome]):
 
 @dataclass(frozen=True)
 class LazyAnswer:
-    """A script that does not solve the exercise, and the points [of the question's] that it may earn at most."""
+    """A script that does not solve the exercise, and the most points that it may earn, of those of the question."""
 
     name: str
     source: str
@@ -112,9 +120,12 @@ class LazyAnswer:
 class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`.
 
-    `driver` is Python source that runs in the jail. It defines `trial(functions, inputs, submit)`: call the student's
-    functions and submit named arrays of numbers. It may define `before_import()`, called before the student's module is
-    imported. What it raises in a trial counts as raised by the student.
+    A kind must define `parameters`, `driver`, `trials` and `judge`; the rest has defaults.
+
+    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
+    It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
+    numbers. It may define `before_import()`, called before the student's module is imported. What it raises in a trial
+    counts as raised by the student, and so does a result that is not finite.
     """
 
     parameters: type[P]
@@ -125,7 +136,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """Whether a case without a model is a fault."""
 
     @abstractmethod
-    def trials(self, parameters: P, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
         """Returns the trials of one case. Raises WrongParameter, or ValueError or KeyError for faults of the case."""
 
     def further_trials(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
@@ -133,22 +144,31 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         return ()
 
     def rehearse(self, parameters: P, trial: Trial[Problem]) -> None:
-        """Raises ValueError if the trial could not be judged; called when content is loaded."""
+        """Raises ValueError if the trial cannot be judged; called when content is loaded."""
         return
 
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds."""
+        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds.
+
+        The student's process may have forged the results: check names, shapes and types. Floating numbers are finite.
+        """
 
     def mistake(self, parameters: P, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
-        """Names the mistake behind the trials that failed, without numbers of hidden cases; None if none is recognised.
+        """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.
 
-        `judged` leaves out the trials that raised.
+        `judged` leaves out the trials in which the script raised, but not those whose results `judge` could not read.
+        Like `judge`, `mistake` and `pictures` must not raise.
         """
         return None
 
     def pictures(self, parameters: P, visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
-        """Returns the verdict's evidence as plain JSON."""
+        """Returns the verdict's evidence as plain JSON (lists, no arrays).
+
+        `charts` is drawn by the student's page: a list of {"case": the trial's id, "title", "x": {"label", "log"},
+        "y": {"label", "log"}, "series": [{"label", "x": [...], "y": [...], "points": whether to draw points}],
+        "marks": [{"y": a value to mark, "label"}]}. Students see it with the solutions.
+        """
         return {}
 
     def lazy_answers(
@@ -160,7 +180,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.
 
-        Each item holds the intervals that one draw decides together; the items are drawn independently. None means
-        that no answer that ignores its inputs is judged by intervals.
+        An answer that ignores its inputs is a list of numbers; an interval holds the right values of one of them.
+        Put the intervals that depend on the same draw into one item, and those of independent draws into items of their
+        own. A case of one drawn model with the right answers `right` returns
+        [[(value - tolerance, value + tolerance) for value in right]].
+
+        None: unknown, which counts as a chance of 1. `grader check` then refuses the exercise unless its `luck` is 1.
         """
         return None

@@ -19,10 +19,10 @@ DRAWS = 200
 """How often every case is drawn."""
 
 CONFIDENCE = 0.95
-"""Of the upper bound of each proportion. Source: Clopper and Pearson, Biometrika 26 (1934) 404."""
+"""Confidence level of the upper bound of each proportion. Source: Clopper and Pearson, Biometrika 26 (1934) 404."""
 
 FEW, MANY = 16, 64
-"""Shares of the draws, in numbers of draws, at which the growth of a share with the tolerance is measured."""
+"""Numbers of draws that share a point; between them the growth of the share with the tolerance is measured."""
 
 GROWTH = 2**0.25
 """The tolerance is widened by this factor in each try."""
@@ -32,10 +32,10 @@ WIDEST = 2.0**60
 
 
 def chance_of_luck(question: CodeQuestion, model_xml: ModelXml, text_of: TextOf = no_text) -> tuple[float, float]:
-    """Returns a bound of the chance that the best fixed answer is right in every case, and what is allowed.
+    """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
 
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
-    or draws nothing, counts as 1. So do the cases that are left when the chance is small enough.
+    or draws nothing, counts as 1. The cases after the product is small enough are not drawn.
     """
     kind = installed_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
@@ -59,10 +59,10 @@ def chance_of_case(kind: AnyKind, parameters: ExerciseParameters, case: Case, co
 
 
 def boxes_of(part: Sequence[Intervals]) -> Boxes:
-    """Returns the two coordinates that are spread widest, measured by their tolerance.
+    """Returns the two coordinates with the widest spread relative to their tolerance.
 
-    To leave out the others can only raise the chance. Where the length of an answer is drawn too, what all draws have
-    is compared.
+    Leaving out the others can only raise the chance. Where the length of an answer is drawn too, only the coordinates
+    that all draws have are compared.
     """
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
@@ -104,7 +104,7 @@ def chance_of_part(boxes: Boxes) -> float:
 
 
 def deepest(boxes: Boxes, widened: float) -> int:
-    """Returns in how many boxes, each widened about its centre, the most crowded point lies."""
+    """Returns the largest number of boxes that share a point, after each box is widened about its centre."""
     lows, highs = boxes[..., 0], boxes[..., 1]
     with np.errstate(invalid="ignore"):
         shift = np.nan_to_num((highs - lows) * (widened - 1) / 2)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from grader.domain.misread import misread, without_remarks
 from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
@@ -34,9 +35,8 @@ from grader.exercises.parameters import (
     WrongParameter,
     drawn,
     ends,
-    misread_parameters,
+    known_keys,
     with_numbers,
-    without_remarks,
 )
 
 GROUP = "grader.exercise_kinds"
@@ -60,18 +60,26 @@ AnyJudged = Judged[Any, Any]
 
 @cache
 def installed_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by its name. Raises GraderError if two packages claim one name."""
+    """Returns every installed kind by its name.
+
+    Raises GraderError if two packages claim one name, or if a kind cannot be loaded.
+    """
     found: dict[str, AnyKind] = {}
     for point in entry_points(group=GROUP):
         if point.name in found:
-            raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: remove one of them")
-        found[point.name] = point.load()()
+            raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: uninstall one of them")
+        try:
+            found[point.name] = point.load()()
+        except Exception as error:  # code of another package: anything may be raised
+            package = point.dist.name if point.dist else "its package"
+            why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
+            raise GraderError(f"the exercise kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
     return found
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What runs in the jail, and the trials that it is judged by.
+    """The input of the jail for one exercise, and the trials for the judge.
 
     `driver` runs over the plain-JSON `inputs`, then over the `hidden_inputs`; `without_integrators` as in Job.
     """
@@ -84,7 +92,7 @@ class Plan:
     trials: tuple[AnyTrial, ...]
 
     def job(self, source: str, limits: Limits) -> Job:
-        """Returns what the jail has to do for a script."""
+        """Returns the job of the jail for a script."""
         return Job(
             source,
             self.driver,
@@ -99,15 +107,23 @@ def check_exercise(question: CodeQuestion, model_xml: ModelXml, where: str, text
     """Returns every fault of the question's `check`, each once; `where` is the quiz file's name."""
     kind = installed_kinds().get(question.check.kind)
     if kind is None:
-        why = f"no kind of exercise is called {question.check.kind!r}; use {', '.join(sorted(installed_kinds()))}"
+        known = ", ".join(sorted(installed_kinds()))
+        why = f"no kind of exercise is called {question.check.kind!r}; use {known}, or install the package that has it"
         return [Fault(where, f"{question.id}.check.kind", why)]
     try:
         parameters = read_parameters(kind, question)
     except ValidationError as error:
-        found: Iterator[tuple[str, str]] = misread_parameters(kind.parameters, question.check.parameters, error)
+        found = misread_parameters(kind, question, error)
     else:
         found = wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
     return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+
+
+def misread_parameters(kind: AnyKind, question: CodeQuestion, error: ValidationError) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every parameter that pydantic refused."""
+    known = known_keys(kind.parameters)
+    for place, why in misread(error, question.check.parameters, lambda _: known):
+        yield ".".join(map(str, place)), why
 
 
 def read_parameters(kind: AnyKind, question: CodeQuestion) -> ExerciseParameters:
@@ -117,7 +133,7 @@ def read_parameters(kind: AnyKind, question: CodeQuestion) -> ExerciseParameters
 
 
 def wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
-    """Yields key and reason of every parameter that cannot work; builds the trials at both ends of every range."""
+    """Builds the trials at both ends of every range; yields key and reason of every parameter that cannot work."""
     ids = [case.id for case in parameters.cases]
     trials: list[AnyTrial] = []
     for index, case in enumerate(parameters.cases):
@@ -151,7 +167,7 @@ def unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Ite
 
 
 def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int, text_of: TextOf = no_text) -> Plan:
-    """Returns what to run in the jail and what to judge it by; `seed` draws the numbers of hidden cases."""
+    """Returns the inputs of the jail and the trials for the judge; `seed` draws the numbers of the cases."""
     kind = installed_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
     content = Content(question.entry, model_xml, text_of)
@@ -179,7 +195,7 @@ def lazy_answers(
 ) -> list[LazyAnswer]:
     """Returns scripts that do not solve the exercise, with the points that each may earn at most.
 
-    The starter may earn none; a script of the kind's that answers every model alike, those of the visible trials.
+    The starter may earn none. A script that answers every model alike may earn the points of the visible trials.
     """
     kind, plan = installed_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
@@ -191,18 +207,23 @@ def lazy_answers(
 def case_trials(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
 ) -> Sequence[AnyTrial]:
-    """Returns the trials of one case. Raises WrongParameter, ValueError, KeyError and GraderError."""
+    """Returns the trials of one case, hidden with it, which share its points.
+
+    Raises WrongParameter, ValueError, KeyError and GraderError.
+    """
     rng = np.random.default_rng(seed)
     numbers = {name: drawn(value, rng) for name, value in case.set.items()}
     written = model_of(parameters, case, content.model_xml)
-    if written is None and kind.needs_model:
+    if not written and kind.needs_model:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
-    xml = None if written is None else with_numbers(written, parameters.numbers, numbers)
-    return kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    xml = with_numbers(written, parameters.numbers, numbers) if written else ""
+    made = kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    shares = sum(trial.points for trial in made)
+    return [replace(trial, case=case, hidden=case.hidden, points=case.points * trial.points / shares) for trial in made]
 
 
-def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str | None:
-    """Returns the MJCF text of a case's own model, or of the exercise's; None if there is neither."""
+def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str:
+    """Returns the MJCF text of a case's own model, or of the exercise's; empty if there is neither."""
     if case.model is not None and case.xml is not None:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text), not both")
     if case.xml is not None:
@@ -210,7 +231,7 @@ def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) ->
     if case.model is not None:
         return model_xml(case.model)
     if parameters.model is None:
-        return None
+        return ""
     try:
         return model_xml(parameters.model)
     except GraderError as error:
@@ -248,7 +269,7 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
         return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review})
-    # The explanation names the results of the exercise, so it comes with full marks only.
+    # The explanation names the right results, so it is shown with full marks only.
     return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
 
 
@@ -266,7 +287,7 @@ def results_of(results: Results, index: int) -> Results:
 def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
     """Returns the judgement of a trial in which the script raised; None if it did not.
 
-    What the harness says is a claim: of a hidden trial only the name of a built-in exception and a line are believed.
+    What the harness says is a claim: of a hidden trial only the name of a built-in exception and a line are shown.
     """
     if "raised" not in results:
         return None
@@ -282,7 +303,7 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
 
 
 def settled(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
-    """Decides which trials count: those that passed, if one that they need passed without a need of its own."""
+    """Decides which trials count: those that passed and need no other, or need one that passed and needs none."""
     firm = {one.trial.id for one in judged if one.judgement.passed and not one.judgement.needs}
     return [
         replace(one, counts=one.judgement.passed and (not one.judgement.needs or bool(firm & {*one.judgement.needs})))
@@ -303,7 +324,7 @@ def titles_of(plan: Plan) -> list[str]:
 
 
 def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
-    """Returns one finding for each trial, then one that asks for a review if the kind wants one."""
+    """Returns one finding for each trial, and one that asks for a review if a judgement does."""
     scale = question.points / sum(one.trial.points for one in judged)
     findings = [finding_of(one, title, one.trial.points * scale) for title, one in zip(titles, judged, strict=True)]
     reviews = dict.fromkeys(one.judgement.review for one in judged if one.judgement.review)
@@ -331,13 +352,13 @@ def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
 
 
 def message_of(judged: AnyJudged) -> str:
-    """Returns the sentence that holds no numbers."""
+    """Returns the message of the finding: `unmet` where the trial passed but does not count."""
     judgement = judged.judgement
     return judgement.unmet if judgement.passed and not judged.counts else judgement.message
 
 
 def diagnosis_of(kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]) -> str | None:
-    """Returns the mistake's name, else the hint of the first case that failed, else what its finding says.
+    """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding.
 
     `whole` are the trials that did not raise. Details are left out, so that the diagnosis does not depend on the seed.
     """

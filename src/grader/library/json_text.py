@@ -45,13 +45,6 @@ def _inside(item: dict[str, Any] | list[Any]) -> Iterable[Any]:
     return item.values() if isinstance(item, dict) else item
 
 
-def without_remarks(value: Any) -> Any:
-    """The value without keys that begin with `x-`, at any depth."""
-    if isinstance(value, dict):
-        return {name: without_remarks(item) for name, item in value.items() if not name.startswith("x-")}
-    return [without_remarks(item) for item in value] if isinstance(value, list) else value
-
-
 def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
     """Faults for repeated keys, and for numbers and texts that JSON cannot represent, at any depth."""
     if isinstance(value, JsonObject):

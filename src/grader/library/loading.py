@@ -20,7 +20,7 @@ from grader.library.snapshot import Library, digest_of
 
 @dataclass
 class _Loading:
-    """What has been read so far, with its faults and warnings; `compiled` are the models that MuJoCo accepts."""
+    """The files read so far, with faults and warnings; `compiled` are the models that MuJoCo accepts."""
 
     root: Path
     faults: list[Fault] = field(default_factory=list)
@@ -104,7 +104,7 @@ def _load_quiz(loading: _Loading, file: str) -> None:
 
 
 def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
-    """The text of a file that an exercise names, which is also kept in `texts`. Raises NotFound."""
+    """Return the text of a file that an exercise names, and keep it in `texts`. Raises NotFound."""
     text = read_text(root, path, SOURCE_BYTES_MAX)
     if isinstance(text, Fault):
         raise NotFound(f"{path!r} {text.why}")

@@ -17,11 +17,11 @@ CURES = {
     "texture": "take a `builtin` texture",
     "model": "write its bodies here",
 }
-"""How to do without another file, by element."""
+"""The cure for an element that refers to another file."""
 
 
 def _outside_files(xml: str) -> Iterator[tuple[str, str]]:
-    """The elements of an MJCF text that are read from other files, each with the way to avoid it.
+    """Yield the elements of an MJCF text that refer to other files, each with the cure.
 
     MuJoCo would look for such a file in the working directory, and follow any path. Source: the XML reference; all
     attributes that name files begin with `file` (`fileup`, ...; `filename` in URDF). Raises ET.ParseError.

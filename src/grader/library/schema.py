@@ -1,16 +1,15 @@
 """Validates parsed JSON as a Quiz, and explains each fault to its author."""
 
-import difflib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
 from grader.domain import verify
 from grader.domain.lab import Button, IntegratorsLab, Lab, LabConfig, Plot, PlotTrace, Readout, Select, SimLab, Slider
+from grader.domain.misread import misread, without_remarks
 from grader.domain.policy import Late, Policy
 from grader.domain.quiz import (
     ChoiceQuestion,
@@ -24,7 +23,7 @@ from grader.domain.quiz import (
 from grader.domain.rubric import RubricItem
 from grader.domain.run import Limits
 from grader.errors import Fault
-from grader.library.json_text import JsonObject, dotted, without_remarks
+from grader.library.json_text import JsonObject, dotted
 
 QUIZ = TypeAdapter[Quiz](Quiz)
 QUESTION = TypeAdapter[Question](Question)
@@ -90,7 +89,7 @@ def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
 
 
 def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The quiz without its lists, every question and every lab, each with the key that its faults begin with."""
+    """Yield the quiz without its lists, every question and every lab, each with the key that begins its faults."""
     yield "", _without_lists(raw)
     yield from _named_questions(raw)
     yield from _named_labs(raw)
@@ -118,7 +117,7 @@ def _named_questions(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _named_labs(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Every lab with the key that its faults begin with: its id, or its place in the list."""
+    """Yield every lab with the key that begins its faults: its id, or its place in the list."""
     for index, item in enumerate(_list(raw, "labs")):
         named = isinstance(item, dict) and isinstance(item.get("id"), str)
         yield (item["id"] if named else f"labs.{index}"), item
@@ -145,49 +144,13 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
-            for detail in error.errors(include_url=False):
-                where = dotted(key, *_place(detail, item))
-                faults.setdefault(where, Fault(file, where, _explained(detail)))
+            for place, why in misread(error, item, _known_keys, CHOICES):
+                where = dotted(key, *place)
+                faults.setdefault(where, Fault(file, where, why))
     return parts, list(faults.values())
 
 
-def _place(detail: ErrorDetails, item: Any) -> Iterator[str | int]:
-    """The location of an error in the JSON: pydantic's, without the names of the classes that it tried."""
-    for step in detail["loc"]:
-        inside = item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ()
-        is_there = step in inside
-        if is_there:
-            item = item[step]
-        if is_there or (detail["type"] == "missing" and step == detail["loc"][-1]):
-            yield step
-    if detail["type"].startswith("union_tag") and isinstance(item, dict):
-        yield detail["ctx"]["discriminator"].strip("'") if "controls" not in detail["loc"] else "type"
-
-
-def _explained(detail: ErrorDetails) -> str:
-    """What is wrong, and how to correct it."""
-    match detail["type"]:
-        case "missing":
-            return "is missing: add it"
-        case "extra_forbidden":
-            steps = [step for step in detail["loc"] if isinstance(step, str)]
-            return f"unknown key: {_suggestion(steps)}remove it, or begin it with x-"
-        case "union_tag_not_found":
-            name = detail["ctx"]["discriminator"].strip("'")
-            near = difflib.get_close_matches(name, map(str, detail["input"]), n=1, cutoff=0.7)
-            return f"is missing: {f'rename {near[0]!r}' if near else 'add it'} ({CHOICES.get(name, '')})"
-        case "union_tag_invalid":
-            return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
-        case "option_index":
-            return detail["msg"]
-    message = detail["msg"].replace("Input should", "must").replace("String should", "must")
-    given = detail["input"]
-    return f"{message}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else message
-
-
-def _suggestion(steps: list[str]) -> str:
-    """Advice to write the known key that is most like the unknown one."""
-    known: Iterable[str] = (PARTS[steps[-2]] if len(steps) > 1 and steps[-2] in PARTS else Quiz).model_fields
-    near = difflib.get_close_matches(steps[-1], known, n=1)
-    near = near or [name for name in known if len(name) > 2 and steps[-1].startswith(name)][:1]
-    return f"write {near[0]!r}, or " if near else ""
+def _known_keys(steps: Sequence[str]) -> Iterable[str]:
+    """The keys of the part that holds a key, by the names in pydantic's location of the key."""
+    part = PARTS[steps[-2]] if len(steps) > 1 and steps[-2] in PARTS else Quiz
+    return part.model_fields

@@ -1,4 +1,4 @@
-"""Checks that a schema cannot make: models exist, starters define their entry, labs run, exercises can be planned."""
+"""Checks beyond the schema: models exist, starters define their entry, labs run, exercises can be planned."""
 
 import ast
 import re
@@ -25,7 +25,7 @@ DOLLAR = re.compile(r"(?<!\\)\$")
 
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:
-    """A fault for every model that a question or lab names and that is not in models/."""
+    """Yield a fault for every model that a question or lab names and that is not in models/."""
     for at, name in named_models(raw, key):
         if name not in models:
             yield Fault(file, at, f"there is no models/{name}.xml: take one of {', '.join(sorted(models))}")
@@ -77,7 +77,7 @@ def _top_level_names(source: str) -> set[str]:
 
 
 def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
-    """A warning for every text with an odd number of dollar signs."""
+    """Yield a warning for every text with an odd number of dollar signs."""
     for at, text in _prose(raw, key):
         if len(DOLLAR.findall(text)) % 2:
             yield Fault(file, at, "an odd number of $ signs: TeX stands between two; write \\$ for a dollar")
@@ -109,7 +109,7 @@ def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
 def semantic_faults(
     parts: Iterable[Question | Lab], models: Mapping[str, str], text_of: TextOf, file: str
 ) -> Iterator[Fault]:
-    """Faults of questions and labs that use only the `models`, which compile; the others have a fault already."""
+    """Yield faults of the questions and labs whose models are all in `models`, which compile."""
     for part in parts:
         for fault in _part_faults(part, models, text_of, file):
             yield replace(fault, file=file, why=" ".join(fault.why.split()))

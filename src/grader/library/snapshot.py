@@ -67,7 +67,7 @@ class Library:
         return self.starters[question.starter]
 
     def digest(self, quiz_id: str) -> str:
-        """sha256 of what a verdict on this quiz depends on: its file, all models, its starters, the files it names.
+        """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files.
 
         Raises NotFound.
         """
@@ -76,7 +76,7 @@ class Library:
 
 
 def digest_of(*texts: Mapping[str, str]) -> str:
-    """sha256 over named texts in order of name, each preceded by its length so that boundaries count."""
+    """Return the sha256 of named texts in order of name, each preceded by its length."""
     digest = hashlib.sha256()
     for named in texts:
         for name, text in sorted(named.items()):

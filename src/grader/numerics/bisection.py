@@ -205,7 +205,7 @@ def _windows(search: _Search, grid: list[float], above_s: float, width_s: float)
 
 
 def _outwards(guess_s: float, width_s: float, low_s: float, high_s: float) -> Iterator[float]:
-    """Pairs of timesteps on either side of a guess, each four times farther away, as far as the bracket is wide."""
+    """Yield pairs of timesteps around a guess, each pair four times farther away, up to the width of the bracket."""
     reach = max(0.49 * width_s, GUESS_ERROR * guess_s)
     while reach < high_s - low_s:
         yield guess_s - reach

@@ -12,11 +12,11 @@ from scipy import special  # scipy.stats would double the time that the command 
 from grader.numerics.scene import Scene, Vector
 
 TIME_SLACK_S = 1e-9
-"""Sums of timesteps drift by rounding; times that differ by more are different times."""
+"""Rounding of sums of timesteps; times that differ by more are different times."""
 
 
 class TimeSeries(Protocol):
-    """What a Rollout and a Reference have in common."""
+    """The fields that a Rollout and a Reference share."""
 
     @property
     def time(self) -> Vector: ...  # noqa: D102
@@ -35,7 +35,7 @@ class Distance:
 
 
 def distance(scene: Scene, one: TimeSeries, other: TimeSeries) -> Distance:
-    """The largest difference at any kept time; inf if one run ended earlier or is not finite.
+    """Return the largest difference at any kept time; inf if one run ended earlier or is not finite.
 
     Raises ValueError if the runs are kept at different times.
     """

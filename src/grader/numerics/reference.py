@@ -23,10 +23,13 @@ RTOL = 3e-14
 ATOL = 1e-15
 
 TIMESTEP_S = 1e-15
-"""Timestep of the model in use: an actuator with `actearly` would act on the activation one timestep ahead."""
+"""Timestep [s] of the model: tiny, as an actuator with `actearly` acts on the activation one timestep ahead."""
 
 EVALUATIONS_MAX = 500_000
-"""About 4 s. Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000."""
+"""Most evaluations of the right-hand side, about 4 s.
+
+Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000.
+"""
 
 CHECK_INTERVAL = 16
 """Evaluations between two checks of count and rates; a check at every evaluation would cost 5 %."""
@@ -74,7 +77,7 @@ def dop853(
 
 
 def unreferenced(scene: Scene) -> str | None:
-    """What prevents the scene's equations from being smooth functions of its state alone, or None."""
+    """Return what prevents the scene's equations from being smooth functions of its state alone, or None."""
     model, needed = scene.model, {need.part for need in scene.needs if need.needed}
     if "everything" in needed:
         return "plug-ins and sleeping bodies"

@@ -122,7 +122,7 @@ def _slope(data: mujoco.MjData) -> Vector:
 
 
 def _rest(data: mujoco.MjData) -> Vector:
-    """The state but the positions: velocities and activations, (nv + na,)."""
+    """Return the state without the positions: velocities and activations, (nv + na,)."""
     return np.concatenate((data.qvel, data.act))
 
 
@@ -134,7 +134,7 @@ def _set_rest(data: mujoco.MjData, rest: Vector) -> None:
 
 
 def _added(total: Vector, part: Vector, scale: float) -> Vector:
-    """total + part * scale by MuJoCo's own routine, so that both round alike."""
+    """Return total + part * scale, computed by MuJoCo's own routine for the same rounding."""
     result = total.copy()
     mujoco.mju_addToScl(result, part, scale)
     return result
@@ -180,7 +180,7 @@ def _to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> Non
 
 
 def _bortz(angle: float) -> float:
-    """(1 - (a/2) cot(a/2)) / a^2, by its series for small angles, where this form cancels."""
+    """Return (1 - (a/2) cot(a/2)) / a^2; for small angles by its series, as the closed form cancels."""
     if angle < 1e-2:
         return 1 / 12 + angle**2 / 720 + angle**4 / 30240
     half = 0.5 * angle

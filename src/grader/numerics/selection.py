@@ -32,7 +32,7 @@ REFERENCE_SHARE = 0.1
 """The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
 
 FINEST = 4
-"""Where DOP853 cannot be used, the reference takes steps this many times shorter than the finest candidate's."""
+"""Where DOP853 cannot be used: the finest candidate's timestep over that of the reference."""
 
 Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
 

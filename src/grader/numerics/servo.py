@@ -37,7 +37,7 @@ class Servo:
     def euler_s(self) -> float:
         """Euler, damper explicit: h^2 K + 2 h c < 4 I [s]."""
         I, K, c = self.inertia, self.stiffness, self.kv
-        return 4 * I / (sqrt(c * c + 4 * I * K) + c)  # the root as it does not cancel
+        return 4 * I / (sqrt(c * c + 4 * I * K) + c)  # this form of the root does not cancel
 
     @property
     def implicit_s(self) -> float:

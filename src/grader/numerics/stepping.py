@@ -85,7 +85,7 @@ def advance_by(controller: Controller | None, stepper: Stepper | None) -> Callab
 
 
 def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
-    """Step through automatic resets until `kind` is counted, as a script that reads only this counter does."""
+    """Step through automatic resets until `kind` is counted, like a script that reads only this counter."""
 
     def advance(workspace: Workspace, steps: int) -> int:
         model, data, counts = workspace.model, workspace.data, workspace.counts

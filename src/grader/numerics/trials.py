@@ -15,13 +15,13 @@ from grader.numerics.stepping import STEPS_MAX, advance_coarsely, advance_counti
 from grader.numerics.workspace import Workspace
 
 STEPS_MIN = 16
-"""Fewer steps are too few for a divergence to raise a warning; the run is then extended to STEPS_EXTENDED."""
+"""The fewest steps in which a divergence raises a warning; a shorter run is extended to STEPS_EXTENDED."""
 
 STEPS_EXTENDED = 64
 """Growth by 1.44 per step reaches mjMAXVAL = 1e10 within this many steps."""
 
 DECAYED = 1e-10
-"""A run is stable without a look at linear growth if the motion of every joint decayed to this share of the first.
+"""A run in which the motion of every joint decays to this share of the first is stable; linear growth is not checked.
 
 Source: the lesson's damper leaves 1e-14 after 3 s. MuJoCo rejects a start beyond 1e10, so that less than 1 rad/s2 or
 m/s2 remains in any case.
@@ -116,7 +116,7 @@ def _run(scene: Scene, workspace: Workspace, steps: int, criterion: Criterion) -
     data = workspace.data
     origin = data.qpos.tobytes()
     if advance(workspace, 1) < 1:
-        return Stability.UNDECIDED, "MuJoCo warns of the start itself, whatever the timestep"
+        return Stability.UNDECIDED, "MuJoCo warns of the start itself, at every timestep"
     first = data.qacc.tolist(), data.qvel.tolist()
     if advance(workspace, steps - 1) < steps - 1:
         return Stability.UNSTABLE, f"a warning within {steps} steps"

@@ -12,7 +12,7 @@ IGNORED = ("geom_", "site_", "cam_", "light_", "sensor_", "mesh_", "mat_", "tex_
 """Prefixes of the arrays of MjModel that may differ: the removed elements, with their names and search trees."""
 
 DERIVED = ("body_geom", "body_bvh", "body_con", "body_margin", "dof_length")
-"""Prefixes of arrays derived from these, which only collisions and sleep use."""
+"""Prefixes of arrays derived from those, which only collisions and sleep use."""
 
 
 def without_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
@@ -36,7 +36,7 @@ def visual_count(model: mujoco.MjModel) -> int:
 
 
 def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether all numbers on which the motion may depend are bitwise the same."""
+    """Whether all numbers on which the motion may depend are bitwise equal."""
     state = mujoco.mjtState.mjSTATE_INTEGRATION
     if mujoco.mj_stateSize(model, state) != mujoco.mj_stateSize(other, state):
         return False

@@ -12,7 +12,7 @@ DESCRIPTORS = [0, 1, 2, 3, 4]  # /dev/null, stdout, stderr, results, job
 
 
 def proc(name: str) -> str:
-    """Read a file of /proc. Not by pathlib, which interns every part of a path and would keep every pid in memory."""
+    """Read a file of /proc; without pathlib, which would keep every pid in memory, as it interns the parts of paths."""
     with open(f"/proc/{name}") as file:  # noqa: PTH123
         return file.read()
 
@@ -31,8 +31,8 @@ def namespaces(pid: int) -> dict[str, str]:
 def missing(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
     """List the locks that the child lacks; none may be missing when it receives a script.
 
-    `probed` is what the child itself found, before any script is in it, where nothing can be seen from outside;
-    `zygote` the namespaces of the zygote (None in tier T2); `uid` the user it must run as.
+    `probed` is what the child itself reported before any script was in it; `zygote` holds the namespaces of the zygote
+    (None in tier T2); `uid` is the user that it must run as.
     """
     lines = proc(f"{pid}/status").splitlines()
     status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
@@ -59,7 +59,7 @@ def check(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None,
     """Refuse a child that lacks a lock.
 
     Raises:
-        JailFault: naming what is missing.
+        JailFault: a lock is missing; the text names it.
     """
     try:
         faults = missing(pid, probed, zygote, uid)

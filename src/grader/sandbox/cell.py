@@ -1,4 +1,4 @@
-"""The bubblewrap cell around the zygote: finds what of this machine the cell needs, and builds its command."""
+"""Finds the files that the bubblewrap cell around the zygote needs, and builds the command of the cell."""
 
 import importlib.util
 import os
@@ -22,18 +22,18 @@ ISOLATED = ("-P", "-s", "-S", "-B")
 
 @dataclass(frozen=True)
 class Runtime:
-    """What the cell needs of this machine to run the interpreter of this process."""
+    """The files that the cell needs to run the interpreter of this process."""
 
     executable: Path
     binds: tuple[Path, ...]  # files and folders, readable
     links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr
     packages: tuple[Path, ...]  # folders for sys.path
-    private: tuple[Path, ...] = ()  # lies among the packages and is not for scripts: covered up in the cell
+    private: tuple[Path, ...] = ()  # among the packages, but not for scripts: hidden in the cell
     library: Path | None = None  # MuJoCo's: the zygote loads it, and no script may map it again
 
     @property
     def readable(self) -> tuple[Path, ...]:
-        """What a script may read of the runtime: everything that is bound, except what is private and the library."""
+        """Return what a script may read: everything that is bound, except private files and the library."""
         hidden = {*self.private, *([self.library] if self.library else [])}
         return tuple(entry for path in self.binds for entry in _without(path, hidden))
 
@@ -58,10 +58,10 @@ def discover() -> Runtime:
 
 
 def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
-    """The command that starts the zygote in its cell.
+    """Return the command that starts the zygote in its cell.
 
-    As root there is no user namespace around the cell: the zygote becomes the user nobody, for which it gets two
-    capabilities and no others.
+    As root the cell has no user namespace: the zygote becomes the user nobody, and gets the two capabilities that this
+    takes.
 
     Raises:
         JailRefused: bubblewrap is not installed.
@@ -95,7 +95,7 @@ def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> li
 
 
 def interpreter(runtime: Runtime, folder: str, control: int) -> list[str]:
-    """The zygote's own command; `folder` holds the package `inside`."""
+    """Return the command of the zygote itself; `folder` holds the package `inside`."""
     paths = [folder, *map(str, runtime.packages)]
     code = f"import sys; sys.path += {paths!r}; from inside import zygote; zygote.main()"
     return [str(runtime.executable), *ISOLATED, "-c", code, str(control)]
@@ -130,7 +130,7 @@ def _zone_data() -> list[Path]:
 
 
 def _outermost(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Leave out what lies under another path; the order is that of binding."""
+    """Leave out paths under other paths; keep the order, in which they are bound."""
     unique = sorted(set(paths))
     return tuple(p for p in unique if not any(p != other and p.is_relative_to(other) for other in unique))
 
@@ -141,13 +141,13 @@ def _parents(paths: Iterable[Path]) -> list[Path]:
 
 
 def _private(packages: Path) -> list[Path]:
-    """Our own package, and the files in which an installer wrote where packages came from."""
+    """Find the grader's own package, and the files in which installers note where packages came from."""
     notes = [*packages.glob("*.pth"), *packages.glob("__editable__*"), *packages.glob("*.dist-info/direct_url.json")]
     return [*([OURS] if OURS.is_relative_to(packages) else []), *notes]
 
 
 def _without(path: Path, hidden: Collection[Path]) -> list[Path]:
-    """The path itself, or, where something hidden lies beneath it, its entries without that."""
+    """Return the path itself; if hidden files lie beneath it, its entries without them."""
     if path in hidden:
         return []
     if not any(other.is_relative_to(path) for other in hidden):

@@ -1,7 +1,7 @@
 """Limits memory and processes of one child where cgroup v2 has been delegated to this service (tier T0).
 
-Used only where an administrator has made it ready, as systemd does with `Delegate=yes` and `DelegateSubgroup=`: we
-run in a leaf whose parent is ours and holds no process of its own. Nothing is ever moved that is not a child.
+Used only where an administrator has delegated a cgroup, as systemd does with `Delegate=yes` and `DelegateSubgroup=`:
+the service runs in a leaf whose parent it owns and which holds no process. Only children are ever moved.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ class Group:
         (self.path / "memory.max").write_text(str(memory_bytes + CGROUP_MEMORY_EXTRA))
 
     def ran_out(self) -> bool:
-        """Tell whether the kernel ended a process of this group because its memory was used up."""
+        """Whether the kernel ended a process of this group for lack of memory."""
         rows = dict(row.split() for row in (self.path / "memory.events").read_text().splitlines())
         return int(rows.get("oom_kill", 0)) > 0
 
@@ -45,14 +45,14 @@ class Group:
                 self.path.rmdir()
             except FileNotFoundError:
                 return
-            except OSError:  # the dead have not left yet
+            except OSError:  # dead processes have not left the group yet
                 time.sleep(0.001)
             else:
                 return
 
 
 def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Callable[[int], Group] | None:
-    """A function that puts a process into a new group; None where nothing is delegated."""
+    """Return a function that puts a process into a new group; None where no cgroup is delegated."""
     parent = _parent(own, root)
     if parent is None:
         return None

@@ -1,4 +1,4 @@
-"""Makes what a script printed safe to show: without terminal commands, invisible or reordering characters."""
+"""Makes a script's output safe to show: removes terminal commands, invisible and reordering characters."""
 
 import re
 import unicodedata

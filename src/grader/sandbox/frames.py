@@ -1,4 +1,4 @@
-"""Parses what the student's process sends back: named arrays of numbers, then one frame on how it ended.
+"""Parses the message of the student's process: named arrays of numbers, then one frame that says how it ended.
 
     want   "W"                                                         asks for the next part of the job
     array  "A"  length u8, name  dtype code  ndim u8, shape u32 each  length u32, payload
@@ -35,9 +35,9 @@ class Malformed(ValueError):
 
 @dataclass(frozen=True)
 class Message:
-    """All that a script sent: a claim. `end` is None when the message was cut short.
+    """Everything that a script sent, which is a claim. `end` is None if the message was cut short.
 
-    `hidden` are the arrays that came after the hidden inputs had been asked for.
+    `hidden` holds the arrays that arrived after the request for the hidden inputs.
     """
 
     results: Mapping[str, NDArray[np.generic]]
@@ -86,7 +86,7 @@ class Wants:
 
 
 def _frame_size(data: bytes | bytearray, at: int) -> int | None:
-    """The size of the want or array frame at `at` [bytes]; None where it is another, or not yet known."""
+    """Return the size [bytes] of the want or array frame at `at`; None if it is another, or has not wholly arrived."""
     if data[at] == WANT[0]:
         return 1
     if data[at] != ord("A"):

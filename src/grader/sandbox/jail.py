@@ -1,4 +1,4 @@
-"""The jail's interface: `Jail.run(job)`, and the tier that this machine can hold."""
+"""The interface of the jail: `Jail.run(job)`, and the tier that this machine allows."""
 
 import json
 import os
@@ -26,7 +26,7 @@ TRIES = 8
 
 
 class Tier(StrEnum):
-    """How much of the jail this machine can hold: found at start, never lowered while running."""
+    """The layers of the jail that this machine allows: found at start, never lowered while running."""
 
     T0 = "T0"  # every layer
     T1 = "T1"  # without a delegated cgroup
@@ -41,7 +41,7 @@ class Jail:
     `inside`: the folder of the code that runs in the cell; another one only in tests.
 
     Raises:
-        JailRefused: this machine cannot hold the jail, or the self-test found a hole.
+        JailRefused: this machine does not allow the jail, or the self-test found a hole.
     """
 
     tier: Tier
@@ -72,7 +72,7 @@ class Jail:
             try:
                 self.self_test = selftest.run(self.run, lambda: self.keeps_integrators)
                 return
-            except JailRefused:  # a hole: no lower tier will do instead
+            except JailRefused:  # a hole: a lower tier would have it too
                 self.close()
                 raise
             except JailFault as fault:
@@ -84,12 +84,12 @@ class Jail:
         """Run one script to its end; blocks, and waits for a place when all are taken.
 
         Raises:
-            JailFault: the jail broke, not the script; worth one more try.
+            JailFault: the jail failed, not the script; try again.
         """
         if len(job.source) > SOURCE_BYTES_MAX:
             return RunReport(RunStatus.CRASHED, f"The script is larger than {SOURCE_BYTES_MAX // 1024} KB.")
         if not self._places.acquire(timeout=QUEUE_S_MAX):
-            raise JailFault("The jail had no room in time.")
+            raise JailFault("No place in the jail became free in time.")
         try:
             return self._run(job)
         finally:
@@ -114,7 +114,7 @@ class Jail:
             self._pool.give_back(child)
 
     def _limited_child(self, limits: Limits) -> Child:
-        """Give a spare this job's limits; one that broke while it waited has seen no script, so the next is taken."""
+        """Return a spare with this job's limits; a spare that died while it waited is replaced by the next."""
         for _ in range(TRIES):
             child = self._pool.take(CHILD_S_MAX)
             try:
@@ -127,12 +127,12 @@ class Jail:
 
     @property
     def keeps_integrators(self) -> str:
-        """Why MuJoCo's integrators cannot be removed from a job on this machine; empty where they can."""
+        """The reason why MuJoCo's integrators cannot be removed on this machine; empty where they can."""
         return self._pool.keeps_integrators
 
     @property
     def restarts(self) -> int:
-        """How often the zygote was started again because it had died."""
+        """The number of times that a dead zygote was replaced."""
         return self._pool.restarts
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Keeps children ready: one thread owns the zygote, refills, recycles and restarts it."""
+"""Keeps children ready: one thread owns the zygote, makes its children, and replaces it when it is worn out or dead."""
 
 import threading
 import time
@@ -13,7 +13,7 @@ RETRIES = 3
 
 
 class Pool:
-    """Holds a zygote and its spare children. One long-lived thread keeps them, as the cell dies with its thread.
+    """Holds a zygote and its spare children. They belong to one long-lived thread, as the cell dies with its thread.
 
     Raises:
         JailFault: the first zygote does not start.
@@ -52,10 +52,10 @@ class Pool:
                 if self._fault is not None:
                     raise JailFault(str(self._fault))
                 if not self._change.wait(max(0.0, deadline - time.monotonic())):
-                    raise JailFault("The jail had no room in time.")
+                    raise JailFault("No place in the jail became free in time.")
 
     def give_back(self, child: Child) -> None:
-        """Close a child that has died and has been read."""
+        """Close a dead child whose pipes have been read."""
         child.close()
         with self._change:
             self._change.notify_all()
@@ -74,7 +74,7 @@ class Pool:
                 self._change.wait_for(self._needed, timeout=1.0)
                 if self._closing:
                     break
-            self._bury()
+            self._drop_retired()
             try:
                 zygote = self._living()
                 child = zygote.child() if self._lacking() else None
@@ -98,7 +98,7 @@ class Pool:
         return len(self._ready) < self._spares
 
     def _living(self) -> Zygote:
-        """The zygote in use: a new one when it has died or has made enough children."""
+        """Return the zygote in use; start a new one when it has died or has made enough children."""
         if self._zygote is not None and not self._zygote.alive():
             self.restarts += 1
             self._retire()
@@ -114,7 +114,7 @@ class Pool:
             self._retired.append(self._zygote)
             self._zygote = None
 
-    def _bury(self) -> None:
+    def _drop_retired(self) -> None:
         """End retired zygotes whose last child is gone, and drop spares that died with theirs."""
         with self._change:
             living = deque(child for child in self._ready if child.alive())

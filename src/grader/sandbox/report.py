@@ -1,4 +1,4 @@
-"""Turns the ending of a run into a RunReport; evidence from outside comes before what the script claims."""
+"""Turns the ending of a run into a RunReport. Evidence from outside outranks the claims of the script."""
 
 import os
 import signal
@@ -10,13 +10,13 @@ from grader.sandbox.frames import Malformed, Message, parse
 from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
 from grader.sandbox.watch import Cause, Ending
 
-# For an end without a reason from the script's own process.
+# Reasons for an end that the script's process does not explain.
 SILENT = {
     RunStatus.CRASHED: "The script ended with an error.",
     RunStatus.FORBIDDEN: "The script did something that scripts may not do.",
     RunStatus.OUT_OF_MEMORY: "The script ran out of memory.",
 }
-# An unexplained SIGKILL from this share of the CPU limit on is the limit's.
+# An unexplained SIGKILL counts as the CPU limit once this share of it is used.
 NEARLY = 0.9
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
 
@@ -55,12 +55,12 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
         return RunStatus.CRASHED, f"The results that the script sent back cannot be used: {error}.", None
     if message.end is None or code != 0:
         return RunStatus.CRASHED, f"The script ended its own process (exit code {code}) before it was graded.", None
-    reason = "" if ending.hidden_sent else message.reason  # it may tell of the hidden inputs
+    reason = "" if ending.hidden_sent else message.reason  # it may reveal hidden inputs
     return message.end, reason or SILENT.get(message.end, ""), message
 
 
 def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
-    """The status where the supervisor ended it, or the kernel did at a limit; None where it ended by itself."""
+    """Return the status of a run that the supervisor, or the kernel at a limit, ended; None if it ended by itself."""
     if ending.oom_killed:
         return RunStatus.OUT_OF_MEMORY, SILENT[RunStatus.OUT_OF_MEMORY]
     killed = os.WIFSIGNALED(ending.wait_status) and os.WTERMSIG(ending.wait_status) == signal.SIGKILL

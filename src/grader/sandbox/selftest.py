@@ -1,4 +1,4 @@
-"""Attacks that must fail before the first student's script is let in."""
+"""Runs attacks, which must all fail before the jail takes a student's script."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -64,11 +64,11 @@ class SelfTest:
 def run(play: Callable[[Job], RunReport], keeps_integrators: Callable[[], str]) -> SelfTest:
     """Run every attack, and one honest script.
 
-    `keeps_integrators` gives, once a job has run, the reason why MuJoCo's integrators cannot be removed here.
-    Where it is empty, a script must be able to step while it is imported, and must not be able to afterwards.
+    `keeps_integrators` returns, after a job, the reason why MuJoCo's integrators cannot be removed here. If it is
+    empty, a script must be able to step while it is imported, but not afterwards.
 
     Raises:
-        JailRefused: naming what got through.
+        JailRefused: an attack succeeded; the text names it.
     """
     honest = play(Job("import mujoco, numpy as np\nx = np.arange(3.0)", DRIVER, {}, LIMITS))
     if honest.status is not RunStatus.RETURNED:

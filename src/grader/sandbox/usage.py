@@ -1,4 +1,4 @@
-"""What a child uses, read from outside while it runs: CPU time, time spent waiting, memory.
+"""Measures a running child from outside: CPU time, waiting time, memory.
 
 A child is one process (the filter refuses others), but its main thread may end before the rest. So CPU time comes from
 the clock of the whole process, which counts threads that have ended, and everything else from its living threads.
@@ -16,14 +16,14 @@ PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 @dataclass(frozen=True)
 class Thread:
-    """One living thread: how long it has worked or waited for a core [s], and the process's private memory."""
+    """One living thread: time in which it worked or waited for a core [s], and the private memory of its process."""
 
     wanted_s: float
     private_bytes: int
 
 
 class Usage:
-    """What a process has used since this object was made; `refresh` reads it again."""
+    """The use of a process since this object was made; `refresh` reads it again."""
 
     def __init__(self, pid: int) -> None:
         self._pid = pid
@@ -35,8 +35,8 @@ class Usage:
     def refresh(self) -> None:
         """Read the clocks.
 
-        Wall time in which some thread worked, or was ready to and had no core, is the machine's and not counted as
-        waited. (What a hypervisor takes away cannot be told from waiting.)
+        Time in which a thread worked, or was ready but had no core, does not count as waiting. Time that a hypervisor
+        takes away does: it cannot be distinguished.
         """
         now = time.monotonic()
         clock_s = cpu_clock_s(self._pid)

@@ -54,12 +54,12 @@ class Ending:
 
 
 class Watch:
-    """Feeds one job to a child and stays until the child is dead.
+    """Sends one job to a child, and watches it until it is dead.
 
     `parts` are the job, its inputs and, if there are any, its hidden inputs. The job is sent at once, each further part
     when the child asks for it. The inputs of a job `without_integrators` are sent after these have been removed: a
-    script that knew its inputs earlier could still step them. Before the hidden inputs are sent, what was printed is
-    read; what is printed after that is not kept, as it may tell of them.
+    script that knew its inputs earlier could still step them. The output is read before the hidden inputs are sent;
+    output after that is dropped, as it may reveal them.
     """
 
     def __init__(self, child: Child, limits: Limits, parts: Sequence[bytes], *, without_integrators: bool) -> None:
@@ -81,7 +81,7 @@ class Watch:
         self._selector = selectors.PollSelector()
 
     def run(self) -> Ending:
-        """Block until the child is gone and everything it wrote is read.
+        """Block until the child is dead and its output is read.
 
         Raises:
             JailFault: it cannot be killed, or the keeper that must tell how it ended is gone.
@@ -95,7 +95,7 @@ class Watch:
             self._until_dead()
             self._drain()
         wall_s = self._usage.wall_s
-        last = self._last_word()
+        last = self._final_report()
         killed = os.WIFSIGNALED(last["ended"]) and os.WTERMSIG(last["ended"]) == signal.SIGKILL
         oom_killed = (child.group is not None and child.group.ran_out()) or (
             killed and self._cause is None and machine_oom_kills() > killed_before
@@ -123,12 +123,12 @@ class Watch:
                 if key.fd == self._child.job:
                     self._feed()
                 elif key.fd == self._child.status.fileno():
-                    self._hear()
+                    self._read_keeper()
                 else:
                     self._take(key.fd)
 
     def _patience(self) -> float:
-        """Time to wait before the limits are checked again [s]; CPU time passes faster by the number of cores."""
+        """Return the time until the next check of the limits [s]; CPU time may pass faster by the number of cores."""
         if self._cause is not None:
             return 1.0
         wall_left = self._limits.wall_s - self._usage.waited_s
@@ -166,7 +166,7 @@ class Watch:
             self._selector.register(self._child.job, selectors.EVENT_WRITE)
 
     def _answer(self) -> None:
-        """Answer the wants that have arrived: the first with the inputs, the second with the hidden inputs."""
+        """Answer the requests that have arrived: the first with the inputs, the second with the hidden inputs."""
         wants = min(self._wants.scan(self._read[self._child.results]), WANTS_MAX)
         while self._answered < wants:
             self._answered += 1
@@ -180,8 +180,8 @@ class Watch:
                 self._hidden_sent = True
             self._send_next()
 
-    def _hear(self) -> None:
-        """Take a message of the keeper: the integrators are removed, or the child has died."""
+    def _read_keeper(self) -> None:
+        """Read a message of the keeper: the integrators are removed, or the child has died."""
         message = self._child.status.recv(READ_BYTES)
         if message == b"removed":
             self._send_next()
@@ -190,7 +190,7 @@ class Watch:
             self._selector.unregister(self._child.status.fileno())
 
     def _take(self, descriptor: int) -> bool:
-        """Read once; True when there may be more."""
+        """Read once; return True if there may be more."""
         buffer, (cap, cause) = self._read[descriptor], self._caps[descriptor]
         try:
             chunk = os.read(descriptor, READ_BYTES)
@@ -216,8 +216,8 @@ class Watch:
             while self._take(descriptor):
                 pass
 
-    def _last_word(self) -> dict[str, Any]:
-        """What the keeper tells at the end; it never ran a student's code."""
+    def _final_report(self) -> dict[str, Any]:
+        """Return the last message of the keeper, which is trusted: it never ran a student's code."""
         try:
             self._child.status.settimeout(DEATH_S_MAX)
             last: dict[str, Any] = json.loads(self._last or self._child.status.recv(READ_BYTES))

@@ -1,4 +1,4 @@
-"""The supervisor's end of the zygote and of its children: starts the cell, asks for children, ends both."""
+"""Controls the zygote and its children from the supervisor: starts the cell, requests children, ends both."""
 
 import base64
 import contextlib
@@ -26,7 +26,7 @@ CHILD_S_MAX = 20.0
 
 @dataclass(eq=False)
 class Child:
-    """A single-use child as the supervisor holds it: locked down, waiting for its job; -1 is a closed descriptor."""
+    """A single-use child, locked down and waiting for its job; -1 stands for a closed descriptor."""
 
     zygote: "Zygote"
     job: int
@@ -55,11 +55,11 @@ class Child:
         return child, [its_job, its_out, its_err, its_results, its_status.detach()]
 
     def alive(self) -> bool:
-        """Whether it has not ended yet."""
+        """Whether the child still runs."""
         return self.zygote.alive() and not select.select([self.pidfd], [], [], 0)[0]
 
     def limit(self, memory_bytes: int, cpu_s: float) -> None:
-        """Have its keeper set the job's own resource limits.
+        """Let the keeper set the resource limits of the job.
 
         Raises:
             JailFault: the keeper does not, or is gone.
@@ -93,13 +93,13 @@ class Child:
             signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
 
     def hang_up(self) -> None:
-        """Close the job's channel: all of it has been written."""
+        """Close the job's channel, after the whole job has been written."""
         if self.job >= 0:
             os.close(self.job)
             self.job = -1
 
     def close(self) -> None:
-        """End it if need be, and release everything it holds."""
+        """End the child if it still runs, and release its resources."""
         if self not in self.zygote.children:
             return
         self.zygote.children.discard(self)
@@ -225,10 +225,10 @@ class Zygote:
         return self._process.poll() is None
 
     def child(self) -> Child:
-        """A new child, locked down and attested.
+        """Make a child, locked down and attested.
 
         Raises:
-            JailFault: it could not be made, or lacks a lock.
+            JailFault: the child cannot be made, or lacks a lock.
         """
         child, its = Child.open(self)
         self.made += 1

@@ -1,4 +1,4 @@
-"""The table of answer keys on the instructor page: each re-derived by simulation now, or why not."""
+"""Makes the table of answer keys on the instructor page: derives each again by simulation."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ def certificate_rows(library: Library) -> Iterator[dict[str, Any]]:
 
 
 def words(certificate: Certificate | None) -> dict[str, Any]:
-    """A certificate as cells of the table."""
+    """Returns a certificate as cells of the table."""
     if certificate is None:
         return {"state": "not derivable by simulation", "tone": "", "why": "", "remarks": (), "measured": ""}
     return {

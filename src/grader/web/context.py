@@ -1,4 +1,4 @@
-"""What the pages work with: the app's objects, and the user of the browser."""
+"""Gives pages the app's objects and the user of the browser."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,7 +16,7 @@ from grader.web.sessions import SessionCookies
 
 @dataclass(frozen=True)
 class PageContext:
-    """What one app's pages share."""
+    """The objects that all pages of an app share."""
 
     content: Content
     sessions: SessionCookies

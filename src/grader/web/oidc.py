@@ -33,7 +33,7 @@ def begin(request: Request, pages: Pages) -> Response:
 
 @router.get("/callback")
 def finish(request: Request, pages: Pages, code: str = "", state: str = "") -> Response:
-    """Where the provider sends the browser back: opens a session. Raises Unauthorized, Forbidden, NotFound."""
+    """Opens a session for a browser that returns from the provider. Raises Unauthorized, Forbidden, NotFound."""
     provider = provider_of(pages)
     attempt = Attempt.read(request.cookies.get(cookie_name(pages), ""))
     if not code or not secrets.compare_digest(attempt.state.encode(), state.encode()):
@@ -59,7 +59,7 @@ def redirect_uri_of(pages: PageContext, request: Request) -> str:
 
 
 def cookie_name(pages: PageContext) -> str:
-    """Under https, with the prefix that binds the cookie to this host."""
+    """Returns the name; under https with the prefix that binds the cookie to this host."""
     return f"__Host-{COOKIE}" if pages.sessions.secure else COOKIE
 
 

@@ -1,4 +1,4 @@
-"""A quiz as the templates of the student page need it: the student's view with safe HTML."""
+"""Prepares a quiz for the templates of the student page: the student's view with safe HTML."""
 
 import re
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ prose = lru_cache(maxsize=4096)(safe_html)
 
 
 def page_of(library: Library, quiz: Quiz, notices: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """The quiz as the template's variables; `notices` say by question what holds for the learner now."""
+    """Returns the quiz as the template's variables; `notices` are the learner's messages by question."""
     starters = {question.id: library.starter(question) for question in quiz.questions}
     view, notices = student_view(quiz), notices or {}
     return {

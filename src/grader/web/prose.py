@@ -17,10 +17,10 @@ TEX_BUDGET = 10_000
 """Characters of TeX in one text, which take about 20 us each to convert; further formulas are shown as typed."""
 
 FORMULA_COST = 10
-"""What a formula takes of the budget besides its length."""
+"""The part of the budget that a formula takes besides its length."""
 
 TOKEN = re.compile(r"<!--|</?(?P<name>[a-zA-Z][^\s/<>]*)[^<>]{0,2000}>|<|\\\$|\$")
-"""What is not plain text; a `<` alone opens no tag. A tag is short, since HTML5 compares all its attributes."""
+"""A comment, a tag, a lone `<` or a dollar sign. Tags are short, as HTML5 compares all their attributes."""
 
 DISPLAY = re.compile(r"\$\$((?:[^$\\]|\\.)++)\$\$", re.DOTALL)
 INLINE = re.compile(r"\$(?![\s$])((?:[^$\\]|\\.)++)(?<!\s)\$(?!\d)", re.DOTALL)
@@ -29,7 +29,7 @@ INLINE = re.compile(r"\$(?![\s$])((?:[^$\\]|\\.)++)(?<!\s)\$(?!\d)", re.DOTALL)
 COMMENT_END = re.compile("-->")
 
 VERBATIM = {tag: re.compile(rf"</{tag}\s*>", re.IGNORECASE) for tag in ("code", "pre", "kbd", "samp")}
-"""Elements whose dollars are dollars, with their end tags."""
+"""Elements in which a dollar sign opens no formula, with their end tags."""
 
 _MATHML = (
     "math mrow mi mn mo mtext mspace msup msub msubsup mfrac msqrt mroot mover munder munderover mtable mtr mtd "
@@ -83,7 +83,7 @@ def safe_html(prose: str) -> Markup:
 
 
 class _Reader:
-    """Reads a text once, from left to right. A search that finds nothing is not made again further on."""
+    """Reads a text once, from left to right. A search that found nothing is not repeated."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -126,7 +126,7 @@ class _Reader:
         return None
 
     def _tag(self, tag: str, name: str) -> str:
-        """The tag without attributes that would be removed anyway: with them, HTML5 repeats unclosed elements."""
+        """Returns the tag without the attributes that are removed later: HTML5 repeats unclosed elements with them."""
         self.tags -= 1
         if self.tags < 0:
             return html.escape(tag)
@@ -149,7 +149,7 @@ def mathml(tex: str, display: str = "inline") -> str:
     """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
     try:
         return _converted(tex, display)
-    except Exception:  # its errors have no common root, and a typing slip must not take the page down
+    except Exception:  # its errors have no common class, and a typing error must not break the page
         return f"<code>{html.escape(tex)}</code>"
 
 
@@ -164,7 +164,7 @@ def _converted(tex: str, display: str) -> str:
 
 
 class _NoMacros(dict[str, tuple[list[str], int]]):
-    """Refuses definitions: a macro used over and over makes a short formula as long as its author likes."""
+    """Refuses macros: repeated use makes a short formula arbitrarily long."""
 
     def __setitem__(self, name: str, _macro: tuple[list[str], int]) -> None:
         raise ValueError(f"{name}: macros are not supported")

@@ -1,4 +1,4 @@
-"""OpenID Connect: the authorization code flow with PKCE, and the members whom a provider vouches for.
+"""OpenID Connect: the authorization code flow with PKCE, and the members that come from a provider.
 
 Source: OpenID Connect Core 1.0, section 3.1; RFC 7636. Needs the extra `oidc`: Authlib and its HTTP client.
 """
@@ -24,7 +24,7 @@ log = structlog.get_logger()
 LEEWAY_S = 30
 TIMEOUT_S = 10.0
 SIGNATURES = ["RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA"]
-"""Asymmetric algorithms alone: `none` is no signature, and HS256 would take a public key for a secret."""
+"""Accepted algorithms, all asymmetric: `none` is no signature, and HS256 would take a public key for a secret."""
 
 FAILED = "The sign-in could not be finished. Go back and start again."
 
@@ -60,7 +60,7 @@ class Provider:
     course: str
 
     def address(self, attempt: Attempt, redirect_uri: str) -> str:
-        """The address at the provider where the sign-in goes on."""
+        """Returns the address at the provider where the sign-in continues."""
         with self._client(redirect_uri) as client:
             endpoint = self._metadata(client)["authorization_endpoint"]
             url, _ = client.create_authorization_url(
@@ -117,7 +117,7 @@ class Provider:
         )  # fmt: skip
 
     def _metadata(self, client: Any) -> dict[str, Any]:
-        """The provider's metadata. Raises ValueError if it speaks for another issuer."""
+        """Returns the provider's metadata. Raises ValueError if they name another issuer."""
         url = f"{self.issuer.rstrip('/')}/.well-known/openid-configuration"
         metadata: dict[str, Any] = fetched(client, url)
         if metadata.get("issuer") != self.issuer:

@@ -50,7 +50,7 @@ def quiz_page(library: Library, standing: Standing, quiz: Quiz) -> dict[str, Any
 
 @router.get("/instructor")
 def instructor_page(request: Request, pages: Pages, who: Visitor) -> Response:
-    """What is loaded and what was handed in; to anyone but an instructor, how to sign in."""
+    """Shows content and submissions to an instructor, and the sign-in page to others."""
     if who is None or not who.is_instructor:
         return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
     library = pages.library

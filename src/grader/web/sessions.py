@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 class SessionCookies:
     """Finds and ends browser sessions, and writes their cookies.
 
-    `secure` adds what https allows; `anonymous` says whether anyone may begin a session.
+    `secure` adds the attributes that https allows; `anonymous` says whether anyone may begin a session.
     """
 
     database: Database

@@ -26,7 +26,7 @@ from grader.web.rendering import page
 router = APIRouter(include_in_schema=False)
 
 PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
-"""Pages with a code in their address or text are neither stored nor named to other sites."""
+"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
 
 
 @router.post("/session")
@@ -49,7 +49,7 @@ def begin(request: Request, pages: Pages, who: Visitor) -> Response:
 
 @router.get("/signin")
 def show_sign_in(request: Request, pages: Pages, who: Visitor, code: str = "") -> Response:
-    """Tells whom the code signs in, with a button. The code is used by POST alone."""
+    """Shows who the code signs in, and a button. The code is used by POST alone."""
     invited = pages.sessions.reading(lambda session: identity_behind(session, code))
     if invited is None:
         return page(request, "signin.html", 401, PRIVATE, who=who, trouble=SPENT)
@@ -91,7 +91,7 @@ def join_course(pages: Pages, form: Form, request: Request) -> Response:
 
 @router.get("/signout")
 def show_sign_out(request: Request, pages: Pages, who: Visitor) -> Response:
-    """Tells what signing out costs, with the buttons that make a link to come back, and that sign out."""
+    """Shows what signing out loses, and two buttons: one makes a link to come back, one signs out."""
     if who is None:
         return RedirectResponse("/", 303)
     only_here = pages.sessions.reading(lambda session: is_only_in_browser(session, who))

@@ -1,11 +1,16 @@
-"""The `exact-text` kind: the function gets a word and must return it backwards."""
+"""The `exact-text` kind: the function gets a word and must return it backwards.
+
+The smallest whole kind. It shows each method that nearly every kind needs; a larger kind puts parameters, driver,
+judge, mistakes and pictures into files of their own.
+"""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from grader.exercises import Case, DrawnCase, ExerciseParameters, Intervals, Judgement, Kind, Results, Trial
+from grader.exercises import Case, DrawnCase, ExerciseParameters, Intervals, Judged, Judgement, Kind, Results, Trial
 
 DRIVER = """
 import numpy as np
@@ -26,31 +31,39 @@ class WordCase(Case):
 
 
 class WordParameters(ExerciseParameters):
-    """Words alone."""
+    """Cases with words."""
 
     cases: tuple[WordCase, ...] = Field(min_length=1)
 
 
 class ExactText(Kind[WordParameters, str, str]):
-    """Judges words that are returned backwards."""
+    """Judges words that are returned backwards: the problem is the word, the outcome is the student's text."""
 
     parameters = WordParameters
     driver = DRIVER
     needs_model = False
 
-    def trials(self, parameters: WordParameters, drawn: DrawnCase) -> Sequence[Trial[str]]:
+    def trials(self, parameters: WordParameters, drawn: DrawnCase[WordCase]) -> Sequence[Trial[str]]:
         """Returns one call."""
-        case = drawn.case
-        assert isinstance(case, WordCase)
-        word = case.word or "".join(drawn.rng.choice(list(LETTERS), 10))
-        return [Trial(case.id, {"word": word}, word, case, hidden=case.hidden, points=case.points)]
+        word = drawn.case.word or "".join(drawn.rng.choice(list(LETTERS), 10))
+        return [Trial(drawn.case.id, {"word": word}, word)]
 
     def judge(self, parameters: WordParameters, trial: Trial[str], results: Results) -> Judgement[str]:
-        """Compares the text."""
+        """Compares the text; results that the driver never sends count as an empty text."""
         text = results.get("text", np.empty(0, np.uint8)).tobytes().decode(errors="replace")
         right = text == trial.problem[::-1]
         message = "The word is returned backwards." if right else "The word is not returned backwards."
         return Judgement(right, message, text, measured=text, expected=trial.problem[::-1])
+
+    def mistake(self, parameters: WordParameters, judged: Sequence[Judged[str, str]]) -> str | None:
+        """Recognises words that are returned as they are."""
+        wrong = [one for one in judged if not one.judgement.passed]
+        unchanged = all(one.judgement.outcome == one.trial.problem for one in wrong)
+        return "You return the word as it is: reverse the order of its letters." if wrong and unchanged else None
+
+    def pictures(self, parameters: WordParameters, visible: Sequence[Judged[str, str]]) -> dict[str, Any]:
+        """Returns a chart of each word: which letters are right."""
+        return {"charts": [right_letters(one) for one in visible]}
 
     def accepted(self, parameters: WordParameters, trials: Sequence[Trial[str]]) -> Sequence[Intervals]:
         """Returns the place of the word's first letters in the dictionary; places are whole numbers."""
@@ -59,3 +72,16 @@ class ExactText(Kind[WordParameters, str, str]):
         for letter in trial.problem[:LETTERS_COMPARED]:
             place = len(LETTERS) * place + LETTERS.find(letter)
         return [[(place - 0.5, place + 0.5)]]
+
+
+def right_letters(one: Judged[str, str]) -> dict[str, Any]:
+    """Returns 1 for each letter of the text that is right, else 0, against the position of the letter."""
+    right = [int(a == b) for a, b in zip(one.judgement.outcome, one.trial.problem[::-1], strict=False)]
+    series = [{"label": "right (1) or wrong (0)", "x": list(range(1, len(right) + 1)), "y": right, "points": True}]
+    return {
+        "case": one.trial.id,
+        "title": "letters",
+        "x": {"label": "position"},
+        "y": {"label": "right"},
+        "series": series,
+    }

@@ -1,1 +1,1 @@
-"""What runs inside the cell: trusted up to the first byte of the student's source, and importing nothing of ours."""
+"""Runs inside the cell. Trusted until the student's source arrives; imports nothing else of the grader."""

@@ -1,4 +1,4 @@
-"""MuJoCo's integrators, taken out of one child's memory from outside.
+"""Removes MuJoCo's integrators from the memory of one child, from outside.
 
 In each child the pages of machine code that hold the integrators are replaced by a shared mapping of a memory file
 with the same bytes. The child can only read and execute it; its keeper holds the one descriptor that writes. While
@@ -8,7 +8,8 @@ through it. Every route ends there: the Python bindings, ctypes, mujoco.rollout,
 
 The original bytes do not come back: the policy refuses executable memory that is anonymous, shared or writable, and
 the library's file is out of reach (lockdown.landlock, namespaces.hide). Calls from within MuJoCo itself are not
-counted, as compiling a model steps it once. A script can write to the counter: it only chooses the sentence.
+counted, as compiling a model steps it once. A script can write to the counter, which decides only the sentence that the
+student gets.
 """
 
 import ctypes
@@ -44,7 +45,7 @@ class Unavailable(Exception):
 
 @dataclass(frozen=True)
 class Pages:
-    """The pages that hold the integrators, as they are and without them; `counter` is the address of the count."""
+    """The pages with the integrators, before and after removal; `counter` is the address of the count of calls."""
 
     address: int
     original: bytes
@@ -53,7 +54,7 @@ class Pages:
     library: str
 
     def open(self) -> tuple[int, int]:
-        """A memory file with the original bytes, and a zeroed counter: a descriptor to write it, one to read it."""
+        """Make a memory file of the original bytes and a zeroed counter; return descriptors to write and to read it."""
         map_at(self.counter, PAGE, READ_WRITE, MAP_SHARED | MAP_ANONYMOUS)
         writable = os.memfd_create("code")
         os.write(writable, self.original)
@@ -73,7 +74,7 @@ class Pages:
         os.pwrite(writable, self.removed, 0)
 
     def count(self) -> int:
-        """Calls of an integrator since it was removed, in the child of this keeper."""
+        """Return the number of calls of removed integrators in the child of this keeper."""
         return ctypes.c_uint64.from_address(self.counter).value
 
 
@@ -87,7 +88,7 @@ def find() -> Pages:
     """Locate the integrators in the MuJoCo that this process has loaded.
 
     Raises:
-        Unavailable: another machine than x86-64 and aarch64, or another build of MuJoCo.
+        Unavailable: the machine is neither x86-64 nor aarch64, or MuJoCo is another build.
     """
     stub_for = STUBS.get(platform.machine())
     if stub_for is None:
@@ -117,7 +118,7 @@ def find() -> Pages:
 
 
 def _x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
-    """The stub (return at once; count the call first unless it came from within `size` bytes at `low`) and a trap."""
+    """Return the stub and a trap. The stub returns at once; it counts calls from outside the `size` bytes at `low`."""
     instructions = (
         b"\x48\x8b\x04\x24",  # mov rax, [rsp]
         b"\x48\xb9" + struct.pack("<Q", low),  # mov rcx, low
@@ -132,7 +133,7 @@ def _x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
 
 
 def _aarch64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
-    """The same in the other machine's code; a lost increment of two threads at once does no harm."""
+    """Return the same for aarch64. Two threads may lose an increment, which does no harm."""
     instructions = (
         0x58000149,  # ldr x9, low
         0x5800016A,  # ldr x10, size
@@ -153,7 +154,7 @@ STUBS: dict[str, Callable[[int, int, int], tuple[bytes, bytes]]] = {"x86_64": _x
 
 
 def _library() -> tuple[int, int, str]:
-    """Where MuJoCo's code is mapped: first address, end, the library's file."""
+    """Find where MuJoCo's code is mapped: first address, end, the library's file."""
     mapped = re.findall(
         r"^(\w+)-(\w+) r-xp \S+ \S+ \S+ +(/\S*/libmujoco\.so\S*)$", Path("/proc/self/maps").read_text(), re.M
     )
@@ -164,13 +165,13 @@ def _library() -> tuple[int, int, str]:
 
 
 def _address(name: str) -> int:
-    """Of an exported function of MuJoCo."""
+    """Return the address of an exported function of MuJoCo."""
     library = ctypes.CDLL(_library()[2])
     return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
 
 
 def _functions(path: Path) -> dict[str, tuple[int, int]]:
-    """Offset and size of our functions in a library, from its symbol table (ELF, 64 bits, little-endian)."""
+    """Read offset and size of the integrators from a library's symbol table (ELF, 64 bits, little-endian)."""
     data = path.read_bytes()
     (table,) = struct.unpack_from("<Q", data, 0x28)
     (count,) = struct.unpack_from("<H", data, 0x3C)

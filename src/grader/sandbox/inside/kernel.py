@@ -14,18 +14,18 @@ PR_SET_PDEATHSIG, PR_SET_DUMPABLE, PR_CAPBSET_DROP, PR_SET_NO_NEW_PRIVS, PR_CAP_
 
 
 def fail(what: str) -> OSError:
-    """The error of the last call, naming what was tried."""
+    """Return the error of the last call; `what` names the attempt."""
     number = ctypes.get_errno()
     return OSError(number, f"{what}: {os.strerror(number)}")
 
 
 def prctl(option: int, *values: int) -> int:
-    """The result of prctl(2), -1 on error."""
+    """Return the result of prctl(2), -1 on error."""
     padded = [ctypes.c_ulong(value) for value in (*values, 0, 0, 0, 0)[:4]]
     return int(libc.prctl(option, *padded))
 
 
 def syscall(number: int, *values: object) -> int:
-    """The result of a system call by number, -1 on error."""
+    """Return the result of a system call by number, -1 on error."""
     libc.syscall.restype = ctypes.c_long
     return int(libc.syscall(ctypes.c_long(number), *values))

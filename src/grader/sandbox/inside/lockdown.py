@@ -45,7 +45,7 @@ def limit(rlimits: Mapping[str, int]) -> None:
 
 
 def no_new_privileges() -> None:
-    """Give up set-user-id programs, and shut this process to others of the same user."""
+    """Give up set-user-id programs, and deny other processes of the user access to this one."""
     if prctl(PR_SET_NO_NEW_PRIVS, 1):
         raise fail("NO_NEW_PRIVS")
     if prctl(PR_SET_DUMPABLE, 0):
@@ -76,7 +76,7 @@ def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> No
 
 
 def seccomp(program: bytes) -> None:
-    """Load the filter on every thread; last, as it forbids everything above."""
+    """Load the filter on every thread. It comes last, as it forbids the calls of the other locks."""
 
     class Program(ctypes.Structure):
         _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
@@ -88,7 +88,7 @@ def seccomp(program: bytes) -> None:
 
 
 def probe(outside: str) -> dict[str, Any]:
-    """Try what attestation cannot see from outside: whether Landlock holds, and which descriptors are open."""
+    """Check what cannot be seen from outside: whether Landlock holds, and which descriptors are open."""
     try:
         os.close(os.open(outside, os.O_RDONLY))
         reads_outside = True
@@ -103,7 +103,7 @@ def probe(outside: str) -> dict[str, Any]:
 
 
 def no_writable_code() -> bool:
-    """Make memory that is both writable and executable read-only, here and in every child; False where there is none.
+    """Make writable and executable memory read-only, here and in every child; return False if there is none.
 
     libffi keeps such memory for callbacks from C, unless it was built with static trampolines. Its free part is used up
     first, so that a later request for a callback fails and does not write to it.

@@ -45,7 +45,7 @@ def main() -> None:
     config["filter"] = base64.b64decode(config["filter"])
     _become(config["user"])
     for name in config["preload"]:
-        with contextlib.suppress(ImportError):  # the viewer, say, where there is no graphics library to bind to
+        with contextlib.suppress(ImportError):  # such as the viewer, where no graphics library is installed
             importlib.import_module(name)
     guest.prepare(config["models"], config["directory"])
     if lockdown.no_writable_code():
@@ -71,7 +71,7 @@ def main() -> None:
 
 
 def _find_integrators() -> tuple[integrators.Pages | None, str]:
-    """The pages that hold MuJoCo's integrators, or None and the reason."""
+    """Return the pages that hold MuJoCo's integrators, or None and the reason."""
     try:
         return integrators.find(), ""
     except (integrators.Unavailable, OSError, ValueError, struct.error) as error:
@@ -79,7 +79,7 @@ def _find_integrators() -> tuple[integrators.Pages | None, str]:
 
 
 def _become(user: int | None) -> None:
-    """Turn from root into nobody before anything is imported; dumpable, so that /proc/self/uid_map can be written."""
+    """Change from root to the user nobody, and stay dumpable, so that /proc/self/uid_map can be written."""
     if user is None:
         return
     os.setgroups([])
@@ -115,7 +115,7 @@ def _shrink_thread_stacks(size: int) -> None:
 def _keep(
     config: dict[str, Any], control: socket.socket, descriptors: list[int], pages: integrators.Pages | None
 ) -> None:
-    """In the keeper: enter the namespaces, fork the child as their pid 1, serve it until it dies, tell how it ended."""
+    """In the keeper: enter the namespaces, fork the child as pid 1, serve it until it dies, report how it ended."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     control.close()
     status = socket.socket(fileno=descriptors.pop())
@@ -165,11 +165,11 @@ def _serve(
 def _child(
     config: dict[str, Any], descriptors: list[int], pages: integrators.Pages | None, code: tuple[int, int] | None
 ) -> None:
-    """In the child: put on every lock, say that it is ready, run the job. Never returns."""
+    """In the child: set every lock, report that it is ready, run the job. Never returns."""
     try:
         if pages and code:
             pages.lay_over(code[1])
-        # First out of the way of the targets, then onto them.
+        # Moved above the target numbers first, so that no descriptor is overwritten.
         high = [fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, ABOVE_ALL_TARGETS) for descriptor in descriptors]
         for descriptor, target in zip(high, (guest.JOB, guest.STDOUT, guest.STDERR, guest.RESULTS), strict=True):
             os.dup2(descriptor, target)

@@ -13,7 +13,7 @@ export class Problem extends Error {
   }
 }
 
-// On the learner's own machine a session begins with the first request; elsewhere the page comes with one.
+// On loopback a session begins with the first request; elsewhere the page already has one.
 let session = document.body.dataset.learner ? Promise.resolve() : null;
 
 function begin() {

@@ -133,7 +133,7 @@ function drawn(line, index, across, up) {
   return [svg("path", { class: `line series-${index % COLOURS}${line.faint ? " faint" : ""}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
 }
 
-// Every line has its own dashes, since not everyone can tell the colours apart.
+// Every line has its own dashes, for readers who cannot distinguish the colours.
 function legend(series) {
   const named = series.filter((line) => line.label);
   if (!named.length) return null;

@@ -2,11 +2,18 @@
 
 import { chart } from "./chart.js";
 
-const PICTURES = { angles: angleCharts, stability: stabilityChart, differences: differenceCharts, order: orderChart };
+const PICTURES = {
+  angles: angleCharts, stability: stabilityChart, differences: differenceCharts, order: orderChart, charts: plainCharts,
+};
 
 export function evidenceFigures(evidence, findings) {
   const titleOf = (id) => findings.find((finding) => finding.id === id)?.title ?? id;
   return Object.entries(PICTURES).flatMap(([key, draw]) => (evidence[key] ? draw(evidence[key], titleOf) : []));
+}
+
+// Line charts of any kind of exercise, as chart.js takes them, each with the id of its trial as `case`.
+function plainCharts(specs, titleOf) {
+  return specs.map((spec) => chart({ ...spec, title: `${titleOf(spec.case)}: ${spec.title}` }));
 }
 
 // The angle against time at both ends of a claimed bracket, one picture for each case.

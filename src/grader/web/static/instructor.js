@@ -13,7 +13,7 @@ let cursor = null;
 filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
 more.addEventListener("click", () => load(false));
 find("certify").addEventListener("click", certify);
-find("certify").disabled = find("show").disabled = false; // until now a click would have gone astray
+find("certify").disabled = find("show").disabled = false; // a click before this would be lost
 load(true);
 
 async function certify() {

@@ -17,7 +17,7 @@ const KINDS = {
   BADCTRL: "a control became huge or no number",
 };
 
-// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once, and runs only when looked at.
+// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once, and runs only while visible.
 export function openLab(box, target) {
   if (box.dataset.open) return;
   box.dataset.open = "yes";

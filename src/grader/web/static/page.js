@@ -27,7 +27,7 @@ async function restore(quiz, questions, score) {
   }
 }
 
-// What counts, and what is left: the server decides it. Verdicts that arrive together ask once.
+// Points and attempts left come from the server; verdicts that arrive together cause one request.
 const waiting = new Map();
 
 function refresh(quiz, questions, score) {

@@ -28,10 +28,10 @@ find("invite").addEventListener("submit", (event) => {
 find("token").addEventListener("submit", (event) => { event.preventDefault(); createToken(new FormData(event.target)); });
 find("rotate").addEventListener("click", () => change("PUT", "/course/link"));
 find("close").addEventListener("click", () => change("DELETE", "/course/link"));
-for (const button of document.querySelectorAll("button[disabled]")) button.disabled = false; // until now a click would have gone astray
+for (const button of document.querySelectorAll("button[disabled]")) button.disabled = false; // a click before this would be lost
 told(show);
 
-// One piece of work after the other: an answer that comes late must not overwrite a newer one.
+// One request after the other: a late response must not overwrite a newer one.
 function told(work) {
   queue = queue.then(async () => {
     status.textContent = "";

@@ -20,7 +20,7 @@ export class Question {
     this.box = card.querySelector(".verdict");
     this.form.addEventListener("submit", (event) => { event.preventDefault(); this.send(); });
     if (this.kind === "numeric") this.echoWhatIsTyped();
-    this.button.disabled = false; // until now the browser would have sent the form itself
+    this.button.disabled = false; // before this the browser would send the form itself
   }
 
   async answer() {
@@ -67,7 +67,7 @@ export class Question {
     if (lab && !submission.withheld && submission.verdict.status !== "invalid_answer") openLab(lab, { quiz: this.quiz, question: this.id });
   }
 
-  // After a reload: the newest submission, followed further where it is still being graded.
+  // After a reload: shows the newest submission, and follows it while it is being graded.
   async restore(submission) {
     try {
       await this.follow(submission);

@@ -21,7 +21,7 @@ export class Scene {
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     const solid = [];
     this.geoms.forEach((geom, index) => {
-      if (poses[index].includes(null)) return; // the state is no number any more
+      if (poses[index].includes(null)) return; // the state is not finite
       if (geom.type === "plane") this.drawGrid(pen, pixel, geom, poses[index]);
       else solid.push({ geom, pose: poses[index], depth: this.view.see(poses[index])[2] });
     });

@@ -46,7 +46,7 @@ function head(submission, verdict) {
     submission.attempt ? el("span", { class: "meta" }, `attempt ${submission.attempt}`) : null);
 }
 
-// A typed answer needs no table: what was measured is what was typed.
+// A typed answer needs no table: the measured value is the typed one.
 function findingsTable(findings, typed) {
   const telling = findings.filter((finding) => finding.message || hasValue(finding.measured) || hasValue(finding.expected));
   if (!telling.length) return null;

@@ -1,4 +1,4 @@
-"""The `rk4` kind: the student's Runge-Kutta steps held against our own, under a force that only mj_forward carries."""
+"""The `rk4` kind: compares the student's Runge-Kutta steps with our own, under a force that only mj_forward applies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,7 +10,7 @@ from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind,
 from grader.exercises.kinds.rk4 import driver
 from grader.exercises.kinds.rk4.judge import Outcome, accepted_states, judge_order, judge_run, rehearse
 from grader.exercises.kinds.rk4.mistakes import lazy_steps, name_the_mistake
-from grader.exercises.kinds.rk4.parameters import Problem, Rk4Parameters, pose_case
+from grader.exercises.kinds.rk4.parameters import Problem, Rk4Case, Rk4Parameters, pose_case
 from grader.exercises.kinds.rk4.pictures import evidence_of
 
 ORDER = "order"
@@ -24,11 +24,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
     driver = getsource(driver)
     without_integrators = True
 
-    def trials(self, parameters: Rk4Parameters, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Sequence[Trial[Problem]]:
         """Returns one run of the student's step."""
-        case = drawn.case
         problem = pose_case(parameters, drawn)
-        return [Trial(case.id, problem.inputs(), problem, case, hidden=case.hidden, points=case.points)]
+        return [Trial(drawn.case.id, problem.inputs(), problem)]
 
     def further_trials(self, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
         """Returns the runs of the first case at every timestep of the order check, as one trial."""
@@ -39,11 +38,11 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
         return [Trial(ORDER, problem.inputs(), problem, title="observed order", hidden=first.hidden, points=points)]
 
     def rehearse(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
-        """Solves for the exact motion where it decides; raises ValueError if the scene has constraints."""
+        """Solves for the exact motion where the judgement needs it; raises ValueError if the scene has constraints."""
         rehearse(trial.problem)
 
     def judge(self, parameters: Rk4Parameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Holds the runs against MuJoCo's RK4 and against the exact motion."""
+        """Compares the runs with MuJoCo's RK4 and with the exact motion."""
         return (judge_order if trial.problem.asks_order else judge_run)(trial.problem, results)
 
     def mistake(self, parameters: Rk4Parameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
@@ -57,9 +56,9 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
     def lazy_answers(
         self, question: CodeQuestion, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]
     ) -> Mapping[str, str]:
-        """Returns steps that know nothing of the model."""
+        """Returns steps that ignore the model's dynamics."""
         return lazy_steps(question.entry)
 
     def accepted(self, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals]:
-        """Returns where the velocities may lie early in the run, when the hidden force has hardly acted."""
+        """Returns the accepted velocities early in the run, when the hidden force has hardly acted."""
         return [accepted_states(trial.problem) for trial in trials]

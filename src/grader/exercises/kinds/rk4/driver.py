@@ -3,10 +3,9 @@
 Runs in the jail. Results of run i: `q<i>`, `v<i>`, `a<i>`, `t<i>` (positions, velocities, activations, time; one row a
 step, up to the first that is not finite).
 
-While it steps, mj_forward carries a smooth force f(q, v, t) = a sin(P q + V v + w t + p) in every dof that exists in
-no other function: accelerations from that mj_forward feel it, every other route through MuJoCo's stepping does not. So
-a trajectory belongs to one submission alone, and where the jail cannot remove MuJoCo's integrators, they show.
-`with_force` also runs in our own process, around the judge's mj_forward.
+While it steps, mj_forward adds a smooth force f(q, v, t) = a sin(P q + V v + w t + p) in every dof. No other function
+of MuJoCo adds it, so a trajectory that another function has computed differs. The force is drawn for each submission,
+so a recorded trajectory differs too. `with_force` also runs in our own process, around the judge's mj_forward.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +22,7 @@ STATE = {"q": "qpos", "v": "qvel", "a": "act", "t": "time"}
 def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
     """Returns `forward` with the force of `spec` added for models of its size; it leaves qfrc_applied as it was.
 
-    What is looked up on a class or module is looked up here, before any student's code could have replaced it.
+    Attributes of classes and modules are looked up here, before a student's code can replace them.
     """
     sin, model_type, data_type = np.sin, mujoco.MjModel, mujoco.MjData
     nq, nv = (getattr(model_type, name).fget for name in ("nq", "nv"))
@@ -58,7 +57,7 @@ def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
 
 
 def before_import() -> None:
-    """Puts a switch for the force into mj_forward, where the student's `from mujoco import mj_forward` finds it."""
+    """Replaces mj_forward by one whose force can be switched, before the student's module imports it."""
     raw = mujoco.mj_forward
     chosen: list[Forward] = [raw]
 
@@ -76,7 +75,7 @@ def before_import() -> None:
 def trial(
     functions: Sequence[Callable[..., object]], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]
 ) -> None:
-    """Every run from its start, step by step."""
+    """Simulates every run from its start by the student's steps."""
     (entry,) = functions
     choose_force: Callable[[Mapping[str, Any] | None], None] = globals()["choose_force"]
     for index, run in enumerate(inputs["runs"]):
@@ -93,7 +92,7 @@ def trial(
 
 
 def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujoco.MjData:
-    """Returns a fresh data at the start of a run; nothing has been computed from it."""
+    """Returns a new data at the start of a run; derived quantities are not computed."""
     data = mujoco.MjData(model)
     for name, values in start.items():
         getattr(data, name)[:] = values

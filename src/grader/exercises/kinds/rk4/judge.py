@@ -1,4 +1,4 @@
-"""Judges steps: how far the student's trajectories are from MuJoCo's method and from the exact motion."""
+"""Judges steps: measures the distance of the student's trajectories from MuJoCo's method and from the exact motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,41 +23,41 @@ TIME_ROUNDING_S = 1e-9
 """A sum of a few thousand timesteps in double precision drifts by less than this."""
 
 OTHER_METHODS = 1e-4
-"""A right trajectory of another method than MuJoCo's is this near to it [rad/s, m/s].
+"""The largest distance of a right trajectory of another method from MuJoCo's [rad/s, m/s].
 
 Source: true fourth-order methods differ from MuJoCo 3.14.0's by at most 8.7e-5 over 1 s.
 """
 
 NEARNESS = 20.0
-"""How many times further from the truth than our own fourth-order method a fourth-order method may be.
+"""The largest error of a fourth-order method, as a multiple of the error of our own one.
 
 Source: error constants of the classical fourth-order tableaus lie within a factor of ten of each other; MuJoCo
 3.14.0's second-order treatment of rotations is 100 to 40,000 times further away.
 """
 
 TRUTH_FLOOR = 1e-10
-"""Below this, an error is round-off, not order: left out of the fit of an order.
+"""Errors below this are round-off; the fit of an order leaves them out.
 
 Source: the truth of a case is exact to 1e-11; methods that choose their own substeps stop at about 3e-11.
 """
 
 FEWEST = 3
-"""Points through which a slope is laid."""
+"""The fewest points to which a slope is fitted."""
 
 MUJOCO_ORDER = 2.0
-"""On rotations. Source: slope 2.00 measured with MuJoCo 3.14.0's RK4."""
+"""The order of MuJoCo's RK4 on rotations. Source: slope 2.00 measured with MuJoCo 3.14.0."""
 
 SAMPLES = 5
-"""Times at which a run is held against the truth, the last at its end."""
+"""The number of times at which a run is compared with the truth, the last at its end."""
 
 ORDER_RTOL = 1e-13
-"""Leaves the truth with an error of 1e-12, a thirtieth of the smallest error that the order check meets (3e-11)."""
+"""Gives the truth an error of 1e-12, a thirtieth of the smallest error that the order check meets (3e-11)."""
 
 CASE_RTOL = 1e-12
-"""Leaves it with an error of 1e-11, a tenth of what counts as round-off in a case that is not asked for its order."""
+"""Gives the truth of a case without order check an error of 1e-11, a tenth of TRUTH_FLOOR."""
 
 ORDER = 4.0
-"""Of the methods that the exercise asks for, and of our yardstick."""
+"""The order of the methods that the exercise asks for, and of our own."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,11 @@ class Trajectory:
     act: Rows
 
     def first(self, rows: int) -> "Trajectory":
-        """The beginning."""
+        """Returns the first rows."""
         return self.at(slice(rows))
 
     def at(self, rows: slice | NDArray[np.int64]) -> "Trajectory":
-        """Some of the rows."""
+        """Returns the chosen rows."""
         return Trajectory(self.time[rows], self.qpos[rows], self.qvel[rows], self.act[rows])
 
     def __len__(self) -> int:
@@ -92,13 +92,13 @@ class Difference:
 
     @property
     def largest(self) -> dict[str, float]:
-        """Over the whole run; inf where the student's run ended early."""
+        """The largest of each part over the whole run; inf where the student's run ended early."""
         parts = {"qpos": self.qpos, "qvel": self.qvel} | ({"act": self.act} if self.act.any() else {})
         return {name: float(np.max(part, initial=0.0)) if self.complete else inf for name, part in parts.items()}
 
     @property
     def worst(self) -> float:
-        """The largest of all."""
+        """The largest over all parts."""
         return max(self.largest.values())
 
     @property
@@ -108,7 +108,7 @@ class Difference:
 
 
 def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
-    """The student's trajectory of run `index`; what does not have the shape that the driver gives it is empty."""
+    """Returns the student's trajectory of run `index`; empty if an array has not the shape that the driver gives it."""
     widths = {"t": 1, "q": len(run.qpos), "v": len(run.qvel), "a": len(run.act)}
     parts: dict[str, Rows] = {}
     for name, width in widths.items():
@@ -121,24 +121,24 @@ def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
 
 
 def difference(run: Run, one: Trajectory, other: Trajectory) -> Difference:
-    """Step by step, over the rows that both have; complete where `one` has all that `other` has."""
+    """Returns the difference at each common step; complete if `one` has every step of `other`."""
     rows = min(len(one), len(other))
-    turn = turned(run, one.qpos[:rows], other.qpos[:rows])
+    turn = tangent_difference(run, one.qpos[:rows], other.qpos[:rows])
     return Difference(
-        qpos=sup(turn),
-        qvel=sup(one.qvel[:rows] - other.qvel[:rows]),
-        act=sup(one.act[:rows] - other.act[:rows]),
+        qpos=row_maxima(turn),
+        qvel=row_maxima(one.qvel[:rows] - other.qvel[:rows]),
+        act=row_maxima(one.act[:rows] - other.act[:rows]),
         complete=len(one) >= len(other),
     )
 
 
-def sup(values: Rows) -> Rows:
-    """The largest size in each row."""
+def row_maxima(values: Rows) -> Rows:
+    """Returns the largest absolute value of each row."""
     return np.array(np.max(np.abs(values), axis=1, initial=0.0))
 
 
-def turned(run: Run, one: Rows, other: Rows) -> Rows:
-    """From positions `one` to `other` as tangent vectors (n, nv).
+def tangent_difference(run: Run, one: Rows, other: Rows) -> Rows:
+    """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
 
     The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
     """
@@ -152,12 +152,12 @@ def turned(run: Run, one: Rows, other: Rows) -> Rows:
 
 
 def forward_of(run: Run) -> Forward:
-    """mj_forward with the run's hidden force."""
+    """Returns mj_forward with the run's hidden force added."""
     return with_force(mujoco.mj_forward, vars(run.force))
 
 
 def steps_of(rollout: Rollout) -> Trajectory:
-    """A rollout without its start."""
+    """Returns the states of a rollout after its start."""
     return Trajectory(rollout.time[1:], rollout.qpos[1:], rollout.qvel[1:], rollout.act[1:])
 
 
@@ -165,38 +165,38 @@ Step = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
 def stepped(run: Run, step: Step, steps: int | None = None) -> Trajectory:
-    """Our own run with `step` in place of mj_step."""
+    """Simulates the run with `step` in place of mj_step."""
     return steps_of(simulate(run.scene(), steps=steps or run.steps, timestep_s=run.timestep_s, stepper=step))
 
 
 @lru_cache(maxsize=256)
-def mujocos(run: Run) -> Trajectory:
-    """By MuJoCo 3.14.0's RK4, with the hidden force."""
+def mujoco_run(run: Run) -> Trajectory:
+    """Simulates the run by MuJoCo 3.14.0's RK4 with the hidden force."""
     return stepped(run, partial(mujoco_rk4_step, forward=forward_of(run)))
 
 
 @lru_cache(maxsize=64)
-def fourth_order(run: Run) -> Trajectory:
-    """By a method that is of fourth order on rotations too, with the hidden force."""
+def fourth_order_run(run: Run) -> Trajectory:
+    """Simulates the run by a method of fourth order, rotations included, with the hidden force."""
     return stepped(run, partial(lie_rk4_step, forward=forward_of(run)))
 
 
 @lru_cache(maxsize=64)
-def unforced(run: Run, integrator: int, steps: int) -> Trajectory:
-    """By MuJoCo's own mj_step, which knows nothing of the hidden force."""
+def unforced_run(run: Run, integrator: int, steps: int) -> Trajectory:
+    """Simulates the run by mj_step, which lacks the hidden force."""
     return steps_of(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
 
 
 @dataclass(frozen=True)
 class Truth:
-    """One motion, at every time [s] at which some trajectory of it is held against it; solved when first asked."""
+    """The exact motion at every time [s] at which a trajectory is compared with it; solved on first use."""
 
     run: Run
     times_s: tuple[float, ...]
     rtol: float
 
     def error(self, run: Run, trajectory: Trajectory) -> float:
-        """Sup norm of the distance at the run's sample times; inf where the trajectory ended early.
+        """Returns the largest distance at the run's sample times; inf where the trajectory ended early.
 
         Raises ValueError where the scene has constraints.
         """
@@ -207,7 +207,7 @@ class Truth:
 
 
 def truth_of(problem: Problem) -> Truth:
-    """Returns the exact motion of a case; that of the first serves the order check too."""
+    """Returns the exact motion of a case; the order check uses that of the first case too."""
     run = problem.run
     held = [*problem.order_runs, *([run, coarser(run)[0]] if problem.accepts_other_methods else [])]
     times = sorted({time for other in held for time in sample_times(other)})
@@ -215,15 +215,15 @@ def truth_of(problem: Problem) -> Truth:
 
 
 def rehearse(problem: Problem) -> None:
-    """Solves for the exact motion where it decides. Raises ValueError if the scene has constraints."""
+    """Solves for the exact motion where the judgement needs it. Raises ValueError if the scene has constraints."""
     if problem.accepts_other_methods or problem.order_runs:
         solved(problem.run, (problem.run.timestep_s,), CASE_RTOL)
 
 
 def coarser(run: Run) -> tuple[Run, float]:
-    """A run of the same motion with half as many steps, and how many times larger a fourth-order error is there.
+    """Returns the run with half as many steps, and the factor by which a fourth-order error is larger there.
 
-    The run itself where its steps cannot be halved.
+    Returns the run itself, and 1, where its steps cannot be halved.
     """
     half = run.steps // 2
     if run.steps % 2 or half < SAMPLES:
@@ -232,25 +232,25 @@ def coarser(run: Run) -> tuple[Run, float]:
 
 
 def sampled_rows(run: Run) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """The rows of a trajectory that are held against the truth."""
+    """Returns the rows of a trajectory that are compared with the truth."""
     return np.array([round(run.steps * (i + 1) / SAMPLES) for i in range(SAMPLES)]) - 1
 
 
 def sample_times(run: Run) -> tuple[float, ...]:
-    """The times [s] of those rows."""
+    """Returns the times [s] of the sampled rows."""
     return tuple(round((row + 1) * run.timestep_s, 12) for row in sampled_rows(run).tolist())
 
 
 @lru_cache(maxsize=64)
 def solved(run: Run, times_s: tuple[float, ...], rtol: float) -> Trajectory:
-    """The motion at ascending times [s]. Raises ValueError where the scene has constraints."""
+    """Solves for the motion at ascending times [s]. Raises ValueError where the scene has constraints."""
     reference = dop853(run.scene(), times_s, rtol=rtol, forward=forward_of(run))
     return Trajectory(reference.time, reference.qpos, reference.qvel, reference.act)
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """One case's run. The two errors against the truth are measured only where they may decide."""
+    """The outcome of one case. The errors against the truth are measured only where they may decide."""
 
     problem: Problem
     student: Trajectory
@@ -263,34 +263,34 @@ class RunOutcome:
 
     @cached_property
     def difference(self) -> Difference:
-        """To MuJoCo's method."""
-        return difference(self.run, self.student, mujocos(self.run))
+        """The difference from MuJoCo's method."""
+        return difference(self.run, self.student, mujoco_run(self.run))
 
     @cached_property
     def agrees(self) -> bool:
-        """With MuJoCo's method, in every position, velocity and activation, at every step."""
+        """Whether every position, velocity and activation agrees with MuJoCo's method at every step."""
         return self.difference.worst <= self.problem.case.tolerance
 
     @cached_property
     def is_near_truth(self) -> bool:
-        """As near to the truth as a fourth-order method is; only asked where that counts."""
+        """Whether the run is as near to the truth as a fourth-order method; False where that does not count."""
         if not self.problem.accepts_other_methods or self.agrees:
             return False
-        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujocos(self.run)) + TRUTH_FLOOR:
-            return False  # ours need not be simulated: it is no further from the truth than MuJoCo's
+        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujoco_run(self.run)) + TRUTH_FLOOR:
+            return False  # saves the simulation of our own method, which is no further from the truth than MuJoCo's
         coarse, factor = coarser(self.run)
-        ours = self.truth.error(coarse, fourth_order(coarse)) / factor
+        ours = self.truth.error(coarse, fourth_order_run(coarse)) / factor
         return self.error <= NEARNESS * ours + TRUTH_FLOOR
 
     @cached_property
     def error(self) -> float:
-        """To the truth."""
+        """The distance from the truth."""
         return self.truth.error(self.run, self.student)
 
     @cached_property
     def keeps_time(self) -> bool:
         """Whether data.time is right after every step of the student's, in a case where that matters."""
-        late = self.student.time - mujocos(self.run).time[: len(self.student)]
+        late = self.student.time - mujoco_run(self.run).time[: len(self.student)]
         return not self.problem.case.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
 
     @cached_property
@@ -322,12 +322,12 @@ class OrderOutcome:
 
     @cached_property
     def finite(self) -> bool:
-        """Whether every run reached its end."""
+        """Whether every run stayed finite to its end."""
         return all(isfinite(error) for error in self.errors)
 
     @cached_property
     def slope(self) -> float | None:
-        """Of log error over log timestep, without the errors that are round-off; None where too few are left."""
+        """The slope of log error over log timestep without errors that are round-off; None where too few are left."""
         points = [
             (h, error) for h, error in zip(self.check.timesteps_s, self.errors, strict=True) if error > TRUTH_FLOOR
         ]
@@ -343,8 +343,8 @@ class OrderOutcome:
     def is_fourth(self) -> bool:
         """Fourth order or more, or errors as small as those of a fourth-order method.
 
-        The latter decides alone where the slope is steeper, which may come of a run that went wild at the largest
-        timestep, and where too few errors are left for a slope.
+        The size of the errors decides where too few are left for a slope, and where the slope is steeper: a run that
+        diverges at the largest timestep makes it so.
         """
         if not self.finite or self.ignores_timestep:
             return False
@@ -354,8 +354,8 @@ class OrderOutcome:
 
     @cached_property
     def is_accurate(self) -> bool:
-        """Whether no error is larger than that of a fourth-order method may be at its timestep."""
-        ours = self.truth.error(self.coarsest, fourth_order(self.coarsest))
+        """Whether every error is small enough for a fourth-order method at its timestep."""
+        ours = self.truth.error(self.coarsest, fourth_order_run(self.coarsest))
         allowed = (NEARNESS * ours * (h / self.coarsest.timestep_s) ** ORDER for h in self.check.timesteps_s)
         return all(error <= most + TRUTH_FLOOR for error, most in zip(self.errors, allowed, strict=True))
 
@@ -369,7 +369,7 @@ Outcome = RunOutcome | OrderOutcome
 
 
 def judge_run(problem: Problem, results: Results) -> Judgement[Outcome]:
-    """Holds the run of a case against MuJoCo's method and, where that counts, against the exact motion."""
+    """Compares the run of a case with MuJoCo's method and, where that counts, with the exact motion."""
     outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), truth_of(problem))
     message, detail = run_sentences(outcome)
     alternative = ", or as near to the truth as a fourth-order method" if problem.accepts_other_methods else ""
@@ -387,33 +387,33 @@ def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
     """Returns message and detail."""
     worst, many = outcome.difference.worst, outcome.problem.accepts_other_methods
     if not len(outcome.student):
-        return "The first step left the state not finite.", ""
+        return "The state is not finite after the first step.", ""
     if not outcome.difference.complete:
         return "The state does not stay finite.", f"It is no longer finite after step {len(outcome.student)}."
     if not outcome.keeps_time:
-        return "data.time is not where it should be: advance it by model.opt.timestep in every step.", ""
+        return "data.time has the wrong value: advance it by model.opt.timestep in every step.", ""
     if outcome.agrees:
         to_truth = f"; both are {outcome.error:.1e} from the truth" if many else ""
         return "Agrees with MuJoCo's RK4.", f"The largest difference is {worst:.1e}{to_truth}."
     if outcome.is_near_truth:
         return (
-            "Not MuJoCo's method, but nearer to the truth, as near as a fourth-order method must be.",
+            "Not MuJoCo's method, but nearer to the truth: as near as a fourth-order method must be.",
             f"It differs by {worst:.1e}; its error is {outcome.error:.1e}.",
         )
     return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.1e} in all."
 
 
 def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
-    """Measures the order: the fourth, or the second if it is MuJoCo's own method on rotations and that counts."""
+    """Measures the order. Right are the fourth and, where it counts, the second of MuJoCo's method on rotations."""
     assert problem.order is not None
     truth, runs = truth_of(problem), problem.order_runs
     students = [read_trajectory(results, index, run) for index, run in enumerate(runs)]
     errors = tuple(truth.error(run, student) for run, student in zip(runs, students, strict=True))
     coarsest, student = max(zip(runs, students, strict=True), key=lambda pair: pair[0].timestep_s)
     agrees = problem.accepts_other_methods and (
-        difference(coarsest, student, mujocos(coarsest)).worst <= problem.case.tolerance
+        difference(coarsest, student, mujoco_run(coarsest)).worst <= problem.case.tolerance
     )
-    outcome = OrderOutcome(problem.order, errors, all_alike(students), agrees, coarsest, truth)
+    outcome = OrderOutcome(problem.order, errors, ignore_timestep(students), agrees, coarsest, truth)
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
         message=order_message(outcome),
@@ -424,8 +424,8 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
     )
 
 
-def all_alike(students: Sequence[Trajectory]) -> bool:
-    """Whether the states after each step are the same in all runs, and do move."""
+def ignore_timestep(students: Sequence[Trajectory]) -> bool:
+    """Whether the states after each step are the same in all runs, and change from step to step."""
     rows = min(map(len, students))
     one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
     return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)
@@ -434,7 +434,7 @@ def all_alike(students: Sequence[Trajectory]) -> bool:
 def order_message(order: OrderOutcome) -> str:
     """Returns one sentence."""
     if order.is_fourth and order.slope is None:
-        return "Too near to the exact motion for an order to be measured: nearer than a fourth-order method must be."
+        return "The errors are too small to measure an order: smaller than those of a fourth-order method."
     if order.is_fourth:
         return (
             f"The error shrinks with {'fourth order' if order.is_about(ORDER) else 'an order as good as the fourth'}."
@@ -450,11 +450,9 @@ def order_message(order: OrderOutcome) -> str:
 def order_complaint(order: OrderOutcome) -> str:
     """Returns what is wrong with an order."""
     if order.ignores_timestep:
-        return (
-            "After as many steps the state is the same at every timestep: use model.opt.timestep, not a fixed number."
-        )
+        return "The state after each step is the same at every timestep: use model.opt.timestep, not a fixed number."
     if order.slope is None:
-        why = "it is round-off at some timesteps, large at others" if order.finite else "some run did not stay finite"
+        why = "it is round-off at some timesteps, large at others" if order.finite else "a run did not stay finite"
         return f"The error against the exact motion shows no order: {why}."
     if order.slope > ORDER:
         return "The error shrinks fast, but only because it is far too large at the largest timesteps."
@@ -474,5 +472,5 @@ def accepted_states(problem: Problem) -> list[tuple[float, float]]:
     """
     rows = int(sampled_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
     around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
-    early = mujocos(retimed(problem.run, problem.run.timestep_s, rows))
+    early = mujoco_run(retimed(problem.run, problem.run.timestep_s, rows))
     return [(value - around, value + around) for value in early.qvel[-1].tolist()]

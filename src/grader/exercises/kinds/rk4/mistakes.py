@@ -1,4 +1,4 @@
-"""The wrong ways to a Runge-Kutta step, each with its sentence for the student: does it give this trajectory?"""
+"""Recognises wrong Runge-Kutta steps: simulates each, and names the one that gives the student's trajectory."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,33 +15,32 @@ from grader.exercises.kinds.rk4.judge import (
     Trajectory,
     difference,
     forward_of,
-    mujocos,
+    mujoco_run,
     stepped,
-    turned,
-    unforced,
+    tangent_difference,
+    unforced_run,
 )
 from grader.exercises.kinds.rk4.parameters import Problem, Run, retimed
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 from grader.numerics.runge_kutta import STAGES, WEIGHTS
 
 PREFIX = 40
-"""Steps on which methods are told apart: enough for a fourth-order tableau to differ by more than round-off."""
+"""Steps that are compared: enough for two fourth-order tableaus to differ by more than round-off."""
 
 GLANCE = 3
-"""Steps after which most methods are ruled out already, so that they need not take the others."""
+"""Steps that are compared first: they rule out most methods."""
 
 ROUND_OFF = 1e-12
-"""What two ways to write one method differ by over PREFIX steps.
+"""The largest difference between two programs of the same method over PREFIX steps.
 
 Source: measured 2e-14, with room for stiffer models.
 """
 
 WHOLE_TURN = 1e-9
-"""How near to an integer a number of turns must be: far more than round-off, far less than a wrong step."""
+"""The tolerance of a whole number of turns: far more than round-off, far less than a wrong step."""
 
 RELATIVE = 1e-5
-"""Of the departure from MuJoCo's RK4: where that is large, round-off has grown with it."""
-
+"""Tolerance relative to the departure from MuJoCo's RK4: where that is large, round-off has grown with it."""
 
 FLOAT32 = 1e-3
 """A state kept in 32 bits departs by less than this within PREFIX steps."""
@@ -53,20 +52,20 @@ Row = Sequence[float]
 
 @dataclass(frozen=True)
 class Motion:
-    """Accelerations and position updates of one model."""
+    """Computes accelerations and moves positions of one model."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
     forward: Forward
 
     def accelerate(self, q: Vector, v: Vector, time: float) -> Vector:
-        """Accelerations (nv,) at a state."""
+        """Returns the accelerations (nv,) at a state."""
         self.data.qpos[:], self.data.qvel[:], self.data.time = q, v, time
         self.forward(self.model, self.data)
         return np.array(self.data.qacc)
 
     def move(self, q: Vector, velocity: Vector, h: float) -> Vector:
-        """Positions after `h` [s] at a constant velocity: quaternion-aware."""
+        """Returns the positions after `h` [s] at a constant velocity, rotations included."""
         moved = q.copy()
         mujoco.mj_integratePos(self.model, moved, velocity, h)
         return moved
@@ -77,7 +76,7 @@ Method = Callable[[Motion, Vector, Vector, float, float], State]
 
 
 def stepper(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
-    """A method as a function like the student's."""
+    """Returns a method as a function of model and data, like the student's."""
 
     def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         time, h = float(data.time), float(model.opt.timestep)
@@ -87,32 +86,34 @@ def stepper(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoc
     return step
 
 
-def weighed(weights: Row, parts: Sequence[Vector]) -> Vector:
-    """The weighted sum of as many parts as there are weights."""
+def weighted_sum(weights: Row, parts: Sequence[Vector]) -> Vector:
+    """Returns the weighted sum of as many parts as there are weights."""
     return np.array(np.add.reduce([w * part for w, part in zip(weights, parts, strict=False)]))
 
 
-def tableau(stages: Sequence[Row], weights: Row, acceleration_weights: Row | None = None) -> Method:
-    """The explicit Runge-Kutta method of a Butcher tableau: row i of `stages` weighs the slopes before stage i + 1.
+CLASSICAL: tuple[Row, ...] = ((1 / 2,), (0, 1 / 2), (0, 0, 1))
+"""The stages of Kutta's classical method, as rows of its Butcher tableau."""
 
-    `acceleration_weights` are those of a step that weighs accelerations otherwise than velocities.
+
+def tableau(
+    stages: Sequence[Row] = CLASSICAL, weights: Row = WEIGHTS, acceleration_weights: Row | None = None
+) -> Method:
+    """Returns the explicit Runge-Kutta method of a Butcher tableau.
+
+    Row i of `stages` weights the slopes before stage i + 1. `acceleration_weights` replace `weights` for accelerations.
     """
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         velocities, slopes = [v], [motion.accelerate(q, v, time)]
         for row in stages:
-            position = motion.move(q, weighed(row, velocities), h)
-            velocity = v + h * weighed(row, slopes)
+            position = motion.move(q, weighted_sum(row, velocities), h)
+            velocity = v + h * weighted_sum(row, slopes)
             velocities.append(velocity)
             slopes.append(motion.accelerate(position, velocity, time + sum(row) * h))
-        change = weighed(acceleration_weights or weights, slopes)
-        return motion.move(q, weighed(weights, velocities), h), v + h * change
+        change = weighted_sum(acceleration_weights or weights, slopes)
+        return motion.move(q, weighted_sum(weights, velocities), h), v + h * change
 
     return step
-
-
-CLASSICAL_STAGES: tuple[Row, ...] = ((1 / 2,), (0, 1 / 2), (0, 0, 1))
-CLASSICAL_WEIGHTS: Row = WEIGHTS
 
 
 def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
@@ -121,103 +122,112 @@ def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -
     return motion.move(q, v, h), v
 
 
-def classical_slopes(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> tuple[list[Vector], list[Vector]]:
-    """Velocities and accelerations of the four classical stages."""
-    velocities, slopes = [v], [motion.accelerate(q, v, time)]
+Stage = Callable[[Motion, State, State, State, float], State]
+"""(motion, start, here, slope, time) -> the state at which the next stage is evaluated.
+
+`start` is the state at the start of the step, `here` that of the stage before, `slope` its velocity and acceleration;
+`time` [s] is the time from the start of the step to the next stage.
+"""
+
+
+def from_the_start(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """The classical stage: from the start of the step along the slope of the stage before."""
+    return motion.move(start[0], slope[0], time), start[1] + time * slope[1]
+
+
+def own_new_velocity(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """Semi-implicit: the position moves with the new velocity of the same stage."""
+    velocity = start[1] + time * slope[1]
+    return motion.move(start[0], velocity, time), velocity
+
+
+def first_velocity(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """The position moves with the velocity at the start of the step."""
+    return motion.move(start[0], start[1], time), start[1] + time * slope[1]
+
+
+def chained(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """Positions and velocities move on from the stage before."""
+    return motion.move(here[0], slope[0], time), here[1] + time * slope[1]
+
+
+def chained_positions(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """Positions alone move on from the stage before: mj_integratePos in place."""
+    return motion.move(here[0], slope[0], time), start[1] + time * slope[1]
+
+
+def chained_velocities(motion: Motion, start: State, here: State, slope: State, time: float) -> State:
+    """Velocities alone move on from the stage before."""
+    return motion.move(start[0], slope[0], time), here[1] + time * slope[1]
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The states, velocities and accelerations of the four stages of a step."""
+
+    states: list[State]
+    slopes: list[Vector]
+
+    @property
+    def velocity(self) -> Vector:
+        """The mean velocity, with the classical weights."""
+        return weighted_sum(WEIGHTS, [velocity for _, velocity in self.states])
+
+    @property
+    def acceleration(self) -> Vector:
+        """The mean acceleration, with the classical weights."""
+        return weighted_sum(WEIGHTS, self.slopes)
+
+
+def stages_of(motion: Motion, q: Vector, v: Vector, time: float, h: float, *, stage: Stage = from_the_start) -> Stages:
+    """Evaluates the four stages of a step, each where `stage` says."""
+    states, slopes = [(q, v)], [motion.accelerate(q, v, time)]
     for fraction in STAGES:
-        position, velocity = motion.move(q, velocities[-1], fraction * h), v + fraction * h * slopes[-1]
-        velocities.append(velocity)
-        slopes.append(motion.accelerate(position, velocity, time + fraction * h))
-    return velocities, slopes
+        here = stage(motion, (q, v), states[-1], (states[-1][1], slopes[-1]), fraction * h)
+        states.append(here)
+        slopes.append(motion.accelerate(*here, time + fraction * h))
+    return Stages(states, slopes)
+
+
+def staged(stage: Stage, *, q_from_last: bool = False, v_from_last: bool = False) -> Method:
+    """The classical method with other stages; the final update may start from the last stage, not from the start."""
+
+    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
+        stages = stages_of(motion, q, v, time, h, stage=stage)
+        last_q, last_v = stages.states[-1]
+        q, v = (last_q if q_from_last else q), (last_v if v_from_last else v)
+        return motion.move(q, stages.velocity, h), v + h * stages.acceleration
+
+    return step
 
 
 def position_by_new_velocity(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
     """Velocities by the classical method, positions by the new velocity alone."""
-    v = v + h * weighed(CLASSICAL_WEIGHTS, classical_slopes(motion, q, v, time, h)[1])
+    v = v + h * stages_of(motion, q, v, time, h).acceleration
     return motion.move(q, v, h), v
 
 
 def position_by_old_velocity(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-    """Velocities by the classical method, positions by the velocity at the step's start."""
-    slopes = classical_slopes(motion, q, v, time, h)[1]
-    return motion.move(q, v, h), v + h * weighed(CLASSICAL_WEIGHTS, slopes)
+    """Velocities by the classical method, positions by the velocity at the start of the step."""
+    return motion.move(q, v, h), v + h * stages_of(motion, q, v, time, h).acceleration
 
 
 def four_moves(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-    """The weighted velocities move the position one after the other, in four calls of mj_integratePos."""
-    velocities, slopes = classical_slopes(motion, q, v, time, h)
-    for weight, velocity in zip(CLASSICAL_WEIGHTS, velocities, strict=True):
+    """Each weighted velocity moves the position in turn, in four calls of mj_integratePos."""
+    stages = stages_of(motion, q, v, time, h)
+    for weight, (_, velocity) in zip(WEIGHTS, stages.states, strict=True):
         q = motion.move(q, velocity, weight * h)
-    return q, v + h * weighed(CLASSICAL_WEIGHTS, slopes)
-
-
-def staged(
-    stage: Callable[[Motion, State, State, tuple[Vector, Vector], float], State], fractions: Row = STAGES
-) -> Method:
-    """The classical method with another rule for where a stage starts: from the step's start, the stage before it
-    and that stage's slope (velocity, acceleration), over a part of the step."""
-
-    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-        here: State = (q, v)
-        velocities, slopes = [v], [motion.accelerate(q, v, time)]
-        for fraction in fractions:
-            here = stage(motion, (q, v), here, (velocities[-1], slopes[-1]), fraction * h)
-            velocities.append(here[1])
-            slopes.append(motion.accelerate(*here, time + fraction * h))
-        weights = CLASSICAL_WEIGHTS
-        return motion.move(q, weighed(weights, velocities), h), v + h * weighed(weights, slopes)
-
-    return step
-
-
-def own_new_velocity(motion: Motion, start: State, here: State, slope: tuple[Vector, Vector], part: float) -> State:
-    """Semi-implicit: a stage's position moves with that stage's own velocity."""
-    velocity = start[1] + part * slope[1]
-    return motion.move(start[0], velocity, part), velocity
-
-
-def first_velocity(motion: Motion, start: State, here: State, slope: tuple[Vector, Vector], part: float) -> State:
-    """A stage's position moves with the velocity at the step's start."""
-    return motion.move(start[0], start[1], part), start[1] + part * slope[1]
-
-
-def chained(motion: Motion, start: State, here: State, slope: tuple[Vector, Vector], part: float) -> State:
-    """A stage starts where the one before it stood."""
-    return motion.move(here[0], slope[0], part), here[1] + part * slope[1]
-
-
-def chained_positions(motion: Motion, start: State, here: State, slope: tuple[Vector, Vector], part: float) -> State:
-    """Only the positions start where the stage before stood: mj_integratePos in place."""
-    return motion.move(here[0], slope[0], part), start[1] + part * slope[1]
-
-
-def chained_to_the_end(positions: bool = True, velocities: bool = True) -> Method:
-    """Stages and the final update go on from where the last one stood: positions, velocities or both are never put
-    back."""
-
-    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
-        speeds, slopes = [v], [motion.accelerate(q, v, time)]
-        position, velocity = q, v
-        for fraction in STAGES:
-            position = motion.move(position if positions else q, speeds[-1], fraction * h)
-            velocity = (velocity if velocities else v) + fraction * h * slopes[-1]
-            speeds.append(velocity)
-            slopes.append(motion.accelerate(position, velocity, time + fraction * h))
-        last, speed = position if positions else q, velocity if velocities else v
-        weights = CLASSICAL_WEIGHTS
-        return motion.move(last, weighed(weights, speeds), h), speed + h * weighed(weights, slopes)
-
-    return step
+    return q, v + h * stages.acceleration
 
 
 Rate = Callable[[Vector, Vector], Vector]
 
 
 class WorldMotion(Motion):
-    """Takes the angular velocity of a free or ball joint as if it were given in the world's axes."""
+    """Takes the angular velocity of free and ball joints to be in the world's axes."""
 
     def move(self, q: Vector, velocity: Vector, h: float) -> Vector:
-        """Positions after `h` [s], quaternions turned from the wrong side."""
+        """Returns the positions after `h` [s], with quaternions multiplied from the wrong side."""
         moved = super().move(q, velocity, h)
         for kind, at, dof in zip(self.model.jnt_type, self.model.jnt_qposadr, self.model.jnt_dofadr, strict=True):
             if int(kind) in QUATERNION:
@@ -235,7 +245,7 @@ QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL
 
 
 def in_the_world(method: Method) -> Method:
-    """A method with angular velocities taken in the world's axes."""
+    """Returns a method with angular velocities taken in the world's axes."""
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         return method(WorldMotion(motion.model, motion.data, motion.forward), q, v, time, h)
@@ -253,15 +263,15 @@ def quaternion_derivative(rate: Rate) -> Method:
             velocities.append(velocity)
             rates.append(qpos_rate(motion, rate, position, velocity))
             slopes.append(motion.accelerate(position, velocity, time + fraction * h))
-        position = q + h * weighed(CLASSICAL_WEIGHTS, rates)
+        position = q + h * weighted_sum(WEIGHTS, rates)
         mujoco.mj_normalizeQuat(motion.model, position)
-        return position, v + h * weighed(CLASSICAL_WEIGHTS, slopes)
+        return position, v + h * weighted_sum(WEIGHTS, slopes)
 
     return step
 
 
 def qpos_rate(motion: Motion, rate: Rate, q: Vector, v: Vector) -> Vector:
-    """The rate of change of qpos (nq,)."""
+    """Returns the rate of change of qpos (nq,)."""
     result, model = np.zeros(len(q)), motion.model
     for kind, at, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
         plain = QUATERNION.get(int(kind), 1)
@@ -284,18 +294,6 @@ def rate_without_the_half(quat: Vector, omega: Vector) -> Vector:
     rate = np.zeros(4)
     mujoco.mju_mulQuat(rate, quat, np.concatenate([[0.0], omega]))
     return rate
-
-
-@dataclass(frozen=True)
-class WrongMethod:
-    """A mistake: the sentence for the student, and the method that makes it.
-
-    `on_rotations` is the sentence for models with quaternions, where it is another.
-    """
-
-    sentence: str
-    method: Method
-    on_rotations: str | None = None
 
 
 THIRDS: tuple[tuple[float, ...], ...] = ((1 / 3,), (-1 / 3, 1), (1, -1, 1))
@@ -321,156 +319,103 @@ GILL_STAGES = ((1 / 2,), ((GILL - 1) / 2, (2 - GILL) / 2), (0, -GILL / 2, (2 + G
 GILL_WEIGHTS = (1 / 6, (2 - GILL) / 6, (2 + GILL) / 6, 1 / 6)
 """Source: Gill 1951."""
 
-OTHER_TABLEAU = "Fourth order, but not MuJoCo's tableau: this is {name}. MuJoCo uses the classical weights 1, 2, 2, 1."
+OTHER_TABLEAUS: Mapping[str, Method] = {
+    "Kutta's 3/8 rule": tableau(THIRDS, (1 / 8, 3 / 8, 3 / 8, 1 / 8)),
+    "Ralston's method": tableau(RALSTON_STAGES, RALSTON_WEIGHTS),
+    "Gill's method": tableau(GILL_STAGES, GILL_WEIGHTS),
+}
+"""Other methods of fourth order; on rotations, with one mj_integratePos a step, they are of second order."""
 
-OTHER_TABLEAU_MOVED_ONCE = (
-    "This is {name} with one mj_integratePos for all slopes, which is of second order on rotations only. MuJoCo does "
-    "that with the classical weights 1, 2, 2, 1; another method counts where it is of fourth order on rotations too."
-)
-
-
-def other_tableau(name: str, method: Method) -> WrongMethod:
-    """A method of fourth order, but for rotations."""
-    return WrongMethod(OTHER_TABLEAU.format(name=name), method, OTHER_TABLEAU_MOVED_ONCE.format(name=name))
-
-
-METHODS: tuple[WrongMethod, ...] = (
-    WrongMethod("This is explicit Euler: one slope a step, taken at its start.", tableau((), (1,))),
-    WrongMethod("This is semi-implicit Euler: one acceleration a step, not four.", semi_implicit),
-    WrongMethod("This is the midpoint method: second order, two slopes a step.", tableau(((1 / 2,),), (0, 1))),
-    WrongMethod("This is Heun's method: second order, two slopes a step.", tableau(((1,),), (1 / 2, 1 / 2))),
-    WrongMethod("This is Kutta's third-order method.", tableau(((1 / 2,), (-1, 2)), (1 / 6, 2 / 3, 1 / 6))),
-    other_tableau("Kutta's 3/8 rule", tableau(THIRDS, (1 / 8, 3 / 8, 3 / 8, 1 / 8))),
-    other_tableau("Ralston's method", tableau(RALSTON_STAGES, RALSTON_WEIGHTS)),
-    other_tableau("Gill's method", tableau(GILL_STAGES, GILL_WEIGHTS)),
-    WrongMethod(
-        "All four slopes have the same weight; the classical weights are 1, 2, 2, 1 over 6.",
-        tableau(CLASSICAL_STAGES, (1 / 4,) * 4),
+METHODS: Mapping[str, Method] = {
+    # other methods
+    "This is explicit Euler: one slope a step, taken at its start.": tableau((), (1,)),
+    "This is semi-implicit Euler: one acceleration a step, not four.": semi_implicit,
+    "This is the midpoint method: second order, two slopes a step.": tableau(((1 / 2,),), (0, 1)),
+    "This is Heun's method: second order, two slopes a step.": tableau(((1,),), (1 / 2, 1 / 2)),
+    "This is Kutta's third-order method.": tableau(((1 / 2,), (-1, 2)), (1 / 6, 2 / 3, 1 / 6)),
+    # wrong weights
+    "All four slopes have the same weight; the classical weights are 1, 2, 2, 1 over 6.": tableau(weights=(1 / 4,) * 4),
+    "The weights are those of the 3/8 rule (1, 3, 3, 1 over 8) on the classical stages; use 1, 2, 2, 1 over 6.": (
+        tableau(weights=(1 / 8, 3 / 8, 3 / 8, 1 / 8))
     ),
-    WrongMethod(
-        "The weights are those of the 3/8 rule (1, 3, 3, 1 over 8) on the classical stages; use 1, 2, 2, 1 over 6.",
-        tableau(CLASSICAL_STAGES, (1 / 8, 3 / 8, 3 / 8, 1 / 8)),
+    "The weights do not sum to 1: the middle slopes count twice (1, 2, 2, 1 over 6).": tableau(weights=(1 / 6,) * 4),
+    "The weights 1, 2, 2, 1 are divided by 8, not by 6: they do not sum to 1.": (
+        tableau(weights=(1 / 8, 1 / 4, 1 / 4, 1 / 8))
     ),
-    WrongMethod(
-        "The weights do not sum to 1: the middle slopes count twice (1, 2, 2, 1 over 6).",
-        tableau(CLASSICAL_STAGES, (1 / 6,) * 4),
+    "The weights 1, 2, 2, 1 are divided by 4, not by 6: they do not sum to 1.": (
+        tableau(weights=(1 / 4, 1 / 2, 1 / 2, 1 / 4))
     ),
-    WrongMethod(
-        "The weights 1, 2, 2, 1 are divided by 8, not by 6: they do not sum to 1.",
-        tableau(CLASSICAL_STAGES, (1 / 8, 1 / 4, 1 / 4, 1 / 8)),
+    "The first and the last slope have the weight 2, the others 1; the classical weights are 1, 2, 2, 1.": (
+        tableau(weights=(1 / 3, 1 / 6, 1 / 6, 1 / 3))
     ),
-    WrongMethod(
-        "The weights 1, 2, 2, 1 are divided by 4, not by 6: they do not sum to 1.",
-        tableau(CLASSICAL_STAGES, (1 / 4, 1 / 2, 1 / 2, 1 / 4)),
+    # views of data that are not copied
+    "All slopes equal the last one: data.qvel and data.qacc are views that the next mj_forward overwrites, so copy "
+    "them.": tableau(weights=(0, 0, 0, 1)),
+    "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it.": (
+        tableau(acceleration_weights=(0, 0, 0, 1))
     ),
-    WrongMethod(
-        "The weights 2 stand at the first and last slope, 1 in the middle: it is 1, 2, 2, 1.",
-        tableau(CLASSICAL_STAGES, (1 / 3, 1 / 6, 1 / 6, 1 / 3)),
+    "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it.": (
+        tableau(weights=(0, 0, 0, 1), acceleration_weights=WEIGHTS)
     ),
-    WrongMethod(
-        "All slopes equal the last one: data.qvel and data.qacc are views that the next mj_forward "
-        "overwrites, so copy them.",
-        tableau(CLASSICAL_STAGES, (0, 0, 0, 1)),
+    # wrong stages
+    "Your last stage is evaluated at half the step; evaluate it at the end.": (
+        tableau(((1 / 2,), (0, 1 / 2), (0, 0, 1 / 2)))
     ),
-    WrongMethod(
-        "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it.",
-        tableau(CLASSICAL_STAGES, CLASSICAL_WEIGHTS, (0, 0, 0, 1)),
+    "Your stages 2 and 3 are evaluated at the end of the step; evaluate them at half the step.": (
+        tableau(((1,), (0, 1), (0, 0, 1)))
     ),
-    WrongMethod(
-        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it.",
-        tableau(CLASSICAL_STAGES, (0, 0, 0, 1), CLASSICAL_WEIGHTS),
+    "Your stage 3 is evaluated at the end of the step; evaluate it at half the step, like stage 2.": (
+        tableau(((1 / 2,), (0, 1), (0, 0, 1)))
     ),
-    WrongMethod(
-        "Your last stage stands at half the step; it belongs at its end.",
-        tableau(((1 / 2,), (0, 1 / 2), (0, 0, 1 / 2)), CLASSICAL_WEIGHTS),
+    "Your stage 3 uses the first slope again; use the velocity and acceleration of stage 2.": (
+        tableau(((1 / 2,), (1 / 2, 0), (0, 0, 1)))
     ),
-    WrongMethod(
-        "Your stages 2 and 3 stand at the end of the step; they belong at its middle.",
-        tableau(((1,), (0, 1), (0, 0, 1)), CLASSICAL_WEIGHTS),
+    "Your stage 4 uses the slope of stage 2; use the velocity and acceleration of stage 3.": (
+        tableau(((1 / 2,), (0, 1 / 2), (0, 1, 0)))
     ),
-    WrongMethod(
-        "Your stage 3 stands at the end of the step; it belongs at its middle, like stage 2.",
-        tableau(((1 / 2,), (0, 1), (0, 0, 1)), CLASSICAL_WEIGHTS),
+    "Your stages 2, 3 and 4 all use the first slope; use the velocity and acceleration of the stage before.": (
+        tableau(((1 / 2,), (1 / 2, 0), (1, 0, 0)))
     ),
-    WrongMethod(
-        "Your stage 3 starts from the first slope again; it needs stage 2's velocity and acceleration.",
-        tableau(((1 / 2,), (1 / 2, 0), (0, 0, 1)), CLASSICAL_WEIGHTS),
+    "Your stages move the position with their own new velocity; use the velocity of the stage before.": (
+        staged(own_new_velocity)
     ),
-    WrongMethod(
-        "Your stage 4 goes on from stage 2's slope; it needs stage 3's velocity and acceleration.",
-        tableau(((1 / 2,), (0, 1 / 2), (0, 1, 0)), CLASSICAL_WEIGHTS),
+    "Your stages all move the position with the velocity at the start of the step; use the velocity of the stage "
+    "before.": staged(first_velocity),
+    # a state that is not restored
+    "Each of your stages starts from the state of the stage before; restore q and v to the start of the step before "
+    "every stage.": staged(chained),
+    "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos to the "
+    "start of the step before every stage.": staged(chained_positions),
+    "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them.": (
+        staged(chained, q_from_last=True, v_from_last=True)
     ),
-    WrongMethod(
-        "Your stages 2, 3 and 4 all start from the first slope; each needs the velocity and acceleration of "
-        "the stage before it.",
-        tableau(((1 / 2,), (1 / 2, 0), (1, 0, 0)), CLASSICAL_WEIGHTS),
+    "The velocity is not restored between the stages: v aliases data.qvel, so copy it.": (
+        staged(chained_velocities, v_from_last=True)
     ),
-    WrongMethod(
-        "Your stages move the position with their own new velocity; each needs the velocity of the stage before it.",
-        staged(own_new_velocity),
+    "The positions are moved in place by every stage and at the end; restore qpos to the start of the step before "
+    "every mj_integratePos.": staged(chained_positions, q_from_last=True),
+    # positions
+    "The position advances with the new velocity alone; use the weighted mean of the four stage velocities.": (
+        position_by_new_velocity
     ),
-    WrongMethod(
-        "Your stages all move the position with the velocity at the start of the step; each needs the "
-        "velocity of the stage before it.",
-        staged(first_velocity),
+    "The position advances with the velocity at the start of the step alone; use the weighted mean of the four stage "
+    "velocities.": position_by_old_velocity,
+    "The position is moved four times, by one weighted velocity after the other, but rotations do not add up: sum the "
+    "velocities first, then move once.": four_moves,
+    # quaternions
+    "The angular velocity of a free or ball joint is given in the body's axes, not the world's: multiply the "
+    "quaternion by the rotation from the right.": in_the_world(tableau()),
+    "mju_derivQuat and the like take the angular velocity in the world's axes; here it is given in the body's axes, so "
+    "the derivative is quat * (0, omega) / 2.": quaternion_derivative(rate_in_the_world),
+    "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2.": (
+        quaternion_derivative(rate_without_the_half)
     ),
-    WrongMethod(
-        "Each of your stages starts where the one before it stood, not from the start of the step: put q and "
-        "v back before every stage.",
-        staged(chained),
-    ),
-    WrongMethod(
-        "Your stages move the positions in place: each starts where the one before it stood. Put qpos back "
-        "to the start of the step before every stage.",
-        staged(chained_positions),
-    ),
-    WrongMethod(
-        "The state is not put back between the stages: q and v alias data.qpos and data.qvel, so copy them.",
-        chained_to_the_end(),
-    ),
-    WrongMethod(
-        "The velocity is not put back between the stages: v aliases data.qvel, so copy it.",
-        chained_to_the_end(positions=False),
-    ),
-    WrongMethod(
-        "The positions are moved in place by every stage and at the end: put qpos back to the start of the step before "
-        "every mj_integratePos.",
-        chained_to_the_end(velocities=False),
-    ),
-    WrongMethod(
-        "The position is advanced with the new velocity alone; it needs the weighted mean of the four stage "
-        "velocities.",
-        position_by_new_velocity,
-    ),
-    WrongMethod(
-        "The position is advanced with the velocity at the start of the step alone; it needs the weighted "
-        "mean of the four stage velocities.",
-        position_by_old_velocity,
-    ),
-    WrongMethod(
-        "The position is moved four times, by one weighted velocity after the other; rotations do not add up "
-        "like that: sum the velocities first, then move once.",
-        four_moves,
-    ),
-    WrongMethod(
-        "The angular velocity of a free or ball joint is given in the body's axes, not the world's: turn the "
-        "quaternion from the other side.",
-        in_the_world(tableau(CLASSICAL_STAGES, CLASSICAL_WEIGHTS)),
-    ),
-    WrongMethod(
-        "The quaternion's derivative takes the angular velocity in the world's axes, as mju_derivQuat does; here it is "
-        "given in the body's, so it is quat * (0, omega) / 2.",
-        quaternion_derivative(rate_in_the_world),
-    ),
-    WrongMethod(
-        "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2.",
-        quaternion_derivative(rate_without_the_half),
-    ),
-)
+}
+"""The method behind each sentence for the student; the first one that gives the trajectory is named."""
 
 
 def matches(run: Run, student: Trajectory, other: Trajectory, departure: float) -> bool:
-    """Whether two trajectories agree to round-off over what both have."""
+    """Whether two trajectories agree to round-off over their common steps."""
     rows = min(PREFIX, len(student), len(other))
     if rows < 2:
         return False
@@ -478,12 +423,12 @@ def matches(run: Run, student: Trajectory, other: Trajectory, departure: float) 
 
 
 def departure_of(run: Run, student: Trajectory) -> float:
-    """How far the student is from MuJoCo's RK4 within PREFIX steps."""
-    return difference(run, student.first(PREFIX), mujocos(run).first(PREFIX)).worst
+    """Returns the largest difference from MuJoCo's RK4 within PREFIX steps."""
+    return difference(run, student.first(PREFIX), mujoco_run(run).first(PREFIX)).worst
 
 
 def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
-    """Returns the sentence of what gives the first wrong trajectory; None if it is not recognised."""
+    """Returns the sentence of the mistake in the first wrong trajectory; None if it is not recognised."""
     wrong = next((one.judgement.outcome for one in judged if not one.judgement.passed), None)
     if not isinstance(wrong, RunOutcome):
         return None
@@ -491,28 +436,28 @@ def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]
 
 
 def name_the_step(wrong: RunOutcome) -> str | None:
-    """Returns the sentence of the method, or of the way round mj_forward, that gives a trajectory."""
+    """Returns the sentence of the first explanation that gives a trajectory."""
     run, student = wrong.run, wrong.student
     departure = departure_of(run, student)
     if len(student) < 2 or not np.isfinite(departure) or departure <= ROUND_OFF:
         return None
-    ways = (another_forward, another_time, another_number, another_step)
-    return next((said for way in ways if (said := way(run, student, departure))), None)
+    explanations = (another_forward, another_time, another_number, another_step)
+    return next((sentence for explain in explanations if (sentence := explain(run, student, departure))), None)
 
 
 def name_the_state(wrong: RunOutcome) -> str | None:
-    """Returns the sentence of a part of the state that stands still although it should move."""
-    student, ours = wrong.student, mujocos(wrong.run)
+    """Returns the sentence of a part of the state that does not change although it should."""
+    student, ours = wrong.student, mujoco_run(wrong.run)
     if not len(student):
         return None
     if wraps(wrong):
         return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
     if wrong.problem.case.time_matters and (student.time == student.time[0]).all():
-        return "data.time stands still: set it at every stage, and advance it by model.opt.timestep in every step."
+        return "data.time does not change: set it at every stage, and advance it by model.opt.timestep in every step."
     if ours.act.size and (student.act == student.act[0]).all():
-        return "data.act stands still: advance it with data.act_dot, as you advance qvel with qacc."
+        return "data.act does not change: advance it with data.act_dot, as you advance qvel with qacc."
     if len(student) > 1 and np.any(np.all(student.qvel == student.qvel[0], axis=0)):
-        return "Some velocities stand still: a model may have more joints than you move, so advance all of data.qvel."
+        return "Some velocities do not change: a model may have more joints than you move, so advance all of data.qvel."
     return None
 
 
@@ -521,7 +466,7 @@ def wraps(wrong: RunOutcome) -> bool:
     if wrong.first_departure is None:
         return False
     run, here, model = wrong.run, slice(wrong.first_departure - 1, wrong.first_departure), wrong.run.scene().model
-    turns = turned(run, mujocos(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
+    turns = tangent_difference(run, mujoco_run(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
     hinges = model.jnt_dofadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     whole = np.zeros(model.nv)
     whole[hinges] = np.round(turns[hinges])
@@ -529,30 +474,19 @@ def wraps(wrong: RunOutcome) -> bool:
 
 
 def another_forward(run: Run, student: Trajectory, departure: float) -> str | None:
-    """Whether the accelerations came from elsewhere than mj_forward."""
+    """Returns the sentence if MuJoCo's own stepping, which lacks the hidden force, gives the trajectory."""
     for integrator in (RK4, EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
-        if matches(run, student, unforced(run, integrator.code, PREFIX), departure):
+        if matches(run, student, unforced_run(run, integrator.code, PREFIX), departure):
             return (
                 f"The trajectory is that of MuJoCo's own stepping ({integrator.name}): the accelerations did not come "
                 "from mujoco.mj_forward."
             )
-    forward = forward_of(run)
-
-    def first_stage_only(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        forward(model, data)
-        mujoco.mj_RungeKutta(model, data, len(CLASSICAL_WEIGHTS))
-
-    if matches(run, student, stepped(run, first_stage_only, PREFIX), departure):
-        return (
-            "Only the first slope came from mujoco.mj_forward, the others from MuJoCo's own stepping (mj_RungeKutta), "
-            "which goes round it: write the stages yourself."
-        )
     return None
 
 
 def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
-    """Whether the right states come at the wrong time."""
-    ours = mujocos(run)
+    """Returns the sentence if the states are right, but at the wrong time."""
+    ours = mujoco_run(run)
     if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
         return "You are one step behind: the first call does not advance the state."
     if matches(run, student.first(PREFIX), ours.at(slice(1, PREFIX + 1)), departure):
@@ -565,9 +499,9 @@ def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
 
 
 def another_number(run: Run, student: Trajectory, departure: float) -> str | None:
-    """What shows in the numbers themselves."""
+    """Returns the sentence of a mistake that the numbers themselves show."""
     if np.all(student.qpos == student.qpos[0]):
-        return "Every step leaves the same positions."
+        return "No step changes the positions."
     if departure < FLOAT32 and np.array_equal(student.qpos, student.qpos.astype(np.float32)):
         return "The state went through 32-bit floats: use NumPy's default, float64."
     return None
@@ -575,21 +509,32 @@ def another_number(run: Run, student: Trajectory, departure: float) -> str | Non
 
 def classical(run: Run) -> Callable[..., None]:
     """The right step, as a function of model and data."""
-    return stepper(tableau(CLASSICAL_STAGES, CLASSICAL_WEIGHTS), forward_of(run))
+    return stepper(tableau(), forward_of(run))
 
 
 def another_step(run: Run, student: Trajectory, departure: float) -> str | None:
-    """Which wrong method it is."""
+    """Returns the sentence of the wrong method that gives the trajectory."""
     forward = forward_of(run)
-    for wrong in METHODS:
-        step = stepper(wrong.method, forward)
-        if all(matches(run, student, stepped(run, step, steps), departure) for steps in (GLANCE, PREFIX)):
-            return wrong.on_rotations if wrong.on_rotations and len(run.qpos) > len(run.qvel) else wrong.sentence
-    return None
+
+    def is_given_by(method: Method) -> bool:
+        step = stepper(method, forward)
+        return all(matches(run, student, stepped(run, step, steps), departure) for steps in (GLANCE, PREFIX))
+
+    if sentence := next((sentence for sentence, method in METHODS.items() if is_given_by(method)), None):
+        return sentence
+    name = next((name for name, method in OTHER_TABLEAUS.items() if is_given_by(method)), None)
+    if name is None:
+        return None
+    if len(run.qpos) == len(run.qvel):
+        return f"This is {name}: fourth order, but MuJoCo uses the classical weights 1, 2, 2, 1."
+    return (
+        f"This is {name} with one mj_integratePos for all slopes, which is of second order on rotations only. MuJoCo "
+        "does that with the classical weights 1, 2, 2, 1; another method must be of fourth order on rotations too."
+    )
 
 
 def lazy_steps(entry: str) -> Mapping[str, str]:
-    """Returns steps that know nothing of the model."""
+    """Returns steps that ignore the model's dynamics."""
     bodies = {
         "a step that does nothing": "pass",
         "a step that advances the time alone": "data.time += model.opt.timestep",

@@ -1,4 +1,4 @@
-"""What an author writes in the JSON of an `rk4` exercise, and the runs that come of it."""
+"""The parameters of an `rk4` exercise, and the runs that they define."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -20,7 +20,7 @@ Source: measured; it leaves honest code at 2e-14 and moves any route through mj_
 """
 
 RATE = 5.0
-"""How fast the force of a time-dependent case changes [rad/s]."""
+"""Angular frequency of the force of a time-dependent case [rad/s]."""
 
 Floats = tuple[float, ...]
 Matrix = tuple[Floats, ...]
@@ -76,7 +76,7 @@ class Force:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the student's step: hashable, so that our own simulation of it is done once."""
+    """One run of the student's step; hashable, so that our own simulation of it is cached."""
 
     xml: str
     qpos: Floats
@@ -94,7 +94,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """What one trial asks: the run of a case, or, if `asks_order`, the runs of its motion at several timesteps.
+    """The problem of one trial: the run of a case, or, if `asks_order`, its runs at several timesteps.
 
     `order` and `order_runs` belong to the first case alone. `accepts_other_methods`: another method of fourth order is
     right as well.
@@ -109,7 +109,7 @@ class Problem:
 
     @property
     def runs(self) -> tuple[Run, ...]:
-        """What the student's step is asked to do."""
+        """The runs of this trial."""
         return self.order_runs if self.asks_order else (self.run,)
 
     def inputs(self) -> dict[str, Any]:
@@ -122,11 +122,9 @@ class Problem:
         }
 
 
-def pose_case(parameters: Rk4Parameters, drawn: DrawnCase) -> Problem:
+def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     """Draws the force of a case. Raises ValueError and KeyError for a start that the model does not have."""
-    case = drawn.case
-    assert isinstance(case, Rk4Case)
-    xml = drawn.xml or ""
+    case, xml = drawn.case, drawn.xml
     scene = Scene.from_xml(xml, key=case.start.key)
     check_supported(scene.model)
     check_muscles(xml)
@@ -155,7 +153,7 @@ def retimed(run: Run, timestep_s: float, steps: int) -> Run:
 
 
 def draw_force(model: mujoco.MjModel, rng: np.random.Generator, rate: float) -> Force:
-    """A force of ACCELERATION in every dof; it leaves quaternions alone, whose sign and length are free."""
+    """Draws a force of ACCELERATION in every dof; it does not depend on quaternions, whose sign and length are free."""
     position = rng.normal(size=(model.nv, model.nq))
     for kind, at in zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True):
         if kind == int(mjtJoint.mjJNT_FREE):

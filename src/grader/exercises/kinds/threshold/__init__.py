@@ -12,6 +12,7 @@ from grader.exercises.kinds.threshold.judge import Claim, accepted_lower_ends, e
 from grader.exercises.kinds.threshold.mistakes import constant_answers, name_the_mistake
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, cells
 from grader.exercises.kinds.threshold.pictures import evidence_of
+from grader.exercises.parameters import Case
 
 
 class Threshold(Kind[ThresholdParameters, Cell, Claim]):
@@ -20,17 +21,14 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
     parameters = ThresholdParameters
     driver = getsource(driver)
 
-    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase) -> Sequence[Trial[Cell]]:
+    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
         return [
             Trial(
                 id=f"{drawn.case.id}.{cell.integrator.name}",
                 inputs={"model": drawn.xml, "integrator": cell.integrator.code},
                 problem=cell,
-                case=drawn.case,
                 title=cell.integrator.name,
-                hidden=drawn.case.hidden,
-                points=drawn.case.points / len(parameters.integrators),
             )
             for cell in cells(parameters, drawn)
         ]
@@ -39,7 +37,7 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         """Certifies a claim by simulating at its ends."""
         claim = read_claim(results)
         judgement = judge_claim(parameters, trial.problem, claim)
-        if trial.hidden:  # the runner would drop them, and what is expected takes a bisection
+        if trial.hidden:  # the runner drops them, and the expected limit takes a bisection
             return judgement
         return replace(judgement, measured=str(claim), expected=expected_of(parameters, trial.problem))
 
@@ -58,5 +56,5 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         return constant_answers(question.entry, parameters, trials)
 
     def accepted(self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Sequence[Intervals]:
-        """Returns where the lower end of a bracket of the allowed width may lie under every integrator."""
+        """Returns the accepted lower ends of a bracket of the allowed width, under every integrator."""
         return [[accepted_lower_ends(parameters, trial.problem) for trial in trials]]

@@ -1,6 +1,7 @@
 """Calls the student's function with a model and an integrator, and submits what it claims.
 
-Runs in the jail. The result `claim` holds no number (None), one or two; `other` is the text of anything else.
+Runs in the jail. The result `claim` holds the numbers of the claim: none for None, one, or two. For anything else the
+result `other` holds its text.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +14,7 @@ import numpy as np
 def trial(
     functions: Sequence[Callable[..., object]], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]
 ) -> None:
-    """One call on a fresh model, so that what a call changes in it is gone in the next."""
+    """Makes one call on a fresh model, so that no call sees what another changed."""
     (entry,) = functions
     claim = entry(mujoco.MjModel.from_xml_string(inputs["model"]), inputs["integrator"])
     numbers = read_numbers(claim)
@@ -24,9 +25,9 @@ def trial(
 
 
 def read_numbers(claim: object) -> list[float] | None:
-    """Returns no number for None, one or two finite ones; None if the claim is anything else.
+    """Returns the finite numbers of a claim: none for None, one, or two; None if the claim is anything else.
 
-    Each may be an array of one element.
+    A number may be an array of one element.
     """
     if claim is None:
         return []
@@ -37,5 +38,5 @@ def read_numbers(claim: object) -> list[float] | None:
 
 
 def is_number(item: object) -> bool:
-    """Whether an item is a finite real number, but no truth value."""
+    """Whether an item is a finite real number; True and False are not."""
     return isinstance(item, int | float | np.floating) and not isinstance(item, bool) and bool(np.isfinite(float(item)))

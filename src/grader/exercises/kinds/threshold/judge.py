@@ -1,6 +1,6 @@
-"""Judges a claim by our own simulation: stable at its lower end, unstable at its upper end, in some right reading.
+"""Judges a claim by simulating at its ends: stable at the lower, unstable at the upper, in some reading of "stable".
 
-The linear stability limit (the spectral radius of one step at rest passes 1) is a little below the limit within the
+The linear stability limit (the spectral radius of one step at rest passes 1) lies a little below the limit within the
 horizon (a warning comes in time). Every reasonable reading of "stable" finds a limit between the two.
 """
 
@@ -21,7 +21,7 @@ from grader.numerics.scene import Scene
 from grader.numerics.trials import Stability, try_timestep
 
 SLACK = 0.003
-"""Relative, on both sides of the span from the linear stability limit to the limit within the horizon.
+"""Relative widening of the span from the linear stability limit to the limit within the horizon, on both sides.
 
 Source: right readings of the lesson's case measured at 19.93 (the energy decays) to 20.13 ms (other start angles)
 under Euler, 24.90 to 25.23 ms under implicitfast, where the span is 19.983..20.116 and 24.970..25.194 ms. The nearest
@@ -29,10 +29,10 @@ wrong method (a horizon of 0.5 s) is 7 % away.
 """
 
 WIDTH_ROUNDING = 1e-6
-"""Relative: 0.0200 - 0.0195 is a little more than 0.0005 in binary."""
+"""Relative tolerance of a width: 0.0200 - 0.0195 is a little more than 0.0005 in binary."""
 
 NUMBER_TOLERANCE_S = 0.0005
-"""A single number h claims that the limit is this near. Source: the lesson asks for a bisection to 0.5 ms."""
+"""A single number claims a limit within this distance [s]. Source: the lesson asks for a bisection to 0.5 ms."""
 
 RELATIVE_WIDTH = 0.001
 """The precision of the limits from which the chance of luck is estimated."""
@@ -71,7 +71,7 @@ class Bracket:
 
 @dataclass(frozen=True)
 class NoLimit:
-    """`None`: nothing up to the longest timestep is unstable."""
+    """`None`: no timestep up to the longest is unstable."""
 
     def __str__(self) -> str:
         return "None"
@@ -79,12 +79,12 @@ class NoLimit:
 
 @dataclass(frozen=True)
 class Unreadable:
-    """Anything else; `text` is its repr."""
+    """Any other return value; `text` is its repr."""
 
     text: str
 
     def __str__(self) -> str:
-        return self.text or "nothing that can be read"
+        return self.text or "no readable value"
 
 
 Claim = Bracket | NoLimit | Unreadable
@@ -96,7 +96,7 @@ def around(number: float) -> Bracket:
 
 
 def read_claim(results: Results) -> Claim:
-    """Returns what the student's function claims; what the driver does not write is unreadable."""
+    """Returns the claim of the student's function; arrays that the driver never sends make it unreadable."""
     values: Any = results.get("claim")
     if values is None or values.dtype != np.float64 or values.ndim != 1 or values.size > 2:
         text = results.get("other", np.empty(0, np.uint8))
@@ -132,7 +132,7 @@ def grows(scene: Scene, code: int, timestep_s: float) -> bool:
 
 
 def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Judgement[Claim]:
-    """Returns whether a claim is right, or the first thing that is wrong with it."""
+    """Judges a claim; the message is the first fault found."""
     if isinstance(claim, Unreadable):
         why = "The function must return (h_stable, h_unstable) in seconds, one number, or None."
         return Judgement(False, why, claim)
@@ -147,7 +147,7 @@ def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Ju
 
 
 def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
-    """Returns whether nothing in the search is unstable.
+    """Judges the claim that no timestep of the search is unstable.
 
     A right None counts only if a limit was found on the same model under another integrator that has one: otherwise a
     function that does nothing would earn points.
@@ -167,7 +167,7 @@ def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> J
 
 
 def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
-    """Returns what is wrong with a bracket whatever the model."""
+    """Returns the fault of a bracket that is wrong for any model; empty if there is none."""
     longest, allowed = parameters.search_s[1], parameters.width_s
     if claim.width < 0:
         return "The ends of the bracket are in the wrong order: it is (h_stable, h_unstable)."
@@ -181,7 +181,7 @@ def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
 
 
 def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
-    """Returns why a bracket misses the span of right readings; takes at most one run and one linearisation an end."""
+    """Returns why a bracket misses the span of right readings; simulates and linearises at most once at each end."""
     scene, code, seconds = cell.scene, cell.integrator.code, parameters.horizon_s
     shortest, longest = parameters.search_s
     below, above = ("at the lower end", "at the upper end") if claim.number is None else ("just below", "just above")
@@ -192,7 +192,7 @@ def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracke
     if grows(scene, code, high) or warns(scene, code, high, seconds):
         return ""
     if not has_limit(scene, code, longest, seconds):
-        return f"Nothing up to {1000 * longest:g} ms is unstable here: return None."
+        return f"No timestep up to {1000 * longest:g} ms is unstable here: return None."
     return f"Too low: the run is still stable {above} {what}."
 
 

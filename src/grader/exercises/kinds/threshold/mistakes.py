@@ -1,4 +1,4 @@
-"""The wrong ways to a largest stable timestep, each with its sentence for the student: would it give these claims?"""
+"""Recognises wrong ways to the largest stable timestep: checks which of them gives the student's claims."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ SAME_EVERYWHERE = (
 )
 
 FORMULA_TOLERANCE = 5e-4
-"""Relative: a formula is reported as it is, as an end or as the middle of the bracket.
+"""Relative difference of a claim from a formula, which students report as an end or as the middle of the bracket.
 
 Source: leaving the body's own inertia out of I changes the lesson's bound by 2e-4.
 """
 
 NUMBER_TOLERANCE = 5e-3
-"""Relative: a single number may be rounded, 22.4 ms for 22.365 ms."""
+"""Relative difference of a single number from a formula: it may be rounded, 22.4 ms for 22.365 ms."""
 
 METHOD_TOLERANCE = 0.005
-"""Relative: how differently the same wrong method may be written (rounding of the number of steps, the criterion)."""
+"""Relative difference between two programs of one wrong method (rounding of the number of steps, the criterion)."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What one claim answers: a cell, and that of the first case under the same integrator."""
+    """The question behind one claim: its cell, and the cell of the first case under the same integrator."""
 
     parameters: ThresholdParameters
     cell: Cell
@@ -46,10 +46,10 @@ Gives = Callable[[Asked, Claim], bool]
 
 @dataclass(frozen=True)
 class WrongMethod:
-    """A mistake: the sentence for the student, and whether it would have given a claim.
+    """A mistake: the sentence for the student, and whether the mistake gives a claim.
 
-    It must explain every wrong claim; with `all_claims` the right ones too (they may be right by accident). One of the
-    wrong ones must hold numbers, unless `of_numbers` is false: `None` shows little of how it came about.
+    The mistake must explain every wrong claim; with `all_claims` also the right ones, which may be right by accident.
+    At least one wrong claim must hold numbers, unless `of_numbers` is false: a claim of `None` has many explanations.
     """
 
     id: str
@@ -90,7 +90,7 @@ def formula(value: Callable[[Servo], float]) -> Gives:
 def simulated(
     change: Callable[[Scene], Scene | None] = lambda scene: scene, *, code: int | None = None, seconds: float = 0
 ) -> Gives:
-    """The method that bisects rightly, but another scene, under another integrator, or for another time."""
+    """The method that bisects correctly, but another scene, another integrator, or another run length."""
 
     def gives(asked: Asked, claim: Claim) -> bool:
         scene = change(asked.cell.scene)
@@ -100,7 +100,7 @@ def simulated(
 
 
 def claim_fits(asked: Asked, claim: Claim, scene: Scene, code: int | None = None, *, seconds: float = 0) -> bool:
-    """Whether a bisection of this scene would have ended in this claim, give or take one step in the run's length."""
+    """Whether a bisection of this scene ends in this claim; the run may be one step longer or shorter."""
     integrator = asked.cell.integrator.code if code is None else code
     horizon = seconds or asked.parameters.horizon_s
     shortest, longest = asked.parameters.search_s
@@ -148,14 +148,14 @@ def in_milliseconds(asked: Asked, claim: Claim) -> bool:
 
 
 def swapped(asked: Asked, claim: Claim) -> bool:
-    """The right bracket, turned round."""
+    """The right bracket with swapped ends."""
     if not isinstance(claim, Bracket) or claim.number is not None or claim.width >= 0:
         return False
     return judge_claim(asked.parameters, asked.cell, Bracket(claim.high, claim.low)).passed
 
 
 def too_wide(asked: Asked, claim: Claim) -> bool:
-    """A bracket that holds the limit, but not narrow enough."""
+    """A bracket that holds the limit but is too wide."""
     if not isinstance(claim, Bracket) or claim.width <= asked.parameters.width_s:
         return False
     return claim_fits(asked, claim, asked.cell.scene)
@@ -167,7 +167,7 @@ def nothing_unstable(asked: Asked, claim: Claim) -> bool:
 
 
 def swings_out(asked: Asked, timestep_s: float) -> bool:
-    """Whether some coordinate gets further from zero than it started."""
+    """Whether a coordinate moves further from zero than its start."""
     rollout = simulate(
         asked.cell.scene,
         seconds=asked.parameters.horizon_s,
@@ -220,7 +220,7 @@ METHODS: tuple[WrongMethod, ...] = (
         "nothing unstable",
         "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
         "start with {start}, and look at data.warning (or at data.time running backwards), because after a warning "
-        "MuJoCo has reset the state to a calm one.",
+        "MuJoCo resets the state to one at rest.",
         nothing_unstable,
         all_claims=True,
         of_numbers=False,
@@ -257,7 +257,7 @@ METHODS: tuple[WrongMethod, ...] = (
     ),
     WrongMethod(
         "model of the file",
-        "You measured the model as it stands in its file, with its own gains: measure the model you were given.",
+        "You measured the model of the file, with the file's gains: measure the model you were given.",
         model_of_the_file,
     ),
     WrongMethod(
@@ -344,7 +344,7 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Ce
 
 
 def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
-    """Whether the claims ignore the model: the same numbers for all, some of them right and some wrong."""
+    """Whether the claims ignore the model: the same numbers for all models, right for some and wrong for others."""
     by_case: dict[str, dict[str, Claim]] = {}
     for one in judged:
         by_case.setdefault(one.trial.problem.case, {})[one.trial.problem.integrator.name] = one.judgement.outcome
@@ -377,7 +377,7 @@ def unit_of(model: mujoco.MjModel, joint: str) -> str:
 
 
 def constant_answers(entry: str, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Mapping[str, str]:
-    """Returns scripts that give None, or the right answers of the first visible case, for every model."""
+    """Returns lazy scripts: for every model they give None, or the right answers of the first visible case."""
     scripts = {"None for every model": f"def {entry}(model, integrator):\n    return None\n"}
     visible = next((trial.problem.case for trial in trials if not trial.hidden), None)
     answers: dict[int, tuple[float, float] | None] = {}

@@ -1,4 +1,4 @@
-"""What an author writes in the JSON of a `threshold` exercise, and the cells that come of it."""
+"""The parameters of a `threshold` exercise, and the cells that they define."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from grader.exercises.kind import DrawnCase
-from grader.exercises.parameters import ExerciseParameters, WrongParameter
+from grader.exercises.parameters import Case, ExerciseParameters, WrongParameter
 from grader.numerics.integrators import BY_NAME, Integrator
 from grader.numerics.scene import Scene
 
@@ -35,7 +35,7 @@ class ThresholdParameters(ExerciseParameters):
 
 @dataclass(frozen=True)
 class Cell:
-    """One model under one integrator; `scene` starts as `start` says, and so does that of the model without numbers."""
+    """One model under one integrator. Both scenes begin at `start`; `scene_as_written` lacks the drawn numbers."""
 
     case: str
     scene: Scene
@@ -59,8 +59,8 @@ def pose(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
     return scene.at(qpos=qpos)
 
 
-def cells(parameters: ThresholdParameters, drawn: DrawnCase) -> Sequence[Cell]:
+def cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
     """Returns a case's cells, one for each integrator. Raises WrongParameter, ValueError."""
     start = tuple(parameters.start.items())
-    scene, as_written = (pose(xml or "", start) for xml in (drawn.xml, drawn.xml_as_written))
+    scene, as_written = (pose(xml, start) for xml in (drawn.xml, drawn.xml_as_written))
     return [Cell(drawn.case.id, scene, as_written, BY_NAME[name]) for name in parameters.integrators]

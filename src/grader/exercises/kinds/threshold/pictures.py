@@ -27,7 +27,7 @@ def evidence_of(parameters: ThresholdParameters, visible: Sequence[Judged[Cell, 
 
 
 def angles(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> list[dict[str, Any]]:
-    """Returns the run at the lower and at the upper end of a bracket that can be simulated."""
+    """Returns the runs at both ends of a bracket, as far as they lie within the search."""
     shortest, longest = parameters.search_s
     if not isinstance(claim, Bracket):
         return []
@@ -36,7 +36,7 @@ def angles(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) ->
 
 
 def angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timestep_s: float) -> dict[str, Any]:
-    """Returns one run, thinned out."""
+    """Simulates at one end, and returns some points of the run."""
     scene, code = trial.problem.scene, trial.problem.integrator.code
     steps = round(parameters.horizon_s / timestep_s)
     rollout = simulate(scene, steps=steps, timestep_s=timestep_s, integrator=code)
@@ -51,7 +51,7 @@ def angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timeste
 
 
 def thinned(values: NDArray[np.float64]) -> list[float]:
-    """Returns at most POINTS_MAX of them, in order, first and last among them, to seven figures."""
+    """Returns at most POINTS_MAX of the values to seven figures; the first and the last are kept."""
     chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS_MAX)).round().astype(int))
     return [float(f"{value:.7g}") for value in values[chosen]]
 

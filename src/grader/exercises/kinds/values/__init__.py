@@ -1,4 +1,4 @@
-"""The `values` kind: functions whose results are held against an author's program, or whose residual must vanish."""
+"""The `values` kind: compares the results of functions with an author's program, or puts them into a residual."""
 
 from collections.abc import Mapping, Sequence
 from inspect import getsource
@@ -9,7 +9,7 @@ from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind,
 from grader.exercises.kinds.values import driver
 from grader.exercises.kinds.values.judge import Outcome, expected_of, judge_calls, tolerance
 from grader.exercises.kinds.values.mistakes import name_the_mistake
-from grader.exercises.kinds.values.parameters import Problem, ValuesParameters, pose_case
+from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import evidence_of
 
 
@@ -20,13 +20,10 @@ class Values(Kind[ValuesParameters, Problem, Outcome]):
     driver = getsource(driver)
     needs_model = False
 
-    def trials(self, parameters: ValuesParameters, drawn: DrawnCase) -> Sequence[Trial[Problem]]:
+    def trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""
-        case, problem = drawn.case, pose_case(parameters, drawn)
-        entries = (problem.name,)
-        return [
-            Trial(case.id, problem.inputs(), problem, case, hidden=case.hidden, points=case.points, entries=entries)
-        ]
+        problem = pose_case(parameters, drawn)
+        return [Trial(drawn.case.id, problem.inputs(), problem, entries=(problem.name,))]
 
     def rehearse(self, parameters: ValuesParameters, trial: Trial[Problem]) -> None:
         """Runs the author's programs. Raises ValueError if one gives no results."""
@@ -40,7 +37,7 @@ class Values(Kind[ValuesParameters, Problem, Outcome]):
                 return
 
     def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Holds every call against the author's program, or asks its residual."""
+        """Compares every call with the author's program, or computes its residual."""
         return judge_calls(trial.problem, results)
 
     def mistake(self, parameters: ValuesParameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:

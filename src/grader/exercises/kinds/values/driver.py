@@ -1,7 +1,7 @@
-"""Calls the student's function with the arguments of every call, and submits what it gives.
+"""Calls the student's function with the arguments of every call, and submits the results.
 
-Runs in the jail. Result j of call i is `r<i>_<j>`. A call that gives something else leaves `other<i>`, the text of what
-was returned, and `printed<i>`, whether the function printed. The judge calls the author's programs through
+Runs in the jail. Result j of call i is `r<i>_<j>`. A call whose results cannot be read leaves `other<i>`, the text
+of what was returned, and `printed<i>`, whether the function printed. The judge calls the author's programs through
 `results_of` too, in its own process.
 """
 
@@ -21,7 +21,7 @@ TEXT_CHARS_MAX = 200
 
 
 class Listener(io.TextIOBase):
-    """Passes text on and notes that there was some."""
+    """Passes text on, and notes whether there was any."""
 
     def __init__(self, stream: Any) -> None:
         self.stream = stream
@@ -39,7 +39,7 @@ class Listener(io.TextIOBase):
 
 
 def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
-    """Every call, on a model and data of its own."""
+    """Makes every call on a new model and new data."""
     (entry,) = functions
     for index, call in enumerate(inputs["calls"]):
         listener = Listener(sys.stdout)
@@ -53,9 +53,9 @@ def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Call
             submit(f"r{index}_{position}", values)
 
 
-def compiled(xml: str | None) -> mujoco.MjModel | None:
-    """Returns the model of a case; None if it has none."""
-    return None if xml is None else mujoco.MjModel.from_xml_string(xml)
+def compiled(xml: str) -> mujoco.MjModel | None:
+    """Returns the model of a case; None where `xml` is empty."""
+    return mujoco.MjModel.from_xml_string(xml) if xml else None
 
 
 def results_of(
@@ -65,7 +65,7 @@ def results_of(
     results: Sequence[Mapping[str, str | None]],
     times: int = 1,
 ) -> list[Rows] | str:
-    """Returns the results of one call, or the text of a return value that does not have them.
+    """Returns the results of one call, or the text of a return value that cannot be read.
 
     `call` has `arguments` (numbers, nested lists, "model", "data") and `start`, the state in which `data` is given.
     Each of `results` has a `name`, and a `field` if it is left in `data`. The function is called `times` over.
@@ -90,7 +90,7 @@ def results_of(
 
 
 def started(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
-    """Returns a fresh data in the state of a call; nothing has been computed from it."""
+    """Returns a new data in the state of a call; derived quantities are not computed."""
     data = mujoco.MjData(model)
     if start["key"] is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(start["key"]).id)
@@ -115,7 +115,7 @@ def separated(returned: object, names: Sequence[str]) -> list[Any] | None:
 
 
 def numbers(value: object) -> Rows | None:
-    """Returns finite real numbers as an array; None for anything else, truth values and texts among it."""
+    """Returns finite real numbers as an array; None for anything else, such as texts and truth values."""
     try:
         found = np.asarray(value)
     except (ValueError, TypeError):

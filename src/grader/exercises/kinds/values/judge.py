@@ -1,4 +1,4 @@
-"""Judges results: against those of the author's program, or by a residual that must vanish."""
+"""Judges results: compares them with those of the author's program, or computes a residual that must vanish."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ ELEMENTS_SHOWN = 12
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a function gave in one call: the values of its results, or else (None) the `text` of what it returned."""
+    """The answer of one call: the `values` of its results, or None and the `text` of what was returned instead."""
 
     values: tuple[Rows, ...] | None
     text: str = ""
@@ -22,8 +22,8 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """One call with the student's answer; `expected` is None where a residual decides, `why` empty if it is right."""
+class Comparison:
+    """One call with its answer. `expected` is None where a residual decides; `why` is empty if the answer is right."""
 
     call: Call
     answer: Answer
@@ -32,11 +32,11 @@ class Held:
     detail: str = ""
 
 
-Outcome = tuple[Held, ...]
+Outcome = tuple[Comparison, ...]
 
 
 def read_answer(problem: Problem, results: Results, index: int) -> Answer:
-    """Returns what was given in one call; what the driver does not write is no result."""
+    """Returns the answer of one call; arrays that the driver never sends count as no result."""
     found = [results.get(f"r{index}_{position}") for position in range(len(problem.function.results))]
     values = [None if value is None or value.dtype != np.float64 else numbers(value) for value in found]
     if not any(value is None for value in values):
@@ -75,8 +75,10 @@ def expected_of(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
 def judge_calls(problem: Problem, results: Results) -> Judgement[Outcome]:
     """Judges every call of a trial; all must be right."""
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        outcome = tuple(hold(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls))
-    wrong = next(((index, held) for index, held in enumerate(outcome) if held.why), None)
+        outcome = tuple(
+            compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls)
+        )
+    wrong = next(((index, compared) for index, compared in enumerate(outcome) if compared.why), None)
     shown = outcome[wrong[0] if wrong else 0]
     names = [result.name for result in problem.function.results]
     return Judgement(
@@ -109,31 +111,31 @@ def shortened(values: Rows) -> Any:
 
 
 def unit(text: str) -> str:
-    """Returns a unit as it stands behind a number."""
+    """Returns a unit with the space that separates it from a number; empty for no unit."""
     return f" {text}" if text else ""
 
 
-def hold(problem: Problem, call: Call, answer: Answer) -> Held:
-    """Holds one call's answer against the author's program."""
+def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
+    """Compares the answer of one call with the author's program."""
     if answer.values is None:
         what = " and ".join(filter(None, (returned_names(problem), field_names(problem))))
         expected = expected_of(problem, call)
-        return Held(
-            call, answer, expected, f"The function must give {what} as finite numbers.", f"it gave {answer.text}."
+        return Comparison(
+            call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
     if problem.function.residual is not None:
-        return hold_residual(problem, call, answer, answer.values)
+        return compare_residual(problem, call, answer, answer.values)
     expected = expected_of(problem, call)
     assert expected is not None
     for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
         if got.shape != right.shape:
             detail = f"{result.name} has the shape {got.shape}, not {right.shape}."
-            return Held(call, answer, expected, f"{result.name} has another shape than it should have.", detail)
+            return Comparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
         if not fits(result, got, right):
             off = f"{result.name} is off by {largest(got - right):.3g}{unit(result.unit)}"
             detail = f"{off}; {tolerance(result, right):.2g}{unit(result.unit)} is allowed."
-            return Held(call, answer, expected, f"{result.name} is not what it should be.", detail)
-    return Held(call, answer, expected, "")
+            return Comparison(call, answer, expected, f"{result.name} is wrong.", detail)
+    return Comparison(call, answer, expected, "")
 
 
 def returned_names(problem: Problem) -> str:
@@ -148,18 +150,18 @@ def field_names(problem: Problem) -> str:
     return f"leave {', '.join(names)}" if names else ""
 
 
-def hold_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> Held:
-    """Judges by the author's residual; one that cannot take the results refuses them."""
+def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> Comparison:
+    """Judges by the author's residual. A residual that raises counts as results of the wrong shape."""
     residual = problem.function.residual
     assert residual is not None
     try:
         size = residual_of(problem, call, values)
     except Exception:  # the author's own function, over results of any shape
-        return Held(call, answer, None, "The results do not have the shape that they should have.")
+        return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
-        return Held(call, answer, None, "")
+        return Comparison(call, answer, None, "")
     detail = f"it is {size:.3g}{unit(residual.unit)}; {residual.atol:g}{unit(residual.unit)} is allowed."
-    return Held(call, answer, None, f"{residual.function} does not vanish.", detail)
+    return Comparison(call, answer, None, f"{residual.function} does not vanish.", detail)
 
 
 def residual_of(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:

@@ -1,4 +1,4 @@
-"""The mistakes that any exercise in values may show, each with its sentence: would it give these results?"""
+"""Recognises mistakes in any `values` exercise: computes what each gives, and compares with the student's results."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,11 +10,11 @@ import numpy as np
 
 from grader.exercises.kind import Judged
 from grader.exercises.kinds.values.driver import Rows, compiled, started
-from grader.exercises.kinds.values.judge import Held, Outcome, fits
+from grader.exercises.kinds.values.judge import Comparison, Outcome, fits
 from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result, ValuesParameters
 
 SWAPS_MAX = 4
-"""Up to so many results or elements, every order is tried."""
+"""The largest number of results or elements of which every order is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +22,12 @@ class Asked:
     """One call of the function, with its outcome."""
 
     problem: Problem
-    held: Held
+    compared: Comparison
 
     @property
     def pairs(self) -> list[tuple[Result, Rows, Rows]]:
         """Result, got and expected."""
-        got, expected = self.held.answer.values or (), self.held.expected or ()
+        got, expected = self.compared.answer.values or (), self.compared.expected or ()
         return list(zip(self.problem.function.results, got, expected, strict=True))
 
     @property
@@ -37,17 +37,17 @@ class Asked:
 
 
 Explains = Callable[[Sequence[Asked]], bool]
-"""Whether a mistake gives the results of these calls: the wrong ones."""
+"""Returns whether a mistake gives the results of the wrong calls."""
 
 
 def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
-    """Returns what was seen and what to do, for the first function that is wrong; None if no mistake fits."""
+    """Returns the sentence for the first function that is wrong: the mistake and the cure; None if no mistake fits."""
     first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
     asked = [
-        Asked(one.trial.problem, held)
+        Asked(one.trial.problem, compared)
         for one in judged
         if one.trial.problem.name == first
-        for held in one.judgement.outcome
+        for compared in one.judgement.outcome
     ]
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
         found = sentence_of(asked)
@@ -57,33 +57,33 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Probl
 
 def sentence_of(asked: Sequence[Asked]) -> str | None:
     """Returns the sentence of the first mistake that explains every wrong call."""
-    wrong = [one for one in asked if one.held.why]
+    wrong = [one for one in asked if one.compared.why]
     if not wrong:
         return None
-    if any(one.held.answer.values is None for one in wrong):
+    if any(one.compared.answer.values is None for one in wrong):
         return missing(wrong)
     if is_stale(asked):
         return "You give the same results for every call: compute them from the arguments of the call."
-    if any(one.held.expected is None for one in wrong):
+    if any(one.compared.expected is None for one in wrong):
         return by_programs(wrong)
     return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong)
 
 
 def missing(wrong: Sequence[Asked]) -> str | None:
     """Returns the sentence for a function that returns nothing."""
-    if any(one.held.answer.text != "None" for one in wrong if one.held.answer.values is None):
+    if any(one.compared.answer.text != "None" for one in wrong if one.compared.answer.values is None):
         return None
-    if any(one.held.answer.printed for one in wrong):
+    if any(one.compared.answer.printed for one in wrong):
         return "Your function prints its result and returns None: return it instead."
     return "Your function returns None: end it with `return` and the results."
 
 
 def is_stale(asked: Sequence[Asked]) -> bool:
-    """Whether every call gave the same results, although its arguments or start differ and the same is not right."""
-    answers = [one.held.answer.values or () for one in asked]
-    if any(one.held.call == asked[0].held.call for one in asked[1:]) or len(asked) < 2:
+    """Whether every call gave the same results although the arguments or starts, and the right results, differ."""
+    answers = [one.compared.answer.values or () for one in asked]
+    if any(one.compared.call == asked[0].compared.call for one in asked[1:]) or len(asked) < 2:
         return False
-    rights = [one.held.expected for one in asked if one.held.expected is not None]
+    rights = [one.compared.expected for one in asked if one.compared.expected is not None]
     return all(same(answers[0], other) for other in answers) and not (
         len(rights) == len(asked) and all(same(rights[0], other) for other in rights)
     )
@@ -109,12 +109,12 @@ def gives(
     change: Callable[[mujoco.MjModel], None] | None = None,
     times: int = 1,
 ) -> bool:
-    """Whether the reference (or another program), so changed, gives the student's results."""
-    problem, values = asked.problem, asked.held.answer.values
+    """Whether the reference (or another program) with these changes gives the student's results."""
+    problem, values = asked.problem, asked.compared.answer.values
     if program is not None and not callable(program.get(problem.name)):
         return False
     try:
-        found = problem.answer(call or asked.held.call, program, change, times)
+        found = problem.answer(call or asked.compared.call, program, change, times)
     except Exception:  # the author's program, outside the range that it was written for
         return False
     if isinstance(found, str) or values is None:
@@ -124,7 +124,7 @@ def gives(
 
 @dataclass(frozen=True)
 class WrongResult:
-    """`altered(expected)` is what the mistake makes of one right result; {name} in the sentence names the result."""
+    """A mistake that turns a right result into `altered(result)`; {name} in the sentence is the name of the result."""
 
     sentence: str
     altered: Callable[[Rows], Rows]
@@ -150,7 +150,7 @@ RESULTS: tuple[WrongResult, ...] = (
 
 
 def by_results(wrong: Sequence[Asked]) -> str | None:
-    """Returns the sentence of a mistake that is seen in the results alone."""
+    """Returns the sentence of a mistake that the results alone show."""
     names = " and ".join(dict.fromkeys(result.name for one in wrong for result, _, _ in one.wrong))
     if all(swapped(one) for one in wrong):
         return "Your results are in the wrong order: return them as the exercise lists them."
@@ -161,7 +161,7 @@ def by_results(wrong: Sequence[Asked]) -> str | None:
     if all(permuted(*pair) for pair in pairs):
         return f"The elements of {names} are in the wrong order: check which comes first."
     if all(shifted(*pair) for pair in pairs):
-        return f"{names} is off by one step: each row belongs to the step beside it. Check where you start and store."
+        return f"{names} is off by one step: each row is one step early or late. Check where you start and store."
     if all(got.size == right.size and fits(result, got.reshape(right.shape), right) for result, got, right in pairs):
         return f"{names} has the right numbers in the wrong shape: give it the shape that the exercise asks for."
     return None
@@ -184,7 +184,7 @@ def permuted(result: Result, got: Rows, right: Rows) -> bool:
 
 
 def shifted(result: Result, got: Rows, right: Rows) -> bool:
-    """Whether the rows are those of the step before or after, or there is one row too many or too few at an end."""
+    """Whether the rows are shifted by one step, or one row at an end is missing or too many."""
     if got.ndim != right.ndim or right.ndim == 0 or min(len(got), len(right)) < 3:
         return False
     if len(got) == len(right):
@@ -194,7 +194,7 @@ def shifted(result: Result, got: Rows, right: Rows) -> bool:
 
 
 def by_state(wrong: Sequence[Asked]) -> str | None:
-    """Returns the sentence of a mistake that is seen in the state that a step leaves in data."""
+    """Returns the sentence of a mistake that the state after a step shows."""
     if not all(result.field for one in wrong for result in one.problem.function.results):
         return None
     if all(unchanged(one) for one in wrong):
@@ -210,10 +210,10 @@ def by_state(wrong: Sequence[Asked]) -> str | None:
 
 
 def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> Mapping[str, Rows]:
-    """Returns the start of a call, `advance`d, by field."""
+    """Returns the state of a call's start after `advance`, by field."""
     model = compiled(asked.problem.xml)
     assert model is not None
-    data = started(model, asked.held.call.start)
+    data = started(model, asked.compared.call.start)
     advance(model, data)
     return {
         result.field: np.array(getattr(data, result.field), dtype=np.float64)
@@ -223,13 +223,13 @@ def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], No
 
 
 def unchanged(asked: Asked) -> bool:
-    """Whether data is left at its start."""
+    """Whether data is unchanged."""
     start = state_of(asked, lambda model, data: None)
     return all(fits(result, got, start[result.field or ""]) for result, got, _ in asked.pairs)
 
 
 def explicit(asked: Asked) -> bool:
-    """Whether positions alone are wrong: those of the velocity at the start of the step."""
+    """Whether positions alone are wrong, and are those that the velocity at the start of the step gives."""
 
     def drift(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         mujoco.mj_integratePos(model, data.qpos, data.qvel, model.opt.timestep)
@@ -247,10 +247,10 @@ def by_inputs(wrong: Sequence[Asked]) -> str | None:
 
 
 def variants(first: Asked) -> Iterator[Variant]:
-    """Yields every change of the arguments, the state and the model, with its sentence."""
+    """Yields the sentence of every change of arguments, state and model, with the change."""
     degrees = "You take {what} for degrees: it is in radians already, so do not convert it."
     radians = "You take radians for degrees in {what}: the trigonometric functions need radians."
-    arguments = first.held.call.arguments
+    arguments = first.compared.call.arguments
     for index, argument in enumerate(arguments):
         name = f"argument {index + 1}"
         if isinstance(argument, int):
@@ -276,12 +276,12 @@ def few_or_many(step: int) -> str:
 
 
 def shift(index: int, step: int) -> Callable[[Asked], bool]:
-    """Returns whether one whole argument more or less gives the results."""
+    """Returns whether the results are those of an integer argument changed by one."""
     return with_argument(index, lambda value: int(value) + step)
 
 
 def scale(index: int, factor: float) -> Callable[[Asked], bool]:
-    """Returns whether one argument times a factor gives the results."""
+    """Returns whether the results are those of an argument multiplied by a factor."""
     return with_argument(index, lambda value: type(value)(value * factor))
 
 
@@ -289,7 +289,7 @@ def with_argument(index: int, change: Callable[[float], float]) -> Callable[[Ask
     """Returns whether the reference with one argument changed, element by element, gives the results."""
 
     def explains(asked: Asked) -> bool:
-        call = asked.held.call
+        call = asked.compared.call
         arguments = list(call.arguments)
         arguments[index] = nested(arguments[index], change)
         return gives(asked, replace(call, arguments=tuple(arguments)))
@@ -298,7 +298,7 @@ def with_argument(index: int, change: Callable[[float], float]) -> Callable[[Ask
 
 
 def nested(value: object, change: Callable[[float], float]) -> object:
-    """Returns nested lists of numbers with every number changed."""
+    """Applies a change to every number of nested lists."""
     if isinstance(value, list):
         return [nested(item, change) for item in value]
     return change(value) if isinstance(value, int | float) else value
@@ -308,7 +308,7 @@ def scale_state(name: str, factor: float) -> Callable[[Asked], bool]:
     """Returns whether the reference from a start with one part scaled gives the results."""
 
     def explains(asked: Asked) -> bool:
-        call = asked.held.call
+        call = asked.compared.call
         if call.start[name] is None:
             return False
         start = {**call.start, name: [factor * value for value in call.start[name]]}

@@ -1,4 +1,4 @@
-"""What an author writes in the JSON of a `values` exercise, and the calls that come of it."""
+"""The parameters of a `values` exercise, and the calls that they define."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
 
 
 class Result(Strict):
-    """One result. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element.
+    """One result of a function. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element.
 
-    `field`: it is not returned, but left in this field of `data`.
+    If `field` is given, the result is not returned but left in that field of `data`.
     """
 
     name: str = Field(min_length=1)
@@ -33,7 +33,7 @@ class Result(Strict):
     @model_validator(mode="after")
     def _check_tolerance(self) -> Self:
         if not self.atol + self.rtol:
-            raise ValueError("give atol or rtol above 0: round-off differs from one right program to another")
+            raise ValueError("give atol or rtol above 0: right programs differ by round-off")
         return self
 
 
@@ -131,11 +131,11 @@ class Call:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What one trial asks: some calls of one function. `independent`: their models have no number that is drawn."""
+    """The calls of one trial. `independent`: no number of the model is drawn, so the calls share no draw."""
 
     name: str
     function: Function
-    xml: str | None
+    xml: str
     calls: tuple[Call, ...]
     program: Program
     mistakes: tuple[tuple[Program, str], ...]
@@ -165,7 +165,7 @@ class Problem:
         return results_of(function, model, call.inputs(), self.results, times)
 
     def remainder(self, call: Call, values: tuple[Rows, ...]) -> Rows | None:
-        """Returns the residual of the student's results; None if it is not finite. Raises what the author's does."""
+        """Returns the residual of the student's results; None if it is not finite. Raises what the residual raises."""
         assert self.function.residual is not None
         residual = self.program[self.function.residual.function]
         given = tuple(float(value) if value.ndim == 0 else value for value in values)
@@ -182,7 +182,7 @@ def loaded(path: str, text: str) -> Program:
     """Runs an author's program in a namespace of its own. Raises ValueError if that fails."""
     names: dict[str, Any] = {"__name__": "program", "__file__": path}
     try:
-        exec(compile(text, path, "exec"), names)  # noqa: S102 - content is trusted, and no student's code comes here
+        exec(compile(text, path, "exec"), names)  # noqa: S102 - the text is the author's, which is trusted
     except (Exception, SystemExit) as error:
         line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else ""
         raise ValueError(f"{path}: {line}{type(error).__name__}: {error}") from error
@@ -201,15 +201,14 @@ def program_of(path: str, text_of: TextOf, key: str, *functions: str) -> Program
     return program
 
 
-def pose_case(parameters: ValuesParameters, drawn: DrawnCase) -> Problem:
-    """Draws the calls of a case. Raises WrongParameter, ValueError and KeyError for what cannot work."""
+def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Problem:
+    """Draws the calls of a case. Raises WrongParameter, ValueError or KeyError for parameters that cannot work."""
     case = drawn.case
-    assert isinstance(case, ValuesCase)
     known = {one.name or drawn.content.entry: one for one in parameters.functions}
     name = case.function or next(iter(known))
     if name not in known:
         raise ValueError(f"`functions` has no function {name!r}; it has {', '.join(known)}")
-    if drawn.xml is None and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
+    if not drawn.xml and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
     wanted = known[name].residual.function if known[name].residual else name  # type: ignore[union-attr]
     problem = Problem(
@@ -224,9 +223,8 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase) -> Problem:
         ),
         independent=not any(isinstance(value, tuple) for value in case.set.values()),
     )
-    if problem.xml is not None:
-        model = compiled(problem.xml)
-        assert model is not None
+    model = compiled(problem.xml)
+    if model is not None:
         started(model, problem.calls[0].start)
     return problem
 

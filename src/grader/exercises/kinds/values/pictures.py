@@ -1,4 +1,4 @@
-"""A table of the results of visible calls beside what is expected."""
+"""The evidence of visible calls: a table of computed and expected results."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,15 +16,15 @@ def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
         {
             "case": one.trial.id,
             "call": index + 1,
-            "arguments": list(held.call.arguments),
+            "arguments": list(compared.call.arguments),
             "result": result.name,
             "unit": result.unit,
-            "computed": shortened(held.answer.values[position]),
-            "expected": None if held.expected is None else shortened(held.expected[position]),
+            "computed": shortened(compared.answer.values[position]),
+            "expected": None if compared.expected is None else shortened(compared.expected[position]),
         }
         for one in visible
-        for index, held in enumerate(one.judgement.outcome)
-        if held.answer.values is not None
+        for index, compared in enumerate(one.judgement.outcome)
+        if compared.answer.values is not None
         for position, result in enumerate(one.trial.problem.function.results)
     ]
     return {"values": rows[:ROWS_MAX]}

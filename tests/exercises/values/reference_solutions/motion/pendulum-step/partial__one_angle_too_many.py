@@ -1,4 +1,4 @@
-# diagnosis: angles: The results do not have the shape
+# diagnosis: angles: The results have the wrong shape
 import mujoco
 import numpy as np
 
