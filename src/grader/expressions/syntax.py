@@ -7,7 +7,7 @@ import tree_sitter
 import tree_sitter_javascript
 from tree_sitter import Node
 
-from grader.expressions.values import in_units
+from grader.expressions.values import in_units, whole_number
 
 LANGUAGE = tree_sitter.Language(tree_sitter_javascript.language())
 TEXT_MAX = 10_000
@@ -149,8 +149,7 @@ def number_of(source: Source, node: Node) -> float:
     if DECIMAL.fullmatch(text):
         return float(text.replace("_", ""))
     if RADIX.fullmatch(text):
-        digits = int(text, 0)
-        return float(digits) if digits.bit_length() < 1024 else float("inf")
+        return whole_number(text)
     raise source.refuse(node, f"{text} is not a number that is understood here")
 
 

@@ -147,9 +147,15 @@ def text_to_number(text: str) -> float:
         return 0.0
     if DECIMAL.fullmatch(text):
         return float(text.replace("Infinity", "inf"))
-    if RADIX.fullmatch(text):
+    return whole_number(text) if RADIX.fullmatch(text) else math.nan
+
+
+def whole_number(text: str) -> float:
+    """The number that hexadecimal, octal or binary digits mean; Infinity beyond the largest."""
+    try:
         return float(int(text, 0))
-    return math.nan
+    except OverflowError:
+        return math.inf
 
 
 def to_number(value: Value) -> float:
