@@ -17,9 +17,10 @@ from grader.expressions.values import (
     Trouble,
     Value,
     Vector,
-    bounded_list,
+    bounded,
     from_units,
     in_units,
+    is_nan,
     items_of,
     to_boolean,
     to_index,
@@ -30,6 +31,7 @@ from grader.expressions.values import (
 )
 
 Path = tuple[str, ...]
+Gives = type[float] | type[bool] | None
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Function:
     call: Callable[..., Value]
     takes: tuple[str, ...] = ()
     cost: int = 1
-    gives: type[float] | type[bool] | None = None
+    gives: Gives = None
     numeric: Callable[..., float] | None = None
     arity: int | None = None
 
@@ -57,11 +59,7 @@ def _mathematics(arity: int | None, numeric: Callable[..., float]) -> Function:
     return Function(call, gives=float, numeric=numeric, arity=arity)
 
 
-def _first(
-    function: Callable[[Value], Value],
-    default: Value = UNDEFINED,
-    gives: type[float] | type[bool] | None = None,
-) -> Function:
+def _of_value(function: Callable[[Value], Value], gives: Gives = None, default: Value = UNDEFINED) -> Function:
     return Function(lenient(lambda m, value=default: function(value)), gives=gives)
 
 
@@ -71,7 +69,7 @@ def _parse_float(value: Value) -> float:
     return float(found.group().replace("Infinity", "inf")) if found else math.nan
 
 
-def _array_from(m: Machine, source: Value = UNDEFINED) -> Value:
+def _array_from(m: Machine, source: Value) -> Value:
     if not isinstance(source, list | Vector | str):
         raise Trouble("Array.from needs an array")
     m.tick(1 + weight(source))
@@ -82,30 +80,12 @@ def typed_array(m: Machine, args: list[Value]) -> Value:
     """`new Float64Array(size)` or `new Float64Array(array)`."""
     source = args[0] if args else 0.0
     if isinstance(source, list | Vector):
-        return Vector(np.zeros(0)).like(bounded_list(items_of(source)))
+        return Vector(np.zeros(0)).like(bounded(items_of(source)))
     size = to_index(source)
     if not 0 <= size <= 10_000:
         raise Trouble("a typed array has from 0 to 10000 elements")
     m.tick(1 + size // 16)
     return Vector(np.zeros(size))
-
-
-GLOBAL: dict[Path, Function] = {
-    **{("Math", name): _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
-    ("Number",): _first(to_number, 0.0, float),
-    ("String",): _first(to_string, ""),
-    ("Boolean",): _first(to_boolean, gives=bool),
-    ("isNaN",): _first(lambda v: math.isnan(to_number(v)), gives=bool),
-    ("isFinite",): _first(lambda v: math.isfinite(to_number(v)), gives=bool),
-    ("parseFloat",): _first(_parse_float, gives=float),
-    ("Number", "isNaN"): _first(lambda v: isinstance(v, float) and math.isnan(v), gives=bool),
-    ("Number", "isFinite"): _first(lambda v: isinstance(v, float) and math.isfinite(v), gives=bool),
-    ("Number", "isInteger"): _first(lambda v: isinstance(v, float) and v.is_integer(), gives=bool),
-    ("Number", "parseFloat"): _first(_parse_float, gives=float),
-    ("Array", "isArray"): _first(lambda v: isinstance(v, list), gives=bool),
-    ("Array", "from"): Function(lenient(_array_from)),
-    ("Array", "of"): Function(lambda m, *args: list(args)),
-}
 
 
 PHYSICS = names("""
@@ -116,18 +96,14 @@ PHYSICS = names("""
 """Functions of MuJoCo that take the model and the data and nothing else."""
 
 
-def _on_model(function: Callable[..., Value], *takes: str, cost: int = 1) -> Function:
-    return Function(lenient(function), takes or ("model",), cost)
-
-
-def _physics(name: str) -> Function:
+def _physics(name: str) -> Callable[..., Value]:
     call = getattr(mujoco, name)
 
     def called(m: Machine) -> Value:
         call(m.model, m.data)
         return UNDEFINED
 
-    return _on_model(called, "model", "data", cost=10)
+    return called
 
 
 def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
@@ -138,7 +114,7 @@ def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
     return UNDEFINED
 
 
-def _set_total_mass(m: Machine, value: Value = UNDEFINED) -> Value:
+def _set_total_mass(m: Machine, value: Value) -> Value:
     mass = to_number(value)
     if not 0 < mass < 1e9:
         raise Trouble("the total mass must be positive")
@@ -146,22 +122,36 @@ def _set_total_mass(m: Machine, value: Value = UNDEFINED) -> Value:
     return UNDEFINED
 
 
-def _name_to_id(m: Machine, kind: Value = UNDEFINED, name: Value = UNDEFINED) -> Value:
+def _name_to_id(m: Machine, kind: Value, name: Value) -> Value:
     return float(mujoco.mj_name2id(m.model, to_int32(kind), from_units(to_string(name))))
 
 
-def _id_to_name(m: Machine, kind: Value = UNDEFINED, number: Value = UNDEFINED) -> Value:
+def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
     return in_units(mujoco.mj_id2name(m.model, to_int32(kind), to_int32(number)) or "")
 
 
+MODEL, STATE = ("model",), ("model", "data")
 FUNCTIONS: dict[Path, Function] = {
-    **GLOBAL,
-    **{("mj", name): _physics(name) for name in PHYSICS},
-    ("mj", "mj_resetDataKeyframe"): _on_model(_reset_keyframe, "model", "data", cost=10),
-    ("mj", "mj_setTotalmass"): _on_model(_set_total_mass, cost=10),
-    ("mj", "mj_getTotalmass"): _on_model(lambda m: float(mujoco.mj_getTotalmass(m.model))),
-    ("mj", "mj_name2id"): _on_model(_name_to_id),
-    ("mj", "mj_id2name"): _on_model(_id_to_name),
+    **{("Math", name): _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
+    ("Number",): _of_value(to_number, float, default=0.0),
+    ("String",): _of_value(to_string, default=""),
+    ("Boolean",): _of_value(to_boolean, bool),
+    ("isNaN",): _of_value(lambda v: math.isnan(to_number(v)), bool),
+    ("isFinite",): _of_value(lambda v: math.isfinite(to_number(v)), bool),
+    ("parseFloat",): _of_value(_parse_float, float),
+    ("Number", "isNaN"): _of_value(is_nan, bool),
+    ("Number", "isFinite"): _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
+    ("Number", "isInteger"): _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
+    ("Number", "parseFloat"): _of_value(_parse_float, float),
+    ("Array", "isArray"): _of_value(lambda v: isinstance(v, list), bool),
+    ("Array", "from"): Function(lenient(_array_from)),
+    ("Array", "of"): Function(lambda m, *args: list(args)),
+    **{("mj", name): Function(lenient(_physics(name)), STATE, cost=10) for name in PHYSICS},
+    ("mj", "mj_resetDataKeyframe"): Function(lenient(_reset_keyframe), STATE, cost=10),
+    ("mj", "mj_setTotalmass"): Function(lenient(_set_total_mass), MODEL, cost=10),
+    ("mj", "mj_getTotalmass"): Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
+    ("mj", "mj_name2id"): Function(lenient(_name_to_id), MODEL),
+    ("mj", "mj_id2name"): Function(lenient(_id_to_name), MODEL),
     **{
         ("lib", name): Function(lenient(function), gives=float if name in lib.NUMBERS else None)
         for name, function in lib.FUNCTIONS.items()

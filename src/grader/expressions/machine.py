@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import mujoco
 
-from grader.expressions.values import Trouble, Value, Vector
+from grader.expressions.values import UNDEFINED, Trouble, Value, Vector
 
 TICKS_PER_EVALUATION = 100_000
 TICKS_PER_RUN = 3_000_000
@@ -52,8 +52,9 @@ def exhausted() -> NoReturn:
 
 
 def lenient(function: Callable[..., Value]) -> Callable[..., Value]:
-    """The function as JavaScript calls it: arguments past those that it names are ignored."""
+    """The function as JavaScript calls it: missing arguments are undefined, further ones are ignored."""
     code = function.__code__
     if code.co_flags & inspect.CO_VARARGS:
         return function
-    return lambda *args: function(*args[: code.co_argcount])
+    needed = code.co_argcount - len(function.__defaults__ or ())
+    return lambda *args: function(*args[: code.co_argcount], *[UNDEFINED] * (needed - len(args)))

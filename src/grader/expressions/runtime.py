@@ -15,7 +15,6 @@ from grader.expressions.values import (
     Value,
     Vector,
     bounded,
-    bounded_list,
     items_of,
     read_index,
     to_boolean,
@@ -117,7 +116,7 @@ FUNCTIONS = (
 NAMES: dict[str, object] = {
     **{function.__name__: function for function in FUNCTIONS},
     **{name: BINARY[operator] for operator, name in OPERATORS.items()},
-    "array": bounded_list,
+    "array": bounded,
     "method": call_method,
     "truth": to_boolean,
     "complement": lambda value: float(~to_int32(value)),

@@ -6,15 +6,14 @@ arrays are Vectors, results with named parts are Records.
 
 import math
 import re
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grader.expressions.texts import number_to_string
 
-STRING_MAX = 10_000
-ARRAY_MAX = 10_000
+LENGTH_MAX = 10_000
 
 
 class Trouble(Exception):
@@ -49,10 +48,6 @@ class Vector:
 
     def __len__(self) -> int:
         return len(self.view)
-
-    def read(self, index: int) -> "Value":
-        """The element, or undefined out of range."""
-        return float(self.view[index]) if 0 <= index < len(self.view) else UNDEFINED
 
     def write(self, index: int, value: "Value") -> None:
         """Store a number as the array's type does. Raises Trouble out of range, where a browser would ignore it."""
@@ -93,6 +88,7 @@ Object = (list, Vector, Record)
 """The types of values that are equal only to themselves."""
 
 Value = float | bool | str | None | Undefined | list[Any] | Vector | Record
+Sequence = TypeVar("Sequence", bound=str | list[Any])
 
 
 def items_of(array: Value) -> list[Any]:
@@ -101,38 +97,34 @@ def items_of(array: Value) -> list[Any]:
 
 
 def element(view: "memoryview[Any]", number: float) -> float | int:
-    """A number as a typed array of this type stores it (integers wrap). Source: ECMA-262, ToInt32 and kin."""
+    """A number as a typed array of this type stores it."""
     if view.format in ("d", "f"):
         return number
-    if not math.isfinite(number):
-        return 0
-    bits = 8 * view.itemsize
-    whole = math.trunc(number) % (1 << bits)
-    if view.format == "?":
-        return bool(whole)
-    return whole - (1 << bits) if view.format in ("b", "h", "i", "l", "q") and whole >= 1 << (bits - 1) else whole
+    whole = wrapped(number, 8 * view.itemsize, view.format in ("b", "h", "i", "l", "q"))
+    return bool(whole) if view.format == "?" else whole
+
+
+def wrapped(number: float, bits: int, signed: bool) -> int:
+    """The integer of so many bits that a number becomes; integers wrap. Source: ECMA-262, ToInt32 and kin."""
+    whole = math.trunc(number) % (1 << bits) if math.isfinite(number) else 0
+    return whole - (1 << bits) if signed and whole >> (bits - 1) else whole
 
 
 def type_name(value: Value) -> str:
     """The result of `typeof`."""
-    if isinstance(value, bool):
-        return "boolean"
-    if isinstance(value, float):
-        return "number"
-    if isinstance(value, str):
-        return "string"
-    return "undefined" if value is UNDEFINED else "object"
+    return {bool: "boolean", float: "number", str: "string", Undefined: "undefined"}.get(type(value), "object")
+
+
+def is_nan(value: Value) -> bool:
+    """Whether a value is the number NaN."""
+    return isinstance(value, float) and math.isnan(value)
 
 
 def to_boolean(value: Value) -> bool:
     """Truthiness: 0, NaN, '', null and undefined are false; arrays are true even when empty."""
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, float):
-        return value != 0 and not math.isnan(value)
-    if isinstance(value, str):
-        return value != ""
-    return value is not None and value is not UNDEFINED
+    if isinstance(value, Object):
+        return True
+    return bool(value) and not is_nan(value) and value is not UNDEFINED
 
 
 WHITESPACE = "\t\n\v\f\r \u00a0\u1680\u2028\u2029\u202f\u205f\u3000\ufeff" + "".join(map(chr, range(0x2000, 0x200B)))
@@ -160,14 +152,10 @@ def whole_number(text: str) -> float:
 
 def to_number(value: Value) -> float:
     """`Number(value)`."""
-    if isinstance(value, bool):
-        return 1.0 if value else 0.0
     if isinstance(value, float):
         return value
-    if isinstance(value, str):
-        return text_to_number(value)
-    if value is None:
-        return 0.0
+    if isinstance(value, bool) or value is None:
+        return float(value or 0)
     return math.nan if value is UNDEFINED else text_to_number(to_string(value))
 
 
@@ -205,18 +193,12 @@ def weight(value: Value) -> int:
     return len(value) // 16 if isinstance(value, str | list | Vector) else 0
 
 
-def bounded(text: str) -> str:
-    """The text, unless it has grown past STRING_MAX."""
-    if len(text) > STRING_MAX:
-        raise Trouble(f"a text grew past {STRING_MAX} characters")
-    return text
-
-
-def bounded_list(items: list[Value]) -> list[Value]:
-    """The array, unless it has grown past ARRAY_MAX."""
-    if len(items) > ARRAY_MAX:
-        raise Trouble(f"an array grew past {ARRAY_MAX} elements")
-    return items
+def bounded(sequence: Sequence) -> Sequence:
+    """The text or array, unless it has grown past LENGTH_MAX."""
+    if len(sequence) > LENGTH_MAX:
+        what, parts = ("a text", "characters") if isinstance(sequence, str) else ("an array", "elements")
+        raise Trouble(f"{what} grew past {LENGTH_MAX} {parts}")
+    return sequence
 
 
 def to_primitive(value: Value) -> Value:
@@ -226,11 +208,7 @@ def to_primitive(value: Value) -> Value:
 
 def to_int32(value: Value) -> int:
     """The signed 32-bit integer that bitwise operators work on."""
-    number = to_number(value)
-    if not math.isfinite(number):
-        return 0
-    whole = math.trunc(number) & 0xFFFFFFFF
-    return whole - 0x100000000 if whole >= 0x80000000 else whole
+    return wrapped(to_number(value), 32, signed=True)
 
 
 def to_index(value: Value, fallback: int = 0) -> int:
@@ -238,9 +216,7 @@ def to_index(value: Value, fallback: int = 0) -> int:
     if value is UNDEFINED:
         return fallback
     number = to_number(value)
-    if math.isnan(number):
-        return 0
-    return int(max(-1e18, min(1e18, number)))
+    return 0 if math.isnan(number) else int(max(-1e18, min(1e18, number)))
 
 
 def in_units(text: str) -> str:
@@ -270,11 +246,9 @@ def read_index(value: Value, index: Value) -> Value:
     if value is None or value is UNDEFINED:
         raise Trouble(f"{to_string(value)} has no elements")
     position = _position(index)
-    if position is None or not isinstance(value, str | list | Vector):
+    if position is None or not isinstance(value, str | list | Vector) or not 0 <= position < len(value):
         return UNDEFINED
-    if isinstance(value, Vector):
-        return value.read(position)
-    return value[position] if 0 <= position < len(value) else UNDEFINED
+    return float(value.view[position]) if isinstance(value, Vector) else value[position]
 
 
 def write_index(value: Value, index: Value, new: Value) -> Value:
