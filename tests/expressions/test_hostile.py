@@ -9,7 +9,7 @@ import pytest
 
 from grader.errors import ContentError, LabError
 from grader.expressions import UNDEFINED, Machine, Value, compile_program
-from grader.expressions.code import ALLOWED, finish, function, name
+from grader.expressions.code import ALLOWED, finish, lines
 from grader.expressions.scope import RESERVED
 
 MODEL = mujoco.MjModel.from_xml_string(
@@ -229,7 +229,7 @@ def test_compiled_code_has_no_node_but_the_allowed_ones(text: str) -> None:
 @pytest.mark.parametrize("identifier", ["open", "__import__", "x", "v", "v0_", "\uff560", "machine1"])
 def test_compiled_code_has_no_name_but_our_own(identifier: str) -> None:
     with pytest.raises(AssertionError):
-        finish(function("run", [], [ast.Return(name(identifier))]))
+        finish(lines("return NAME", NAME=identifier)[0])
 
 
 def test_compiled_code_has_no_builtins() -> None:

@@ -18,7 +18,8 @@ from grader.expressions.fields import (
     OPTION_VECTORS,
 )
 from grader.expressions.machine import Machine
-from grader.expressions.program import Program, ProgramKind, Run, compile_program
+from grader.expressions.program import Program, Run, compile_program
+from grader.expressions.syntax import ProgramKind
 from grader.expressions.texts import number_to_string, to_fixed
 from grader.expressions.values import (
     UNDEFINED,

@@ -84,8 +84,3 @@ OPTION_SCALARS: dict[str, tuple[float, float]] = {
     "disableactuator": (0, 2**31 - 1),
 }
 """Name: smallest and largest value that may be written; beyond some of them MuJoCo aborts or a step never ends."""
-
-OPTION_INTEGERS = names("""
-    integrator cone jacobian solver iterations ls_iterations noslip_iterations ccd_iterations disableflags enableflags
-    disableactuator
-""")

@@ -10,8 +10,8 @@ from tree_sitter import Node
 from grader.expressions import fields, mathematics
 from grader.expressions.functions import FUNCTIONS, Path
 from grader.expressions.machine import Machine
-from grader.expressions.scope import ROOTS, Scope
-from grader.expressions.syntax import field, text_of
+from grader.expressions.scope import ROOTS
+from grader.expressions.syntax import Refused, field, text_of
 from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index
 
 NUMBER_CONSTANTS = {
@@ -72,17 +72,18 @@ CONSTANTS: dict[Path, float] = {
 }
 """The numbers that a path always means."""
 
-SCALARS: frozenset[Path] = frozenset(
-    [("data", name) for name in ("time", *fields.DATA_COUNTS)]
-    + [("model", "opt", name) for name in fields.OPTION_SCALARS]
-)
-"""The numbers of the options and the data, which may change in a run."""
+NUMBERS: dict[Path, str] = {
+    **{("model", name): "count" for name in fields.MODEL_SIZES},
+    **{("data", name): "scalar" for name in ("time", *fields.DATA_COUNTS)},
+    **{("model", "opt", name): "scalar" for name in fields.OPTION_SCALARS},
+}
+"""The numbers of the model, its options and the data, with their kind in BINDERS: what a run may change is a scalar."""
 
 
-def ctx_name(scope: Scope, node: Node, name: str) -> str:
+def ctx_name(node: Node, name: str) -> str:
     """The name of a ctx value. Raises Refused for those that mean something else in JavaScript."""
     if name.startswith("__") or name in CTX_FORBIDDEN:
-        raise scope.refuse(node, f"ctx.{name} is not available")
+        raise Refused(node, f"ctx.{name} is not available")
     return name
 
 
@@ -95,32 +96,24 @@ def holds_floats(path: Path) -> bool:
     return not _BLANK.vector(path).whole
 
 
-def _option(m: Machine, path: Path) -> Callable[[Value], Value]:
-    """Writes an option within the range that MuJoCo survives; whole numbers where the option is one."""
-    name = path[-1]
-    (low, high), convert = fields.OPTION_SCALARS[name], int if name in fields.OPTION_INTEGERS else float
-
-    def write(value: Value) -> Value:
-        number = to_number(value)
-        if not low <= number <= high:
-            raise Trouble(f"model.opt.{name} must be from {low:g} to {high:g}")
-        setattr(m.model.opt, name, convert(number))
-        return value
-
-    return write
-
-
-def _time(m: Machine, _: Path) -> Callable[[Value], Value]:
-    def write(value: Value) -> Value:
-        m.data.time = to_number(value)
-        return value
-
-    return write
-
-
 def _scalar(m: Machine, path: Path) -> Callable[[], float]:
     owner, name = attrgetter(".".join(path[:-1]))(m), path[-1]
     return lambda: float(getattr(owner, name))
+
+
+def _write_scalar(m: Machine, path: Path) -> Callable[[Value], Value]:
+    """Writes the time, or an option within the range that MuJoCo survives; whole numbers where the option is one."""
+    owner, name = attrgetter(".".join(path[:-1]))(m), path[-1]
+    limits, convert = fields.OPTION_SCALARS.get(name), type(getattr(owner, name))
+
+    def write(value: Value) -> Value:
+        number = to_number(value)
+        if limits is not None and not limits[0] <= number <= limits[1]:
+            raise Trouble(f"{'.'.join(path)} must be from {limits[0]:g} to {limits[1]:g}")
+        setattr(owner, name, convert(number))
+        return value
+
+    return write
 
 
 def _vector(m: Machine, path: Path) -> Vector:
@@ -153,10 +146,9 @@ BINDERS: dict[str, Callable[[Machine, Path], object]] = {
     "size": lambda m, path: float(len(_vector(m, path))),
     "positions": _positions,
     "write": _write,
-    "count": lambda m, path: float(getattr(m.model, path[-1])),
+    "count": lambda m, path: _scalar(m, path)(),
     "scalar": _scalar,
-    "option": _option,
-    "time": _time,
+    "write scalar": _write_scalar,
     "function": lambda m, path: FUNCTIONS[path],
     "numeric": lambda m, path: FUNCTIONS[path].numeric,
     "callback": lambda m, path: partial(FUNCTIONS[path].call, m),
