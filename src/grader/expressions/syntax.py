@@ -8,7 +8,7 @@ import tree_sitter
 import tree_sitter_javascript
 from tree_sitter import Node
 
-from grader.expressions.values import in_units, whole_number
+from grader.expressions.values import in_units, text_to_number
 
 LANGUAGE = tree_sitter.Language(tree_sitter_javascript.language())
 TEXT_MAX = 10_000
@@ -138,20 +138,12 @@ def _check_mixture(node: Node) -> None:
             raise Refused(node, "write parentheses where ?? meets || or &&")
 
 
-DECIMAL = re.compile(
-    r"(?:(?:0|[1-9](?:_?[0-9])*)(?:\.(?:[0-9](?:_?[0-9])*)?)?|\.[0-9](?:_?[0-9])*)(?:[eE][+-]?[0-9](?:_?[0-9])*)?"
-)
-RADIX = re.compile(r"0(?:[xX][0-9a-fA-F](?:_?[0-9a-fA-F])*|[oO][0-7](?:_?[0-7])*|[bB][01](?:_?[01])*)")
-
-
 def number_of(node: Node) -> float:
     """The value of a number literal."""
     text = text_of(node)
-    if DECIMAL.fullmatch(text):
-        return float(text.replace("_", ""))
-    if RADIX.fullmatch(text):
-        return whole_number(text)
-    raise Refused(node, f"{text} is not a number that is understood here")
+    if text.endswith("n") or (text[0] == "0" and text[1:2].isdigit()):
+        raise Refused(node, f"{text} is not a number that is understood here")
+    return text_to_number(text.replace("_", ""))
 
 
 LINE_END = re.compile(r"[\r\n]")

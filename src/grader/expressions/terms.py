@@ -305,37 +305,31 @@ class Terms(ABC):
             made = code("VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first)
         return Term(made, Kind.ELEMENT)
 
-    def _link(self, scope: Scope, node: Node) -> Term | Build:
-        """A link of a chain, or what a chain begins with."""
-        made: Term | Build = getattr(self, f"_link_{node.type}", self.term)(scope, node)
-        return made
-
     def _term_member_expression(self, scope: Scope, node: Node) -> Term:
-        made = self._link(scope, node)
-        return made if isinstance(made, Term) else Term(self._chain(scope, node, made, lambda value: value))
+        term, cuts = self._chain(scope, node)
+        for first, value in reversed(cuts):
+            text = "undefined if FIRST is None or V is undefined else REST"
+            term = Term(code(text, FIRST=first, V=value, REST=term.code))
+        return term
 
     _term_subscript_expression = _term_call_expression = _term_member_expression
 
-    def _chain(self, scope: Scope, node: Node, build: Build, rest: Build) -> ast.expr:
-        """The code of a chain up to `node`, which `build` makes, then its `rest`; undefined where `?.` cuts it."""
+    def _chain(self, scope: Scope, node: Node) -> tuple[Term, list[tuple[ast.expr, str]]]:
+        """A chain up to `node`, and what cuts it at each `?.`: code that gives a value, and the variable with it."""
+        compiler: Callable[[Scope, Node], Term | Build] = getattr(self, f"_link_{node.type}", self.term)
+        made = compiler(scope, node)
+        if isinstance(made, Term):
+            return made, []
         link = field(node, "function") if node.type == "call_expression" else node
-
-        def linked(value: ast.expr) -> ast.expr:
-            made = build(value)
-            self.at(node, made)
-            return rest(made)
-
-        def step(value: ast.expr) -> ast.expr:
-            if not is_optional(link):
-                return linked(value)
+        before, cuts = self._chain(scope, field(link, "object"))
+        value = before.code
+        if is_optional(link):
             first, again = self.held(value)
-            text = "undefined if FIRST is None or V is undefined else LINKED"
-            return code(text, FIRST=first, V=again, LINKED=linked(name(again)))
-
-        before = self._link(scope, field(link, "object"))
-        if isinstance(before, Term):
-            return step(before.code)
-        return self._chain(scope, field(link, "object"), before, step)
+            cuts.append((first, again))
+            value = name(again)
+        term = Term(made(value))
+        self.at(node, term.code)
+        return term, cuts
 
     # Calls
 

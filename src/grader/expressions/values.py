@@ -139,13 +139,8 @@ def text_to_number(text: str) -> float:
         return 0.0
     if DECIMAL.fullmatch(text):
         return float(text.replace("Infinity", "inf"))
-    return whole_number(text) if RADIX.fullmatch(text) else math.nan
-
-
-def whole_number(text: str) -> float:
-    """The number that hexadecimal, octal or binary digits mean; Infinity beyond the largest."""
     try:
-        return float(int(text, 0))
+        return float(int(text, 0)) if RADIX.fullmatch(text) else math.nan
     except OverflowError:
         return math.inf
 
