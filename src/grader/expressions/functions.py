@@ -30,7 +30,6 @@ from grader.expressions.values import (
     weight,
 )
 
-Path = tuple[str, ...]
 Gives = type[float] | type[bool] | None
 
 
@@ -131,29 +130,29 @@ def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
 
 
 MODEL, STATE = ("model",), ("model", "data")
-FUNCTIONS: dict[Path, Function] = {
-    **{("Math", name): _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
-    ("Number",): _of_value(to_number, float, default=0.0),
-    ("String",): _of_value(to_string, default=""),
-    ("Boolean",): _of_value(to_boolean, bool),
-    ("isNaN",): _of_value(lambda v: math.isnan(to_number(v)), bool),
-    ("isFinite",): _of_value(lambda v: math.isfinite(to_number(v)), bool),
-    ("parseFloat",): _of_value(_parse_float, float),
-    ("Number", "isNaN"): _of_value(is_nan, bool),
-    ("Number", "isFinite"): _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
-    ("Number", "isInteger"): _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
-    ("Number", "parseFloat"): _of_value(_parse_float, float),
-    ("Array", "isArray"): _of_value(lambda v: isinstance(v, list), bool),
-    ("Array", "from"): Function(lenient(_array_from)),
-    ("Array", "of"): Function(lambda m, *args: list(args)),
-    **{("mj", name): Function(lenient(_physics(name)), STATE, cost=10) for name in PHYSICS},
-    ("mj", "mj_resetDataKeyframe"): Function(lenient(_reset_keyframe), STATE, cost=10),
-    ("mj", "mj_setTotalmass"): Function(lenient(_set_total_mass), MODEL, cost=10),
-    ("mj", "mj_getTotalmass"): Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
-    ("mj", "mj_name2id"): Function(lenient(_name_to_id), MODEL),
-    ("mj", "mj_id2name"): Function(lenient(_id_to_name), MODEL),
+FUNCTIONS: dict[str, Function] = {
+    **{f"Math.{name}": _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
+    "Number": _of_value(to_number, float, default=0.0),
+    "String": _of_value(to_string, default=""),
+    "Boolean": _of_value(to_boolean, bool),
+    "isNaN": _of_value(lambda v: math.isnan(to_number(v)), bool),
+    "isFinite": _of_value(lambda v: math.isfinite(to_number(v)), bool),
+    "parseFloat": _of_value(_parse_float, float),
+    "Number.isNaN": _of_value(is_nan, bool),
+    "Number.isFinite": _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
+    "Number.isInteger": _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
+    "Number.parseFloat": _of_value(_parse_float, float),
+    "Array.isArray": _of_value(lambda v: isinstance(v, list), bool),
+    "Array.from": Function(lenient(_array_from)),
+    "Array.of": Function(lambda m, *args: list(args)),
+    **{f"mj.{name}": Function(lenient(_physics(name)), STATE, cost=10) for name in PHYSICS},
+    "mj.mj_resetDataKeyframe": Function(lenient(_reset_keyframe), STATE, cost=10),
+    "mj.mj_setTotalmass": Function(lenient(_set_total_mass), MODEL, cost=10),
+    "mj.mj_getTotalmass": Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
+    "mj.mj_name2id": Function(lenient(_name_to_id), MODEL),
+    "mj.mj_id2name": Function(lenient(_id_to_name), MODEL),
     **{
-        ("lib", name): Function(lenient(function), gives=float if name in lib.NUMBERS else None)
+        f"lib.{name}": Function(lenient(function), gives=float if name in lib.NUMBERS else None)
         for name, function in lib.FUNCTIONS.items()
     },
 }

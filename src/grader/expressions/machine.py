@@ -27,7 +27,7 @@ class Machine:
         self.data = data
         self.ctx: dict[str, Value] = {}
         self.budget = [0, TICKS_PER_EVALUATION]
-        self.vectors: dict[tuple[str, ...], Vector] = {}
+        self.vectors: dict[str, Vector] = {}
         self.bound: dict[object, Any] = {}
 
     def tick(self, count: int = 1) -> bool:
@@ -37,12 +37,12 @@ class Machine:
             exhausted()
         return True
 
-    def vector(self, path: tuple[str, ...], writable: bool = True) -> Vector:
-        """The field at an allowed path, such as ("data", "qpos"). MuJoCo keeps it in place while the data lives."""
+    def vector(self, path: str, writable: bool = True) -> Vector:
+        """The field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
         found = self.vectors.get(path)
         if found is None:
-            array: Any = attrgetter(".".join(path))(self)
-            found = self.vectors[path] = Vector(array, ".".join(path), writable)
+            array: Any = attrgetter(path)(self)
+            found = self.vectors[path] = Vector(array, path, writable)
         return found
 
 

@@ -12,7 +12,7 @@ from tree_sitter import Node
 
 from grader.expressions import fields, paths
 from grader.expressions.code import Kind, Part, Term, code, constant, in_turn, join, name
-from grader.expressions.functions import FUNCTIONS, Path
+from grader.expressions.functions import FUNCTIONS
 from grader.expressions.lib import RECORD_PARTS
 from grader.expressions.methods import CALLBACK_METHODS
 from grader.expressions.methods import NAMES as METHODS
@@ -56,11 +56,11 @@ def is_optional(node: Node) -> bool:
     return node.child_by_field_name("optional_chain") is not None
 
 
-def host_path(node: Node) -> Path | None:
+def host_path(node: Node) -> str | None:
     """The path of the host's function of this name, if it is one."""
-    path: Path | None = (text_of(node),) if node.type == "identifier" else None
+    path = text_of(node) if node.type == "identifier" else None
     if node.type == "member_expression" and field(node, "object").type == "identifier":
-        path = text_of(field(node, "object")), text_of(field(node, "property"))
+        path = f"{text_of(field(node, 'object'))}.{text_of(field(node, 'property'))}"
     return path if path in FUNCTIONS else None
 
 
@@ -82,11 +82,11 @@ class Terms(ABC):
     def __init__(self, kinds: dict[str, Kind] | None) -> None:
         self.kinds = kinds
         self.found: dict[str, Kind] = {}
-        self.needs: dict[tuple[str, Path], str] = {}
+        self.needs: dict[tuple[str, str], str] = {}
         self.places: list[tuple[int, int]] = []
         self.temporaries = 0
 
-    def need(self, kind: str, path: Path) -> str:
+    def need(self, kind: str, path: str) -> str:
         """The variable for what a machine binds for the path; the kinds are those of `paths.BINDERS`."""
         return self.needs.setdefault((kind, path), f"n{len(self.needs)}")
 
@@ -251,30 +251,29 @@ class Terms(ABC):
 
     # Members and elements
 
-    def at_path(self, node: Node, path: Path) -> Term:
+    def at_path(self, node: Node, path: str) -> Term:
         """The value at a path. Raises Refused where it names nothing that may be read."""
         if path in paths.CONSTANTS:
             return Term(constant(paths.CONSTANTS[path]), Kind.NUMBER)
         if path in paths.WRITABLE:
             return Term(name(self.need("vector", path)))
-        if path[0] == "ctx" and len(path) == 2:
-            key = paths.ctx_name(node, path[1])
-            self.need("ctx", (key,))
+        if key := paths.ctx_name(node, path):
+            self.need("ctx", key)
             return Term(code("ctx[KEY]", KEY=constant(key)))
         if path not in paths.NUMBERS:
-            raise Refused(node, f"{'.'.join(path)} cannot be read here")
+            raise Refused(node, f"{path} cannot be read here")
         kind = paths.NUMBERS[path]
         return Term(code("READ()" if kind == "scalar" else "READ", READ=self.need(kind, path)), Kind.NUMBER)
 
     def _link_member_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = paths.path_of(node)
-        if path is not None and not (path[-1] == "length" and len(path) > 2):
+        key, owner = text_of(field(node, "property")), paths.path_of(field(node, "object"))
+        if path is not None and (key != "length" or owner in ROOTS):
             return self.at_path(node, path)
-        key = text_of(field(node, "property"))
         if key not in RECORD_PARTS and key != "length":
             raise Refused(field(node, "property"), f".{key} is not available")
-        if path is not None and path[:-1] in paths.WRITABLE:
-            return Term(name(self.need("size", path[:-1])), Kind.NUMBER)
+        if path is not None and owner in paths.WRITABLE:
+            return Term(name(self.need("size", owner or "")), Kind.NUMBER)
         return lambda value: code("member(V, KEY)", V=value, KEY=constant(key))
 
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
@@ -283,16 +282,16 @@ class Terms(ABC):
             return self._element(node, path, self.term(scope, field(node, "index")))
         return lambda value: code("read_index(V, INDEX)", V=value, INDEX=self.value_of(scope, field(node, "index")))
 
-    def _field_of(self, node: Node) -> Path | None:
+    def _field_of(self, node: Node) -> str | None:
         """The path of the field whose element a subscript names, if it is one. Square brackets take numbers."""
         path = paths.path_of(field(node, "object"))
-        if path is not None and len(path) == 1:
+        if path in ROOTS:
             raise Refused(node, "square brackets take the number of an element; name a field with a dot")
         if field(node, "index").type in ("string", "template_string"):
             raise Refused(field(node, "index"), "square brackets take the number of an element")
         return path if path in paths.WRITABLE else None
 
-    def _element(self, node: Node, path: Path, index: Term) -> Term:
+    def _element(self, node: Node, path: str, index: Term) -> Term:
         """An element of a field."""
         if index.kind is not Kind.NUMBER or not paths.holds_floats(path):
             return self.located(node, "read_index(V, INDEX)", V=self.need("vector", path), INDEX=index.code)
@@ -346,11 +345,11 @@ class Terms(ABC):
             raise Refused(node, "only functions that have a name can be called")
         return self._method_call(scope, node, function, args)
 
-    def _host_call(self, scope: Scope, node: Node, path: Path, args: list[Node]) -> Term:
+    def _host_call(self, scope: Scope, node: Node, path: str, args: list[Node]) -> Term:
         function = FUNCTIONS[path]
         if tuple(text_of(arg) for arg in args[: len(function.takes)]) != function.takes:
             raise Refused(node, f"{text_of(field(node, 'function'))} begins with {', '.join(function.takes)}")
-        if path == ("Array", "from") and len(args) == 2:
+        if path == "Array.from" and len(args) == 2:
             text, items, callback = "map_from(machine, F, [ITEMS], G)", args[:1], args[1]
             filled: dict[str, Part] = {"ITEMS": self.items(scope, items), "G": self.function(scope, callback)}
             return self.located(node, text, F=self.need("function", path), **filled)
@@ -375,10 +374,10 @@ class Terms(ABC):
 
     def _method_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Build:
         method, path = text_of(field(function, "property")), paths.path_of(field(function, "object"))
-        if method not in METHODS or (path is not None and len(path) == 1):
+        if method not in METHODS or path in ROOTS:
             raise Refused(function, f"{text_of(function)[:60]}() is not available")
         if method in ("set", "fill", "sort", "reverse") and paths.WRITABLE.get(path) is False:
-            raise Refused(node, f"{'.'.join(path or ())} can only be read")
+            raise Refused(node, f"{path} can only be read")
 
         def build(value: ast.expr) -> ast.expr:
             callback = [name(self.function(scope, arg)) for arg in args[:1]] if method in CALLBACK_METHODS else []
@@ -439,23 +438,23 @@ class Terms(ABC):
             binding=binding,
         )
 
-    def _path_place(self, node: Node, path: Path) -> Place:
+    def _path_place(self, node: Node, path: str) -> Place:
         def read() -> Term:
             return self.at_path(node, path)
 
-        if path[0] == "ctx" and len(path) == 2:
+        if key := paths.ctx_name(node, path):
             read()
-            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=constant(path[1]), NEW=new))
-        if paths.NUMBERS.get(path) == "scalar" and path[-1] not in fields.DATA_COUNTS:
+            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=constant(key), NEW=new))
+        if paths.NUMBERS.get(path) == "scalar" and path.removeprefix("data.") not in fields.DATA_COUNTS:
             return Place(read, lambda new: code("WRITE(NEW)", WRITE=self.need("write scalar", path), NEW=new))
         if path in paths.WRITABLE:
-            raise Refused(node, f"{'.'.join(path)} is an array: assign its elements, or use .set() or .fill()")
-        raise Refused(node, f"{'.'.join(path)} cannot be assigned")
+            raise Refused(node, f"{path} is an array: assign its elements, or use .set() or .fill()")
+        raise Refused(node, f"{path} cannot be assigned")
 
     def _element_place(self, scope: Scope, node: Node, again: bool) -> Place:
         path = self._field_of(node)
         if path is not None and not paths.WRITABLE[path]:
-            raise Refused(node, f"{'.'.join(path)} can only be read")
+            raise Refused(node, f"{path} can only be read")
         array, index = self.term(scope, field(node, "object")), self.term(scope, field(node, "index"))
         begin: list[ast.expr] = []
         for term in (array, index) if again else ():
