@@ -21,12 +21,10 @@ from grader.expressions import (
     Vector,
     compile_program,
     fields,
-    in_units,
     lib,
     paths,
-    to_number,
 )
-from grader.expressions.values import Record
+from grader.expressions.values import Record, in_units, to_number
 
 SCENE = """
 <mujoco>

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from grader.expressions.fields import names
-from grader.expressions.operators import power
+from grader.expressions.values import power
 
 CONSTANTS = {
     "PI": math.pi,

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from grader.expressions.machine import Machine, lenient
-from grader.expressions.operators import strictly_equal
 from grader.expressions.texts import to_exponential, to_fixed, to_precision
 from grader.expressions.values import (
     LENGTH_MAX,
@@ -22,6 +21,7 @@ from grader.expressions.values import (
     is_nan,
     items_of,
     join,
+    strictly_equal,
     to_boolean,
     to_index,
     to_number,

@@ -9,8 +9,8 @@ import mujoco
 from tree_sitter import Node
 
 from grader.expressions import fields, mathematics
-from grader.expressions.functions import FUNCTIONS
 from grader.expressions.machine import Machine
+from grader.expressions.runtime import FUNCTIONS
 from grader.expressions.scope import ROOTS
 from grader.expressions.syntax import Refused, field, text_of
 from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index

@@ -1,23 +1,34 @@
-"""What compiled code calls: the parts of the language that are more than an instruction or two of Python."""
+"""What compiled code calls: the functions that authors name, and the parts of the language that Python lacks."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
-from grader.expressions.functions import Function, typed_array
-from grader.expressions.machine import Machine, exhausted
+import mujoco
+import numpy as np
+
+from grader.expressions import lib, mathematics
+from grader.expressions.fields import names
+from grader.expressions.machine import Machine, exhausted, lenient
 from grader.expressions.methods import call_method
-from grader.expressions.operators import BINARY
 from grader.expressions.values import (
+    BINARY,
+    DECIMAL,
     UNDEFINED,
+    WHITESPACE,
     Record,
     Trouble,
     Value,
     Vector,
     bounded,
+    from_units,
+    in_units,
+    is_nan,
     items_of,
     read_index,
     to_boolean,
+    to_index,
     to_int32,
     to_number,
     to_string,
@@ -25,6 +36,133 @@ from grader.expressions.values import (
     weight,
     write_index,
 )
+
+Gives = type[float] | type[bool] | None
+
+
+@dataclass(frozen=True)
+class Function:
+    """A callable of the host, called with the machine and the arguments.
+
+    `takes` names its first arguments that must be written literally `model` or `data`; `gives` is the type of its
+    result where that is always the same. A function of numbers alone has `numeric`, which takes `arity` floats (None:
+    any number of them).
+    """
+
+    call: Callable[..., Value]
+    takes: tuple[str, ...] = ()
+    cost: int = 1
+    gives: Gives = None
+    numeric: Callable[..., float] | None = None
+    arity: int | None = None
+
+
+def _mathematics(arity: int | None, numeric: Callable[..., float]) -> Function:
+    def call(_: Machine, *args: Value) -> Value:
+        numbers = [to_number(arg) for arg in args[:arity]]
+        return numeric(*numbers, *[math.nan] * ((arity or 0) - len(numbers)))
+
+    return Function(call, gives=float, numeric=numeric, arity=arity)
+
+
+def _of_value(function: Callable[[Value], Value], gives: Gives = None, default: Value = UNDEFINED) -> Function:
+    return Function(lenient(lambda m, value=default: function(value)), gives=gives)
+
+
+def _parse_float(value: Value) -> float:
+    """The longest prefix that is a number."""
+    found = DECIMAL.match(to_string(value).lstrip(WHITESPACE))
+    return float(found.group().replace("Infinity", "inf")) if found else math.nan
+
+
+def _array_from(m: Machine, source: Value) -> Value:
+    if not isinstance(source, list | Vector | str):
+        raise Trouble("Array.from needs an array")
+    m.tick(1 + weight(source))
+    return list(source if isinstance(source, str) else items_of(source))
+
+
+def typed_array(m: Machine, args: list[Value]) -> Value:
+    """`new Float64Array(size)` or `new Float64Array(array)`."""
+    source = args[0] if args else 0.0
+    if isinstance(source, list | Vector):
+        return Vector(np.zeros(0)).like(bounded(items_of(source)))
+    size = to_index(source)
+    if not 0 <= size <= 10_000:
+        raise Trouble("a typed array has from 0 to 10000 elements")
+    m.tick(1 + size // 16)
+    return Vector(np.zeros(size))
+
+
+PHYSICS = names("""
+    mj_resetData mj_forward mj_step mj_step1 mj_step2 mj_inverse mj_setConst mj_kinematics mj_comPos mj_comVel
+    mj_fwdPosition mj_fwdVelocity mj_fwdActuation mj_fwdAcceleration mj_fwdConstraint mj_energyPos mj_energyVel
+    mj_subtreeVel mj_rnePostConstraint mj_camlight mj_collision mj_sensorPos mj_sensorVel mj_sensorAcc
+""")
+"""Functions of MuJoCo that take the model and the data and nothing else."""
+
+
+def _physics(name: str) -> Callable[..., Value]:
+    call = getattr(mujoco, name)
+
+    def called(m: Machine) -> Value:
+        call(m.model, m.data)
+        return UNDEFINED
+
+    return called
+
+
+def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
+    key = to_index(number)
+    if not 0 <= key < m.model.nkey:
+        raise Trouble(f"the model has no keyframe {key}")
+    mujoco.mj_resetDataKeyframe(m.model, m.data, key)
+    return UNDEFINED
+
+
+def _set_total_mass(m: Machine, value: Value) -> Value:
+    mass = to_number(value)
+    if not 0 < mass < 1e9:
+        raise Trouble("the total mass must be positive")
+    mujoco.mj_setTotalmass(m.model, mass)
+    return UNDEFINED
+
+
+def _name_to_id(m: Machine, kind: Value, name: Value) -> Value:
+    return float(mujoco.mj_name2id(m.model, to_int32(kind), from_units(to_string(name))))
+
+
+def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
+    return in_units(mujoco.mj_id2name(m.model, to_int32(kind), to_int32(number)) or "")
+
+
+MODEL, STATE = ("model",), ("model", "data")
+FUNCTIONS: dict[str, Function] = {
+    **{f"Math.{name}": _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
+    "Number": _of_value(to_number, float, default=0.0),
+    "String": _of_value(to_string, default=""),
+    "Boolean": _of_value(to_boolean, bool),
+    "isNaN": _of_value(lambda v: math.isnan(to_number(v)), bool),
+    "isFinite": _of_value(lambda v: math.isfinite(to_number(v)), bool),
+    "parseFloat": _of_value(_parse_float, float),
+    "Number.isNaN": _of_value(is_nan, bool),
+    "Number.isFinite": _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
+    "Number.isInteger": _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
+    "Number.parseFloat": _of_value(_parse_float, float),
+    "Array.isArray": _of_value(lambda v: isinstance(v, list), bool),
+    "Array.from": Function(lenient(_array_from)),
+    "Array.of": Function(lambda m, *args: list(args)),
+    **{f"mj.{name}": Function(lenient(_physics(name)), STATE, cost=10) for name in PHYSICS},
+    "mj.mj_resetDataKeyframe": Function(lenient(_reset_keyframe), STATE, cost=10),
+    "mj.mj_setTotalmass": Function(lenient(_set_total_mass), MODEL, cost=10),
+    "mj.mj_getTotalmass": Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
+    "mj.mj_name2id": Function(lenient(_name_to_id), MODEL),
+    "mj.mj_id2name": Function(lenient(_id_to_name), MODEL),
+    **{
+        f"lib.{name}": Function(lenient(function), gives=float if name in lib.NUMBERS else None)
+        for name, function in lib.FUNCTIONS.items()
+    },
+}
 
 
 def number(m: Machine, value: Value) -> float:
@@ -109,12 +247,14 @@ def member(value: Value, name: str) -> Value:
 OPERATORS = {operator: f"operator{i}" for i, operator in enumerate(BINARY)}
 """The name, in compiled code, of the function of each binary operator."""
 
-FUNCTIONS = (
-    *(number, slow, template, spread, through, unpack, put, host, map_from, typed_array, empty_array, member),
-    *(read_index, write_index, exhausted, type_name),
-)
 NAMES: dict[str, object] = {
-    **{function.__name__: function for function in FUNCTIONS},
+    **{
+        function.__name__: function
+        for function in (
+            *(number, slow, template, spread, through, unpack, put, host, map_from, typed_array, empty_array, member),
+            *(read_index, write_index, exhausted, type_name),
+        )
+    },
     **{name: BINARY[operator] for operator, name in OPERATORS.items()},
     "array": bounded,
     "method": call_method,

@@ -12,11 +12,10 @@ from tree_sitter import Node
 
 from grader.expressions import fields, paths
 from grader.expressions.code import Kind, Part, Term, code, constant, in_turn, join, name
-from grader.expressions.functions import FUNCTIONS
 from grader.expressions.lib import RECORD_PARTS
 from grader.expressions.methods import CALLBACK_METHODS
 from grader.expressions.methods import NAMES as METHODS
-from grader.expressions.runtime import OPERATORS
+from grader.expressions.runtime import FUNCTIONS, OPERATORS
 from grader.expressions.scope import CONSTANTS, ROOTS, Binding, Scope
 from grader.expressions.syntax import Refused, escape_of, field, number_of, parts, string_of, text_of
 from grader.expressions.values import in_units

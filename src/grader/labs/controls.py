@@ -5,7 +5,7 @@ from math import isfinite
 
 from grader.domain.lab import Button, LabConfig, OptionValue, Select, Slider
 from grader.errors import Fault, LabRefused
-from grader.expressions import Value, in_units, number_to_string
+from grader.expressions import Value, texts, values
 
 Given = float | str | bool
 STEP_TOLERANCE = 1e-6
@@ -69,7 +69,7 @@ def _select(control: Select, given: Given) -> OptionValue:
 
 
 def _text(number: float) -> str:
-    return number_to_string(float(number))
+    return texts.number_to_string(float(number))
 
 
 def as_value(option: OptionValue) -> Value:
@@ -78,7 +78,7 @@ def as_value(option: OptionValue) -> Value:
         return [float(x) for x in option]
     if isinstance(option, bool):
         return option
-    return in_units(option) if isinstance(option, str) else float(option)
+    return values.in_units(option) if isinstance(option, str) else float(option)
 
 
 def control_faults(config: LabConfig, where: str) -> Iterator[Fault]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.domain.lab import LabConfig, Plot, Readout
-from grader.expressions import Trouble, Value, from_units, to_fixed, to_string
+from grader.expressions import Trouble, Value, texts, values
 
 Floats = NDArray[np.float64]
 DIGITS_DEFAULT = 3
@@ -103,9 +103,9 @@ def _plot(plot: Plot, traces: tuple[tuple[Value, ...], ...], lines: tuple[Any, .
 def readout_text(value: Value, digits: int | None) -> str:
     """As the page shows it: a number with its digits, anything else as JavaScript would write it."""
     if type(value) is float:
-        return to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
+        return texts.to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
     try:
-        return from_units(to_string(value))
+        return values.from_units(values.to_string(value))
     except Trouble:
         return "?"
 
