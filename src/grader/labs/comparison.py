@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.domain.lab import IntegratorsLab
-from grader.errors import Fault, LabRefused
+from grader.errors import LabRefused
 from grader.labs.record import Warned, noted, number_or_none
 from grader.numerics.integrators import INTEGRATORS, Integrator
 from grader.numerics.scene import Scene
@@ -89,15 +89,13 @@ def run_integrators(
     an unknown keyframe, ValueError where the model does not compile.
     """
     timestep = lab.timestep if timestep is None else timestep
-    model, timestep, seconds = _checked(lab, model or lab.model, timestep, lab.seconds if seconds is None else seconds)
+    model, seconds = model or lab.model, lab.seconds if seconds is None else seconds
+    check_setting(lab, model, timestep, seconds)
     scene = Scene.from_xml(xml)
     keys = scene.names_of(mujoco.mjtObj.mjOBJ_KEY)
     key = lab.key if key is None and model == lab.model else key
-    if key is None or key == "":
-        index = None
-    else:
-        index = scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
-        scene = scene.at(key=index)
+    index = None if key is None or key == "" else scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
+    scene = scene if index is None else scene.at(key=index)
     steps = round(seconds / timestep)
     with scene.borrow(keep=False) as workspace:
         energy = _energy_at_start(workspace)
@@ -105,21 +103,8 @@ def run_integrators(
     return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, energy, runs)
 
 
-def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
-    """Everything that is wrong with the lab, with keys that begin with `where`."""
-    try:
-        run_integrators(lab, xml, seconds=min(lab.seconds, 10 * lab.timestep))
-        _checked(lab, lab.model, lab.timestep, lab.seconds)
-    except LabRefused as error:
-        return [Fault("", f"{where}.timestep", str(error))]
-    except KeyError as error:
-        return [Fault("", f"{where}.key", str(error.args[0]))]
-    except ValueError as error:
-        return [Fault("", f"{where}.model", "does not compile: " + " ".join(str(error).split()))]
-    return []
-
-
-def _checked(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -> tuple[str, float, float]:
+def check_setting(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -> None:
+    """Raises LabRefused for a model, timestep [s] or length [s] that the lab does not offer."""
     if model != lab.model and model not in lab.models:
         raise LabRefused(f"model must be one of: {', '.join(dict.fromkeys((lab.model, *lab.models)))}.")
     if not (isfinite(timestep) and TIMESTEP_MIN_S <= timestep <= TIMESTEP_MAX_S):
@@ -128,7 +113,6 @@ def _checked(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -
         raise LabRefused(f"The run must last at most {SECONDS_MAX:g} s and {STEPS_MAX} steps.")
     if round(seconds / timestep) < 1:
         raise LabRefused("The run must last one timestep or longer.")
-    return model, timestep, seconds
 
 
 def _energy_at_start(workspace: Workspace) -> float:

@@ -42,8 +42,8 @@ def noted(counts: NDArray[np.int32], time_s: float) -> list[Warned]:
 class LabRun:
     """A run of a lab. `time_s` (frames,) is the lab's own time, which goes on when MuJoCo resets the state.
 
-    `positions` (frames, geoms, 3) [m] and `orientations` (frames, geoms, 4) of the drawn geoms; `readouts`, `traces`
-    and `trail` hold one value a frame. `controls` are the values that were used.
+    `positions` (frames, geoms, 3) [m] and rotation `matrices` (frames, geoms, 9) of the drawn geoms; `readouts`,
+    `traces` and `trail` hold one value a frame. `controls` are the values that were used.
     """
 
     config: LabConfig
@@ -51,7 +51,7 @@ class LabRun:
     geoms: tuple[dict[str, Any], ...]
     time_s: Floats
     positions: Floats
-    orientations: Floats
+    matrices: Floats
     readouts: tuple[tuple[Value, ...], ...]
     traces: tuple[tuple[tuple[Value, ...], ...], ...]
     reference_lines: tuple[tuple[Any, ...], ...]
@@ -74,7 +74,7 @@ class LabRun:
             "controls": self.controls,
             "times": _rounded(self.time_s, NUMBER_DIGITS),
             "geoms": list(self.geoms),
-            "frames": _rounded(np.concatenate([self.positions, self.orientations], axis=2), POSITION_DIGITS),
+            "frames": _rounded(np.dstack([self.positions, _quaternions(self.matrices)]), POSITION_DIGITS),
             "readouts": list(map(_readout, self.config.readouts, self.readouts)),
             "plots": list(map(_plot, self.config.plots, self.traces, self.reference_lines)),
             "trail": None if self.trail is None else [_point(value) for value in self.trail],
@@ -165,24 +165,10 @@ def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
     return own
 
 
-def quaternions(matrices: Floats) -> Floats:
-    """Unit quaternions (n, 4), w first and not negative, of rotation matrices (n, 9).
-
-    Source: the quaternion's outer product with itself is linear in the matrix; its largest row is best conditioned.
-    """
-    a, b, c, d, e, f, g, h, i = matrices.T
-    outer = np.array(
-        [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
-        ]
-    )
-    squares = outer[range(4), range(4)]
-    best = np.argmax(np.nan_to_num(squares), axis=0)
-    rows = outer[best, :, np.arange(len(matrices))]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    result: Floats = np.where(rows[:, :1] < 0, -rows, rows)
+def _quaternions(matrices: Floats) -> Floats:
+    """Unit quaternions (frames, geoms, 4), w first and not negative, of rotation matrices (frames, geoms, 9)."""
+    found = np.empty((*matrices.shape[:2], 4))
+    for quaternion, matrix in zip(found.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, matrix)
+    result: Floats = np.where(found[..., :1] < 0, -found, found)
     return result

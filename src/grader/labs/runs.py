@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, isfinite
 from typing import Any
@@ -15,7 +15,7 @@ from grader.errors import LabError, LabRefused
 from grader.expressions import Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Given, as_value, chosen_values
 from grader.labs.programs import LabPrograms, Setter, lab_programs
-from grader.labs.record import Floats, LabRun, Warned, describe_geom, drawn_geoms, noted, quaternions
+from grader.labs.record import Floats, LabRun, Warned, describe_geom, drawn_geoms, noted
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.workspace import Workspace
 
@@ -95,11 +95,15 @@ class Running:
             self._forward()
 
     def _forward(self) -> None:
+        self._call(mujoco.mj_forward)
+        self._note_warnings()
+
+    def _call(self, function: Callable[..., None], **options: int) -> None:
+        """Call a function of MuJoCo on the model and the data."""
         try:
-            mujoco.mj_forward(self.model, self.data)
+            function(self.model, self.data, **options)
         except mujoco.FatalError as error:
             raise LabError("lab", f"MuJoCo: {error}") from error
-        self._note_warnings()
 
     def go(self, duration: float) -> None:
         """Step to the end, keeping about 60 frames a second."""
@@ -129,7 +133,7 @@ class Running:
     def _step_chunk(self, count: int, h: float) -> bool:
         """Steps in C; where one warned, the chunk is done again step by step to learn which."""
         mujoco.mj_getState(self.model, self.data, self.saved, FULL_STATE)
-        self._step(count)
+        self._call(mujoco.mj_step, nstep=count)
         if self.workspace.counts.any():
             mujoco.mj_resetData(self.model, self.data)
             mujoco.mj_setState(self.model, self.data, self.saved, FULL_STATE)
@@ -147,19 +151,13 @@ class Running:
             if controller is not None:
                 controller()
             h = float(self.model.opt.timestep)
-            self._step(1)
+            self._call(mujoco.mj_step, nstep=1)
             self._note_warnings()
             self.elapsed += h
             self.steps += 1
             if stop is not None and to_boolean(stop()):
                 return True
         return False
-
-    def _step(self, count: int) -> None:
-        try:
-            mujoco.mj_step(self.model, self.data, nstep=count)
-        except mujoco.FatalError as error:
-            raise LabError("lab", f"MuJoCo: {error}") from error
 
     def _note_warnings(self) -> None:
         """Record what MuJoCo warned of."""
@@ -174,15 +172,14 @@ class Running:
     def finish(self, config: LabConfig, values: Mapping[str, OptionValue], timing_ms: dict[str, float]) -> LabRun:
         """The record of the run."""
         columns = zip(*self.rows, strict=True)
-        matrices = np.array([xmat for _, xmat in self.poses]).reshape(-1, 9)
-        shape = (len(self.poses), len(self.geoms))
+        positions, matrices = (np.array(each) for each in zip(*self.poses, strict=True))
         return LabRun(
             config=config,
             controls={label: list(v) if isinstance(v, tuple) else v for label, v in values.items()},
             geoms=self.described,
             time_s=np.array(self.times),
-            positions=np.array([xpos for xpos, _ in self.poses]).reshape(*shape, 3),
-            orientations=quaternions(matrices).reshape(*shape, 4),
+            positions=positions,
+            matrices=matrices,
             readouts=tuple(next(columns) for _ in config.readouts),
             traces=tuple(tuple(next(columns) for _ in plot.traces) for plot in config.plots),
             reference_lines=tuple(
