@@ -88,8 +88,7 @@ def _table(m: Machine) -> dict[str, Any]:
     """What `lib` and `mj` say of this state, for the stand-ins."""
 
     def call(name: str, *args: Value) -> Any:
-        result = lib.FUNCTIONS[name](m, *args)
-        return result.parts if isinstance(result, Record) else result
+        return lib.FUNCTIONS[name](m, *args)
 
     named = {
         "bodyPos": ("box", "arm"),
@@ -168,7 +167,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
             if not isinstance(here, Vector) or len(here) != len(content):
                 return False
             return all(_same_number(to_number(a), _decoded(b)) for a, b in zip(here.values(), content, strict=True))
-    return isinstance(here, Record) and all(same(here.parts[k], v) for k, v in content.items())
+    return isinstance(here, Record) and all(same(here[k], v) for k, v in content.items())
 
 
 def same_state(m: Machine, answer: dict[str, Any]) -> list[str]:

@@ -105,11 +105,6 @@ def name(identifier: str) -> ast.expr:
     return ast.Name(identifier, ast.Load())
 
 
-def constant(value: float | str | None) -> ast.expr:
-    """A number, text, boolean or None."""
-    return ast.Constant(value)
-
-
 def in_turn(*values: ast.expr) -> ast.expr:
     """Code that evaluates all the values, and gives the last."""
     return values[0] if len(values) == 1 else code("(VALUES,)[-1]", VALUES=list(values))

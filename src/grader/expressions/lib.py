@@ -52,23 +52,20 @@ def _named(m: Machine, kind: str, name: Value) -> Any:
     return getattr(m.data, kind)(_identity(m, kind, name))
 
 
-def _numbers(row: NDArray[np.float64]) -> list[Value]:
-    return [float(x) for x in row]
-
-
 def _one_or_all(row: NDArray[np.float64]) -> Value:
-    return float(row[0]) if row.size == 1 else _numbers(row)
+    numbers: list[Value] = row.tolist()
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def _energy(m: Machine) -> Value:
-    potential, kinetic = (float(x) for x in m.data.energy)
+    potential, kinetic = m.data.energy.tolist()
     return Record(total=potential + kinetic, kinetic=kinetic, potential=potential)
 
 
 def _body_velocity(m: Machine, name: Value) -> Value:
     result = np.zeros(6)
     mujoco.mj_objectVelocity(m.model, m.data, mujoco.mjtObj.mjOBJ_BODY, _identity(m, "body", name), result, 0)
-    return _numbers(result[3:])
+    return [*map(float, result[3:])]
 
 
 def _touching(m: Machine, geom: Value) -> list[int]:
@@ -107,7 +104,7 @@ def _cross(m: Machine, a: Value, b: Value) -> Value:
     left, right = _array(a), _array(b)
     if not len(left) == len(right) == 3:
         raise Trouble("two arrays of three numbers are needed here")
-    return _numbers(np.cross(left, right))
+    return [*map(float, np.cross(left, right))]
 
 
 def _clamp(m: Machine, x: Value, low: Value, high: Value) -> Value:
@@ -116,16 +113,16 @@ def _clamp(m: Machine, x: Value, low: Value, high: Value) -> Value:
 
 FUNCTIONS: dict[str, Callable[..., Value]] = {
     "energy": _energy,
-    "bodyPos": lambda m, name: _numbers(_named(m, "body", name).xpos),
-    "sitePos": lambda m, name: _numbers(_named(m, "site", name).xpos),
-    "geomPos": lambda m, name: _numbers(_named(m, "geom", name).xpos),
+    "bodyPos": lambda m, name: _named(m, "body", name).xpos.tolist(),
+    "sitePos": lambda m, name: _named(m, "site", name).xpos.tolist(),
+    "geomPos": lambda m, name: _named(m, "geom", name).xpos.tolist(),
     "bodyVel": _body_velocity,
     "qpos": lambda m, name: _one_or_all(_named(m, "joint", name).qpos),
     "qvel": lambda m, name: _one_or_all(_named(m, "joint", name).qvel),
     "sensor": lambda m, name: _one_or_all(_named(m, "sensor", name).data),
     "normalForce": _normal_force,
     "contacts": lambda m, geom: float(len(_touching(m, geom))),
-    "com": lambda m: _numbers(m.data.subtree_com[0]),
+    "com": lambda m: m.data.subtree_com[0].tolist(),
     "norm": lambda m, array: math.hypot(*_array(array)),
     "dot": _dot,
     "cross": _cross,

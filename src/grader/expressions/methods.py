@@ -28,6 +28,7 @@ from grader.expressions.values import (
     to_string,
     type_name,
     weight,
+    write_index,
 )
 
 Callback = Callable[..., Value]
@@ -96,7 +97,7 @@ def _store(this: Value, items: Items, start: int = 0) -> Value:
     """Write elements in place."""
     if isinstance(this, Vector):
         for i, x in enumerate(items, start):
-            this.write(i, x)
+            write_index(this, float(i), x)
     elif isinstance(this, list):
         this[start : start + len(items)] = items
     return this

@@ -102,14 +102,8 @@ PHYSICS = names("""
 """Functions of MuJoCo that take the model and the data and nothing else."""
 
 
-def _physics(name: str) -> Callable[..., Value]:
-    call = getattr(mujoco, name)
-
-    def called(m: Machine) -> Value:
-        call(m.model, m.data)
-        return UNDEFINED
-
-    return called
+def _physics(call: Callable[..., Value]) -> Callable[..., Value]:
+    return lambda m: call(m.model, m.data) or UNDEFINED  # it gives nothing
 
 
 def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
@@ -152,7 +146,7 @@ FUNCTIONS: dict[str, Function] = {
     "Array.isArray": _of_value(lambda v: isinstance(v, list), bool),
     "Array.from": Function(lenient(_array_from)),
     "Array.of": Function(lambda m, *args: list(args)),
-    **{f"mj.{name}": Function(lenient(_physics(name)), STATE, cost=10) for name in PHYSICS},
+    **{f"mj.{name}": Function(lenient(_physics(getattr(mujoco, name))), STATE, cost=10) for name in PHYSICS},
     "mj.mj_resetDataKeyframe": Function(lenient(_reset_keyframe), STATE, cost=10),
     "mj.mj_setTotalmass": Function(lenient(_set_total_mass), MODEL, cost=10),
     "mj.mj_getTotalmass": Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
@@ -241,7 +235,7 @@ def member(value: Value, name: str) -> Value:
         raise Trouble(f"{to_string(value)} has no {name}")
     if name == "length":
         return float(len(value)) if isinstance(value, str | list | Vector) else UNDEFINED
-    return value.parts.get(name, UNDEFINED) if isinstance(value, Record) else UNDEFINED
+    return value.get(name, UNDEFINED) if isinstance(value, Record) else UNDEFINED
 
 
 OPERATORS = {operator: f"operator{i}" for i, operator in enumerate(BINARY)}

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from tree_sitter import Node
 
-from grader.expressions.code import PAY, Kind, Term, code, constant, lines, name
+from grader.expressions.code import PAY, Kind, Term, code, lines, name
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
 from grader.expressions.scope import Binding, Scope
 from grader.expressions.syntax import Refused, field, parts, text_of
@@ -185,7 +185,7 @@ class Compiler(Terms):
     def _statement_do_statement(self, scope: Scope, node: Node) -> Statements:
         test = self.truth(self.term(scope, field(node, "condition")))
         body = self._turn(scope.inner(in_loop=True), field(node, "body"))
-        return self._repeated(constant(True), lines("if not TEST: break", TEST=test), body)
+        return self._repeated(ast.Constant(True), lines("if not TEST: break", TEST=test), body)
 
     def _statement_for_statement(self, scope: Scope, node: Node) -> Statements:
         inside = scope.inner(in_loop=True)
@@ -194,7 +194,7 @@ class Compiler(Terms):
         if first is not None:
             declares = first.type in ("lexical_declaration", "variable_declaration", "empty_statement")
             begin = self.block(inside, [first]) if declares else self._effect(inside, first)
-        test = constant(True)
+        test: ast.expr = ast.Constant(True)
         if condition is not None and condition.type != "empty_statement":
             test = self.truth(self.term(inside, condition))
         after = [] if update is None else self._effect(inside, update)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from tree_sitter import Node
 
 from grader.expressions import fields, paths
-from grader.expressions.code import Kind, Part, Term, code, constant, in_turn, join, name
+from grader.expressions.code import Kind, Part, Term, code, in_turn, join, name
 from grader.expressions.lib import RECORD_PARTS
 from grader.expressions.methods import CALLBACK_METHODS
 from grader.expressions.methods import NAMES as METHODS
@@ -156,7 +156,7 @@ class Terms(ABC):
         operator = operator_of(node, {*UNARY, "!", "typeof"})
         term = self.term(scope, field(node, "argument"))
         if operator == "-" and term.literal is not None:
-            return Term(constant(-term.literal), Kind.NUMBER)
+            return Term(ast.Constant(-term.literal), Kind.NUMBER)
         if operator == "!":
             return Term(code("not A", A=self.truth(term)), Kind.BOOLEAN)
         if operator == "typeof":
@@ -199,7 +199,7 @@ class Terms(ABC):
         if text == "undefined":
             return Term(name("undefined"))
         if text in CONSTANTS:
-            return Term(constant(float(text)), Kind.NUMBER)
+            return Term(ast.Constant(float(text)), Kind.NUMBER)
         if text == "value":
             return Term(name("given"))
         if text in ROOTS or text in CONSTRUCTORS or host_path(node) or scope.find(node).kind == "function":
@@ -212,18 +212,18 @@ class Terms(ABC):
         return self.term(scope, parts(node)[0])
 
     def _term_number(self, scope: Scope, node: Node) -> Term:
-        return Term(constant(number_of(node)), Kind.NUMBER)
+        return Term(ast.Constant(number_of(node)), Kind.NUMBER)
 
     def _term_true(self, scope: Scope, node: Node) -> Term:
-        return Term(constant(node.type == "true"), Kind.BOOLEAN)
+        return Term(ast.Constant(node.type == "true"), Kind.BOOLEAN)
 
     _term_false = _term_true
 
     def _term_null(self, scope: Scope, node: Node) -> Term:
-        return Term(constant(None))
+        return Term(ast.Constant(None))
 
     def _term_string(self, scope: Scope, node: Node) -> Term:
-        return Term(constant(string_of(node)))
+        return Term(ast.Constant(string_of(node)))
 
     def _term_template_string(self, scope: Scope, node: Node) -> Term:
         pieces: list[ast.expr] = []
@@ -231,9 +231,9 @@ class Terms(ABC):
             if child.type == "template_substitution":
                 pieces.append(self.value_of(scope, parts(child)[0]))
             elif child.type == "escape_sequence":
-                pieces.append(constant(in_units(escape_of(child))))
+                pieces.append(ast.Constant(in_units(escape_of(child))))
             else:
-                pieces.append(constant(in_units(text_of(child).replace("\r\n", "\n").replace("\r", "\n"))))
+                pieces.append(ast.Constant(in_units(text_of(child).replace("\r\n", "\n").replace("\r", "\n"))))
         return self.located(node, "template(machine, [PIECES])", PIECES=pieces)
 
     def items(self, scope: Scope, nodes: list[Node]) -> list[ast.expr]:
@@ -253,12 +253,12 @@ class Terms(ABC):
     def at_path(self, node: Node, path: str) -> Term:
         """The value at a path. Raises Refused where it names nothing that may be read."""
         if path in paths.CONSTANTS:
-            return Term(constant(paths.CONSTANTS[path]), Kind.NUMBER)
+            return Term(ast.Constant(paths.CONSTANTS[path]), Kind.NUMBER)
         if path in paths.WRITABLE:
             return Term(name(self.need("vector", path)))
         if key := paths.ctx_name(node, path):
             self.need("ctx", key)
-            return Term(code("ctx[KEY]", KEY=constant(key)))
+            return Term(code("ctx[KEY]", KEY=ast.Constant(key)))
         if path not in paths.NUMBERS:
             raise Refused(node, f"{path} cannot be read here")
         kind = paths.NUMBERS[path]
@@ -273,7 +273,7 @@ class Terms(ABC):
             raise Refused(field(node, "property"), f".{key} is not available")
         if path is not None and owner in paths.WRITABLE:
             return Term(name(self.need("size", owner or "")), Kind.NUMBER)
-        return lambda value: code("member(V, KEY)", V=value, KEY=constant(key))
+        return lambda value: code("member(V, KEY)", V=value, KEY=ast.Constant(key))
 
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = self._field_of(node)
@@ -296,7 +296,7 @@ class Terms(ABC):
             return self.located(node, "read_index(V, INDEX)", V=self.need("vector", path), INDEX=index.code)
         view = self.need("view", path)
         if index.literal is not None and index.literal >= 0 and index.literal.is_integer():
-            known, size = constant(int(index.literal)), self.need("size", path)
+            known, size = ast.Constant(int(index.literal)), self.need("size", path)
             made = code("VIEW[KEY] if KEY < SIZE else undefined", VIEW=view, KEY=known, SIZE=size)
         else:
             (first, key), at = self.held(index.code), self.need("positions", path)
@@ -383,7 +383,7 @@ class Terms(ABC):
             if method in CALLBACK_METHODS - {"sort"} and not callback:
                 raise Refused(node, f"{method} needs a function")
             given = [*callback, *self.items(scope, args[len(callback) :])]
-            return code("method(machine, V, METHOD, [GIVEN])", V=value, METHOD=constant(method), GIVEN=given)
+            return code("method(machine, V, METHOD, [GIVEN])", V=value, METHOD=ast.Constant(method), GIVEN=given)
 
         return build
 
@@ -443,7 +443,7 @@ class Terms(ABC):
 
         if key := paths.ctx_name(node, path):
             read()
-            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=constant(key), NEW=new))
+            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=ast.Constant(key), NEW=new))
         if paths.NUMBERS.get(path) == "scalar" and path.removeprefix("data.") not in fields.DATA_COUNTS:
             return Place(read, lambda new: code("WRITE(NEW)", WRITE=self.need("write scalar", path), NEW=new))
         if path in paths.WRITABLE:
@@ -501,7 +501,7 @@ class Terms(ABC):
         old, kept = self.number(place.read()), ""
         if old_value:
             old, kept = self.held(old, lasts=True)
-        one = Term(constant(1.0), Kind.NUMBER)
+        one = Term(ast.Constant(1.0), Kind.NUMBER)
         new = self.combined(node, text_of(field(node, "operator"))[0], Term(old, Kind.NUMBER), one)
         written = self.written(scope, node, place, new).code
         return Term(in_turn(*place.begin, written, *([name(kept)] if kept else [])), Kind.NUMBER)

@@ -51,15 +51,6 @@ class Vector:
     def __len__(self) -> int:
         return len(self.view)
 
-    def write(self, index: int, value: "Value") -> None:
-        """Store a number as the array's type does. Raises Trouble out of range, where a browser would ignore it."""
-        if not self.writable:
-            raise Trouble(f"{self.name or 'this array'} cannot be changed")
-        if not 0 <= index < len(self.view):
-            where = f"{self.name or 'the array'}, which has {len(self.view)} elements"
-            raise Trouble(f"index {index} is outside {where}")
-        self.view[index] = element(self.view, to_number(value))
-
     def values(self) -> list["Value"]:
         """All elements as numbers."""
         elements: list[Any] = self.view.tolist()
@@ -77,13 +68,8 @@ class Vector:
         return made
 
 
-class Record:
-    """A read-only result with named parts, such as lib.energy()."""
-
-    __slots__ = ("parts",)
-
-    def __init__(self, **parts: "Value") -> None:
-        self.parts = parts
+class Record(dict[str, float]):
+    """A result with named parts, such as lib.energy(), which programs only read."""
 
 
 Object = (list, Vector, Record)
@@ -249,14 +235,16 @@ def read_index(value: Value, index: Value) -> Value:
 
 
 def write_index(value: Value, index: Value, new: Value) -> Value:
-    """`value[index] = new`: past the end is an error, for arrays too."""
-    position = _position(index) if isinstance(value, list | Vector) else None
-    if isinstance(value, Vector):
-        value.write(-1 if position is None else position, new)
-    elif not isinstance(value, list):
+    """`value[index] = new`, as the array's type stores it; out of range is an error, where a browser ignores it."""
+    if not isinstance(value, list | Vector):
         raise Trouble(f"elements of {to_string(value)[:40]} cannot be assigned")
-    elif position is None or not 0 <= position < len(value):
-        raise Trouble(f"index {to_string(index)} is outside the array, which has {len(value)} elements")
+    position, name = _position(index), value.name if isinstance(value, Vector) else ""
+    if isinstance(value, Vector) and not value.writable:
+        raise Trouble(f"{name or 'this array'} cannot be changed")
+    if position is None or not 0 <= position < len(value):
+        raise Trouble(f"index {to_string(index)} is outside {name or 'the array'}, which has {len(value)} elements")
+    if isinstance(value, Vector):
+        value.view[position] = element(value.view, to_number(new))
     else:
         value[position] = new
     return new
