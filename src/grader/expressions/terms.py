@@ -278,7 +278,7 @@ class Terms(ABC):
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = self._field_of(node)
         if path is not None and not is_optional(node):
-            return self._element(node, path, self.term(scope, field(node, "index")))
+            return self._element(node, path, self.need("vector", path), self.term(scope, field(node, "index")))
         return lambda value: code("read_index(V, INDEX)", V=value, INDEX=self.value_of(scope, field(node, "index")))
 
     def _field_of(self, node: Node) -> str | None:
@@ -290,10 +290,10 @@ class Terms(ABC):
             raise Refused(field(node, "index"), "square brackets take the number of an element")
         return path if path in paths.WRITABLE else None
 
-    def _element(self, node: Node, path: str, index: Term) -> Term:
-        """An element of a field."""
-        if index.kind is not Kind.NUMBER or not paths.holds_floats(path):
-            return self.located(node, "read_index(V, INDEX)", V=self.need("vector", path), INDEX=index.code)
+    def _element(self, node: Node, path: str | None, array: Part, index: Term) -> Term:
+        """An element of an array; `path` is the array's where it is a field."""
+        if path is None or index.kind is not Kind.NUMBER or not paths.holds_floats(path):
+            return self.located(node, "read_index(V, INDEX)", V=array, INDEX=index.code)
         view = self.need("view", path)
         if index.literal is not None and index.literal >= 0 and index.literal.is_integer():
             known, size = ast.Constant(int(index.literal)), self.need("size", path)
@@ -461,17 +461,13 @@ class Terms(ABC):
                 first, kept = self.held(term.code, lasts=True)
                 begin.append(first)
                 term.kind, term.code = term.kept, name(kept)
-        if path is not None:
-            return Place(
-                lambda: self._element(node, path, index),
-                lambda new: code("WRITE(INDEX, NEW)", WRITE=self.need("write", path), INDEX=index.code, NEW=new),
-                tuple(begin),
-            )
-        return Place(
-            lambda: self.located(node, "read_index(V, INDEX)", V=array.code, INDEX=index.code),
-            lambda new: code("write_index(V, INDEX, NEW)", V=array.code, INDEX=index.code, NEW=new),
-            tuple(begin),
-        )
+
+        def write(new: ast.expr) -> ast.expr:
+            if path is None:
+                return code("write_index(V, INDEX, NEW)", V=array.code, INDEX=index.code, NEW=new)
+            return code("WRITE(INDEX, NEW)", WRITE=self.need("write", path), INDEX=index.code, NEW=new)
+
+        return Place(lambda: self._element(node, path, array.code, index), write, tuple(begin))
 
     def written(self, scope: Scope, node: Node, place: Place, new: Term) -> Term:
         """The assignment of a value, which is the value of the assignment."""

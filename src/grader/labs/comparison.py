@@ -36,6 +36,19 @@ class IntegratorRun:
     steps: int
     cost_us: float
 
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON; an error that is not finite is null."""
+        errors = [number_or_none(error) for error in self.energy_error]
+        return {
+            "name": self.integrator,
+            "times": self.time_s.round(6).tolist(),
+            "energy_error_percent": errors,
+            "final_error_percent": errors[-1],
+            "cost_us_per_step": round(self.cost_us, 3),
+            "steps": self.steps,
+            "warnings": [warning.to_json() for warning in self.warnings],
+        }
+
 
 @dataclass(frozen=True)
 class IntegratorsRun:
@@ -50,7 +63,7 @@ class IntegratorsRun:
     runs: tuple[IntegratorRun, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain JSON; an error that is not finite is null."""
+        """Plain JSON."""
         return {
             "model": self.model,
             "key": self.key,
@@ -58,18 +71,7 @@ class IntegratorsRun:
             "timestep": self.timestep_s,
             "seconds": self.seconds,
             "energy": self.energy_j,
-            "integrators": [
-                {
-                    "name": run.integrator,
-                    "times": [round(float(t), 6) for t in run.time_s],
-                    "energy_error_percent": [number_or_none(e) for e in run.energy_error],
-                    "final_error_percent": number_or_none(run.energy_error[-1]),
-                    "cost_us_per_step": round(run.cost_us, 3),
-                    "steps": run.steps,
-                    "warnings": [warning.to_json() for warning in run.warnings],
-                }
-                for run in self.runs
-            ],
+            "integrators": [run.to_json() for run in self.runs],
         }
 
 
