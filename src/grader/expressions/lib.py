@@ -23,24 +23,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.expressions import values
 from grader.expressions.machine import Machine
 from grader.expressions.mathematics import largest, smallest
-from grader.expressions.values import (
-    UNDEFINED,
-    Record,
-    Trouble,
-    Value,
-    Vector,
-    from_units,
-    items_of,
-    to_number,
-    to_string,
-)
+from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
 
 
 def _identity(m: Machine, kind: str, name: Value) -> int:
     """The index of a named object. Raises Trouble where the model has none of that name."""
-    text = from_units(to_string(name))
+    text = values.from_units(values.to_string(name))
     found: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
     if found < 0:
         raise Trouble(f"the model has no {kind} named {text!r}")
@@ -89,7 +80,7 @@ def _normal_force(m: Machine, geom: Value) -> Value:
 
 def _array(value: Value) -> list[float]:
     if isinstance(value, list | Vector):
-        return [to_number(x) for x in items_of(value)]
+        return [values.to_number(x) for x in values.items_of(value)]
     raise Trouble("an array is needed here")
 
 
@@ -108,7 +99,7 @@ def _cross(m: Machine, a: Value, b: Value) -> Value:
 
 
 def _clamp(m: Machine, x: Value, low: Value, high: Value) -> Value:
-    return smallest(largest(to_number(x), to_number(low)), to_number(high))
+    return smallest(largest(values.to_number(x), values.to_number(low)), values.to_number(high))
 
 
 FUNCTIONS: dict[str, Callable[..., Value]] = {
@@ -126,8 +117,8 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     "norm": lambda m, array: math.hypot(*_array(array)),
     "dot": _dot,
     "cross": _cross,
-    "deg": lambda m, x: to_number(x) * 180 / math.pi,
-    "rad": lambda m, x: to_number(x) * math.pi / 180,
+    "deg": lambda m, x: values.to_number(x) * 180 / math.pi,
+    "rad": lambda m, x: values.to_number(x) * math.pi / 180,
     "clamp": _clamp,
 }
 NUMBERS = frozenset(("normalForce", "contacts", "norm", "dot", "deg", "rad", "clamp"))

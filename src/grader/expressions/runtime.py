@@ -8,34 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grader.expressions import lib, mathematics
+from grader.expressions import lib, mathematics, values
 from grader.expressions.fields import names
 from grader.expressions.machine import Machine, exhausted, lenient
 from grader.expressions.methods import call_method
-from grader.expressions.values import (
-    BINARY,
-    DECIMAL,
-    UNDEFINED,
-    WHITESPACE,
-    Record,
-    Trouble,
-    Value,
-    Vector,
-    bounded,
-    from_units,
-    in_units,
-    is_nan,
-    items_of,
-    read_index,
-    to_boolean,
-    to_index,
-    to_int32,
-    to_number,
-    to_string,
-    type_name,
-    weight,
-    write_index,
-)
+from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
 
 Gives = type[float] | type[bool] | None
 
@@ -59,7 +36,7 @@ class Function:
 
 def _mathematics(arity: int | None, numeric: Callable[..., float]) -> Function:
     def call(_: Machine, *args: Value) -> Value:
-        numbers = [to_number(arg) for arg in args[:arity]]
+        numbers = [values.to_number(arg) for arg in args[:arity]]
         return numeric(*numbers, *[math.nan] * ((arity or 0) - len(numbers)))
 
     return Function(call, gives=float, numeric=numeric, arity=arity)
@@ -71,23 +48,23 @@ def _of_value(function: Callable[[Value], Value], gives: Gives = None, default: 
 
 def _parse_float(value: Value) -> float:
     """The longest prefix that is a number."""
-    found = DECIMAL.match(to_string(value).lstrip(WHITESPACE))
+    found = values.DECIMAL.match(values.to_string(value).lstrip(values.WHITESPACE))
     return float(found.group().replace("Infinity", "inf")) if found else math.nan
 
 
 def _array_from(m: Machine, source: Value) -> Value:
     if not isinstance(source, list | Vector | str):
         raise Trouble("Array.from needs an array")
-    m.tick(1 + weight(source))
-    return list(source if isinstance(source, str) else items_of(source))
+    m.tick(1 + values.weight(source))
+    return list(source if isinstance(source, str) else values.items_of(source))
 
 
 def typed_array(m: Machine, args: list[Value]) -> Value:
     """`new Float64Array(size)` or `new Float64Array(array)`."""
     source = args[0] if args else 0.0
     if isinstance(source, list | Vector):
-        return Vector(np.zeros(0)).like(bounded(items_of(source)))
-    size = to_index(source)
+        return Vector(np.zeros(0)).like(values.bounded(values.items_of(source)))
+    size = values.to_index(source)
     if not 0 <= size <= 10_000:
         raise Trouble("a typed array has from 0 to 10000 elements")
     m.tick(1 + size // 16)
@@ -107,7 +84,7 @@ def _physics(call: Callable[..., Value]) -> Callable[..., Value]:
 
 
 def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
-    key = to_index(number)
+    key = values.to_index(number)
     if not 0 <= key < m.model.nkey:
         raise Trouble(f"the model has no keyframe {key}")
     mujoco.mj_resetDataKeyframe(m.model, m.data, key)
@@ -115,7 +92,7 @@ def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
 
 
 def _set_total_mass(m: Machine, value: Value) -> Value:
-    mass = to_number(value)
+    mass = values.to_number(value)
     if not 0 < mass < 1e9:
         raise Trouble("the total mass must be positive")
     mujoco.mj_setTotalmass(m.model, mass)
@@ -123,23 +100,23 @@ def _set_total_mass(m: Machine, value: Value) -> Value:
 
 
 def _name_to_id(m: Machine, kind: Value, name: Value) -> Value:
-    return float(mujoco.mj_name2id(m.model, to_int32(kind), from_units(to_string(name))))
+    return float(mujoco.mj_name2id(m.model, values.to_int32(kind), values.from_units(values.to_string(name))))
 
 
 def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
-    return in_units(mujoco.mj_id2name(m.model, to_int32(kind), to_int32(number)) or "")
+    return values.in_units(mujoco.mj_id2name(m.model, values.to_int32(kind), values.to_int32(number)) or "")
 
 
 MODEL, STATE = ("model",), ("model", "data")
 FUNCTIONS: dict[str, Function] = {
     **{f"Math.{name}": _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
-    "Number": _of_value(to_number, float, default=0.0),
-    "String": _of_value(to_string, default=""),
-    "Boolean": _of_value(to_boolean, bool),
-    "isNaN": _of_value(lambda v: math.isnan(to_number(v)), bool),
-    "isFinite": _of_value(lambda v: math.isfinite(to_number(v)), bool),
+    "Number": _of_value(values.to_number, float, default=0.0),
+    "String": _of_value(values.to_string, default=""),
+    "Boolean": _of_value(values.to_boolean, bool),
+    "isNaN": _of_value(lambda v: math.isnan(values.to_number(v)), bool),
+    "isFinite": _of_value(lambda v: math.isfinite(values.to_number(v)), bool),
     "parseFloat": _of_value(_parse_float, float),
-    "Number.isNaN": _of_value(is_nan, bool),
+    "Number.isNaN": _of_value(values.is_nan, bool),
     "Number.isFinite": _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
     "Number.isInteger": _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
     "Number.parseFloat": _of_value(_parse_float, float),
@@ -161,28 +138,28 @@ FUNCTIONS: dict[str, Function] = {
 
 def number(m: Machine, value: Value) -> float:
     """`Number(value)`, paid for by the length of the value."""
-    m.tick(weight(value))
-    return to_number(value)
+    m.tick(values.weight(value))
+    return values.to_number(value)
 
 
 def slow(m: Machine, operator: Any, left: Value, right: Value) -> Value:
     """An operator on values that are not both numbers."""
-    m.tick(weight(left) + weight(right))
+    m.tick(values.weight(left) + values.weight(right))
     result: Value = operator(left, right)
     return result
 
 
 def template(m: Machine, pieces: list[Value]) -> Value:
     """The text of a template literal."""
-    m.tick(sum(map(weight, pieces)))
-    return bounded("".join(map(to_string, pieces)))
+    m.tick(sum(map(values.weight, pieces)))
+    return values.bounded("".join(map(values.to_string, pieces)))
 
 
 def spread(m: Machine, value: Value) -> list[Value]:
     """The elements of `...value`."""
-    m.tick(1 + weight(value))
+    m.tick(1 + values.weight(value))
     if isinstance(value, list | Vector):
-        return items_of(value)
+        return values.items_of(value)
     raise Trouble("only an array can be spread out")
 
 
@@ -199,7 +176,7 @@ def unpack(value: Value, count: int) -> list[Value]:
     """The first elements of an array, undefined past its end."""
     if not isinstance(value, list | Vector):
         raise Trouble("only an array can be taken apart")
-    return [read_index(value, float(i)) for i in range(count)]
+    return [values.read_index(value, float(i)) for i in range(count)]
 
 
 def put(container: Any, key: Any, value: Value) -> Value:
@@ -210,7 +187,7 @@ def put(container: Any, key: Any, value: Value) -> Value:
 
 def host(m: Machine, function: Function, args: list[Value]) -> Value:
     """Call a function of the host."""
-    m.tick(function.cost + sum(map(weight, args)))
+    m.tick(function.cost + sum(map(values.weight, args)))
     return function.call(m, *args)
 
 
@@ -232,13 +209,13 @@ def empty_array(m: Machine, size: Value) -> Value:
 def member(value: Value, name: str) -> Value:
     """`value.name` for the few names that values have: `length`, and the parts of a record."""
     if value is None or value is UNDEFINED:
-        raise Trouble(f"{to_string(value)} has no {name}")
+        raise Trouble(f"{values.to_string(value)} has no {name}")
     if name == "length":
         return float(len(value)) if isinstance(value, str | list | Vector) else UNDEFINED
     return value.get(name, UNDEFINED) if isinstance(value, Record) else UNDEFINED
 
 
-OPERATORS = {operator: f"operator{i}" for i, operator in enumerate(BINARY)}
+OPERATORS = {operator: f"operator{i}" for i, operator in enumerate(values.BINARY)}
 """The name, in compiled code, of the function of each binary operator."""
 
 NAMES: dict[str, object] = {
@@ -246,14 +223,14 @@ NAMES: dict[str, object] = {
         function.__name__: function
         for function in (
             *(number, slow, template, spread, through, unpack, put, host, map_from, typed_array, empty_array, member),
-            *(read_index, write_index, exhausted, type_name),
+            *(values.read_index, values.write_index, exhausted, values.type_name),
         )
     },
-    **{name: BINARY[operator] for operator, name in OPERATORS.items()},
-    "array": bounded,
+    **{name: values.BINARY[operator] for operator, name in OPERATORS.items()},
+    "array": values.bounded,
     "method": call_method,
-    "truth": to_boolean,
-    "complement": lambda value: float(~to_int32(value)),
+    "truth": values.to_boolean,
+    "complement": lambda value: float(~values.to_int32(value)),
     "tick": Machine.tick,
     "kind_of": type,
     "float_type": float,
