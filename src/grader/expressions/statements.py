@@ -1,7 +1,6 @@
 """Statements: each becomes one or more Python statements. `_statement_x` compiles the grammar's node type `x`."""
 
 import ast
-from collections.abc import Callable
 
 from tree_sitter import Node
 
@@ -88,10 +87,8 @@ class Compiler(Terms):
 
     def statement(self, scope: Scope, node: Node) -> Statements:
         """The code of one statement. Raises Refused for what the language does not have."""
-        compiler: Callable[[Scope, Node], Statements] | None = getattr(self, f"_statement_{node.type}", None)
-        if compiler is None:
-            raise Refused(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
-        return compiler(scope, node)
+        made: Statements = self.compiled("_statement", scope, node)
+        return made
 
     def _governed(self, scope: Scope, node: Node) -> Statements:
         """The statement that an `if` or a loop governs, which cannot be a declaration."""

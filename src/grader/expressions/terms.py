@@ -6,7 +6,7 @@ A method `_term_x` compiles the grammar's node type `x`; `_link_x` a link of a c
 import ast
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tree_sitter import Node
 
@@ -113,6 +113,13 @@ class Terms(ABC):
         self.at(node, term.code)
         return term
 
+    def compiled(self, role: str, scope: Scope, node: Node) -> Any:
+        """What the method for a node's type makes of it. Raises Refused for what the language does not have."""
+        compiler = getattr(self, f"{role}_{node.type}", None)
+        if compiler is None:
+            raise Refused(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
+        return compiler(scope, node)
+
     # Conversions and operators
 
     def number(self, term: Term) -> ast.expr:
@@ -185,10 +192,8 @@ class Terms(ABC):
 
     def term(self, scope: Scope, node: Node) -> Term:
         """The code of an expression. Raises Refused for what the language does not have."""
-        compiler: Callable[[Scope, Node], Term] | None = getattr(self, f"_term_{node.type}", None)
-        if compiler is None:
-            raise Refused(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
-        return compiler(scope, node)
+        made: Term = self.compiled("_term", scope, node)
+        return made
 
     def value_of(self, scope: Scope, node: Node) -> ast.expr:
         """The value of a node."""

@@ -88,25 +88,25 @@ class LabRun:
                 _plot(plot, [next(columns) for _ in plot.traces], lines)
                 for plot, lines in zip(self.config.plots, self.reference_lines, strict=True)
             ],
-            "trail": next(([_point(value) for value in points] for points in columns), None),
+            "trail": next(([_point(value) for value in column] for column in columns), None),
             "warnings": [warning.to_json() for warning in self.warnings],
             "stable": self.stable,
             "timing_ms": {name: round(ms, 3) for name, ms in self.timing_ms.items()},
         }
 
 
-def _readout(readout: Readout, values: Column) -> dict[str, Any]:
-    texts = [readout_text(value, readout.digits) for value in values]
-    numbers = [number_or_none(value) for value in values]
-    final = {"text": texts[-1], "value": numbers[-1]}
-    return {"label": readout.label, "unit": readout.unit, "texts": texts, "values": numbers, "final": final}
+def _readout(readout: Readout, column: Column) -> dict[str, Any]:
+    shown = [readout_text(value, readout.digits) for value in column]
+    numbers = [number_or_none(value) for value in column]
+    final = {"text": shown[-1], "value": numbers[-1]}
+    return {"label": readout.label, "unit": readout.unit, "texts": shown, "values": numbers, "final": final}
 
 
 def _plot(plot: Plot, traces: list[Column], lines: list[Any]) -> dict[str, Any]:
     shown = plot.model_dump(mode="json", include={"ylabel", "window", "ymin", "ymax"})
     drawn = [
-        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, values))}
-        for trace, values in zip(plot.traces, traces, strict=True)
+        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, column))}
+        for trace, column in zip(plot.traces, traces, strict=True)
     ]
     return {**shown, "refLines": lines, "traces": drawn}
 
