@@ -21,8 +21,8 @@ from grader.expressions import (
     Vector,
     compile_program,
     fields,
-    lib,
     paths,
+    runtime,
 )
 from grader.expressions.values import Record, in_units, to_number
 
@@ -88,7 +88,7 @@ def _table(m: Machine) -> dict[str, Any]:
     """What `lib` and `mj` say of this state, for the stand-ins."""
 
     def call(name: str, *args: Value) -> Any:
-        return lib.FUNCTIONS[name](m, *args)
+        return runtime.FUNCTIONS[f"lib.{name}"].call(m, *args)
 
     named = {
         "bodyPos": ("box", "arm"),

@@ -302,7 +302,7 @@ class Terms(ABC):
         view = self.need("view", path)
         if index.literal is not None and index.literal >= 0 and index.literal.is_integer():
             known, size = ast.Constant(int(index.literal)), self.need("size", path)
-            made = code("VIEW[KEY] if KEY < SIZE else undefined", VIEW=view, KEY=known, SIZE=size)
+            made = code("VIEW[KEY] if INDEX < SIZE else undefined", VIEW=view, KEY=known, INDEX=index.code, SIZE=size)
         else:
             (first, key), at = self.held(index.code), self.need("positions", path)
             made = code("VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first)

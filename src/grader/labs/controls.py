@@ -27,13 +27,18 @@ def chosen_values(config: LabConfig, given: Mapping[str, Given]) -> dict[str, Op
         if label not in controls:
             known = ", ".join(controls) or "none"
             raise LabRefused(f"There is no control {label[:80]!r} here; the controls are: {known}.")
-    return {label: _chosen(control, given.get(label)) for label, control in controls.items()}
+    return {
+        label: _checked(control, given[label]) if label in given else _default(control)
+        for label, control in controls.items()
+    }
 
 
-def _chosen(control: Slider | Select, given: Given | None) -> OptionValue:
-    """The learner's value; where there is none, what the author put there, which is the first option if nothing is."""
-    if given is not None:
-        return _slider(control, given) if isinstance(control, Slider) else _select(control, given)
+def _checked(control: Slider | Select, given: Given) -> OptionValue:
+    return _slider(control, given) if isinstance(control, Slider) else _select(control, given)
+
+
+def _default(control: Slider | Select) -> OptionValue:
+    """Where the author put the control; the first option where that is not said."""
     default = control.options[0][1] if isinstance(control, Select) else control.value
     return default if control.value is None else control.value
 
