@@ -5,31 +5,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from grader.expressions import values
 from grader.expressions.machine import Machine, lenient
 from grader.expressions.texts import to_exponential, to_fixed, to_precision
-from grader.expressions.values import (
-    LENGTH_MAX,
-    UNDEFINED,
-    WHITESPACE,
-    Trouble,
-    Undefined,
-    Value,
-    Vector,
-    bounded,
-    from_units,
-    in_units,
-    is_nan,
-    items_of,
-    join,
-    strictly_equal,
-    to_boolean,
-    to_index,
-    to_number,
-    to_string,
-    type_name,
-    weight,
-    write_index,
-)
+from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, bounded, items_of, to_index, to_string
 
 Callback = Callable[..., Value]
 Items = list[Value]
@@ -57,7 +36,7 @@ def _turns(this: Value, f: Callback) -> list[tuple[Value, float, Value]]:
 
 def _first(this: Value, f: Callback) -> tuple[Value, float]:
     """The first element that the callback accepts, and its index; undefined and -1 where it accepts none."""
-    turns = ((x, float(i)) for i, x in enumerate(list(items_of(this))) if to_boolean(f(x, float(i), this)))
+    turns = ((x, float(i)) for i, x in enumerate(list(items_of(this))) if values.to_boolean(f(x, float(i), this)))
     return next(turns, (UNDEFINED, -1.0))
 
 
@@ -78,7 +57,7 @@ def _reduce(this: Value, f: Callback, *initial: Value) -> Value:
 
 def _numeric_order(x: Value) -> tuple[bool, float, float]:
     """-0 before 0, NaN last."""
-    number = to_number(x)
+    number = values.to_number(x)
     return math.isnan(number), number, math.copysign(1.0, number)
 
 
@@ -87,7 +66,9 @@ def _sort(this: Value, f: Callback | None = None) -> Value:
     items = items_of(this)
     defined = [x for x in items if x is not UNDEFINED]
     if f is not None:
-        defined.sort(key=functools.cmp_to_key(lambda a, b: -(to_number(f(a, b)) < 0)))  # sort asks only what is less
+        defined.sort(
+            key=functools.cmp_to_key(lambda a, b: -(values.to_number(f(a, b)) < 0))
+        )  # sort asks only what is less
     else:
         defined.sort(key=_numeric_order if isinstance(this, Vector) else to_string)
     return _store(this, defined + [UNDEFINED] * (len(items) - len(defined)))
@@ -97,7 +78,7 @@ def _store(this: Value, items: Items, start: int = 0) -> Value:
     """Write elements in place."""
     if isinstance(this, Vector):
         for i, x in enumerate(items, start):
-            write_index(this, float(i), x)
+            values.write_index(this, float(i), x)
     elif isinstance(this, list):
         this[start : start + len(items)] = items
     return this
@@ -110,13 +91,17 @@ def _fill(this: Value, value: Value, start: Value, end: Value) -> Value:
 
 def _index_of(this: Value, wanted: Value, start: Value) -> Value:
     items = items_of(this)
-    return next((float(i) for i in range(len(items))[_span(start)] if strictly_equal(items[i], wanted)), -1.0)
+    return next((float(i) for i in range(len(items))[_span(start)] if values.strictly_equal(items[i], wanted)), -1.0)
 
 
 def _includes(this: Value, wanted: Value, start: Value) -> Value:
     """Unlike for `===`, NaN is equal to NaN here."""
     items = items_of(this)[_span(start)]
-    return any(map(is_nan, items)) if is_nan(wanted) else any(strictly_equal(x, wanted) for x in items)
+    return (
+        any(map(values.is_nan, items))
+        if values.is_nan(wanted)
+        else any(values.strictly_equal(x, wanted) for x in items)
+    )
 
 
 def _concat(this: Value, *others: Value) -> Value:
@@ -127,8 +112,8 @@ def _concat(this: Value, *others: Value) -> Value:
     return joined
 
 
-def _add(this: Items, at: int, values: tuple[Value, ...]) -> Value:
-    this[at:at] = values
+def _add(this: Items, at: int, added: tuple[Value, ...]) -> Value:
+    this[at:at] = added
     return float(len(bounded(this)))
 
 
@@ -149,11 +134,11 @@ def _subarray(this: Vector, start: Value, end: Value) -> Value:
 
 SHARED: dict[str, Callable[..., Value]] = {
     "map": lambda this, f: _like(this, [result for _, _, result in _turns(this, f)]),
-    "filter": lambda this, f: _like(this, [x for x, _, result in _turns(this, f) if to_boolean(result)]),
+    "filter": lambda this, f: _like(this, [x for x, _, result in _turns(this, f) if values.to_boolean(result)]),
     "forEach": _for_each,
     "reduce": _reduce,
     "some": lambda this, f: _first(this, f)[1] >= 0,
-    "every": lambda this, f: _first(this, lambda *turn: not to_boolean(f(*turn)))[1] < 0,
+    "every": lambda this, f: _first(this, lambda *turn: not values.to_boolean(f(*turn)))[1] < 0,
     "find": lambda this, f: _first(this, f)[0],
     "findIndex": lambda this, f: _first(this, f)[1],
     "sort": _sort,
@@ -163,13 +148,13 @@ SHARED: dict[str, Callable[..., Value]] = {
     "indexOf": _index_of,
     "includes": _includes,
     "at": lambda this, index: _at(items_of(this), index),
-    "join": lambda this, by: join(items_of(this), "," if by is UNDEFINED else to_string(by), 0),
+    "join": lambda this, by: values.join(items_of(this), "," if by is UNDEFINED else to_string(by), 0),
 }
 ARRAY: dict[str, Callable[..., Value]] = {
     **SHARED,
     "concat": _concat,
-    "push": lambda this, *values: _add(this, len(this), values),
-    "unshift": lambda this, *values: _add(this, 0, values),
+    "push": lambda this, *added: _add(this, len(this), added),
+    "unshift": lambda this, *added: _add(this, 0, added),
     "pop": lambda this: this.pop() if this else UNDEFINED,
     "shift": lambda this: this.pop(0) if this else UNDEFINED,
 }
@@ -181,12 +166,12 @@ def _repeat(this: str, count: Value) -> Value:
     times = to_index(count)
     if times < 0:
         raise Trouble("a text cannot be repeated a negative number of times")
-    return bounded(this * min(times, LENGTH_MAX + 1))
+    return bounded(this * min(times, values.LENGTH_MAX + 1))
 
 
 def _padding(this: str, width: Value, pad: Value) -> str:
     filler = " " if pad is UNDEFINED else to_string(pad)
-    missing = max(0, min(to_index(width), LENGTH_MAX + 1) - len(this))
+    missing = max(0, min(to_index(width), values.LENGTH_MAX + 1) - len(this))
     return (filler * (missing // max(1, len(filler)) + 1))[:missing]
 
 
@@ -203,9 +188,9 @@ TEXT: dict[str, Callable[..., Value]] = {
     "at": _at,
     "charAt": lambda this, index: "" if to_index(index) < 0 else this[to_index(index) :][:1],
     "concat": lambda this, *others: bounded(this + "".join(map(to_string, others))),
-    "toUpperCase": lambda this: bounded(in_units(from_units(this).upper())),
-    "toLowerCase": lambda this: bounded(in_units(from_units(this).lower())),
-    "trim": lambda this: this.strip(WHITESPACE),
+    "toUpperCase": lambda this: bounded(values.in_units(values.from_units(this).upper())),
+    "toLowerCase": lambda this: bounded(values.in_units(values.from_units(this).lower())),
+    "trim": lambda this: this.strip(values.WHITESPACE),
     "repeat": _repeat,
     "padStart": lambda this, width, pad: bounded(_padding(this, width, pad) + this),
     "padEnd": lambda this, width, pad: bounded(this + _padding(this, width, pad)),
@@ -238,7 +223,9 @@ def call_method(m: Machine, this: Value, name: str, args: list[Any]) -> Value:
     """`this.name(...args)`. Raises Trouble where the value has no such method."""
     method = OF_TYPE.get(type(this), {}).get(name)
     if method is None:
-        what = to_string(this) if this is None or isinstance(this, Undefined) else f"this {type_name(this)}"
+        what = (
+            to_string(this) if this is None or isinstance(this, values.Undefined) else f"this {values.type_name(this)}"
+        )
         raise Trouble(f"{what} has no method {name}")
-    m.tick(1 + weight(this) + (len(items_of(this)) if name == "sort" else 0))
+    m.tick(1 + values.weight(this) + (len(items_of(this)) if name == "sort" else 0))
     return method(this, *args)
