@@ -141,7 +141,7 @@ def _check_mixture(node: Node) -> None:
 def number_of(node: Node) -> float:
     """The value of a number literal."""
     text = text_of(node)
-    if text.endswith("n") or (text[0] == "0" and text[1:2].isdigit()):
+    if text.endswith("n") or re.match("0[0-9_]", text):
         raise Refused(node, f"{text} is not a number that is understood here")
     return text_to_number(text.replace("_", ""))
 
