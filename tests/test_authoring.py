@@ -7,7 +7,6 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from grader import expressions as fields
 from grader.certify import certify_question
 from grader.domain import lab, quiz
 from grader.domain.policy import Late, Policy
@@ -18,6 +17,7 @@ from grader.exercises import Case, Number, installed_kinds
 from grader.exercises.kinds.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.kinds.values import parameters as values
+from grader.expressions import fields
 from grader.library import load
 
 ROOT = Path(__file__).parents[1]

@@ -21,12 +21,10 @@ from grader.expressions import (
     Vector,
     compile_program,
     fields,
-    in_units,
-    lib,
     paths,
-    to_number,
+    runtime,
 )
-from grader.expressions.values import Record
+from grader.expressions.values import Record, in_units, to_number
 
 SCENE = """
 <mujoco>
@@ -90,8 +88,7 @@ def _table(m: Machine) -> dict[str, Any]:
     """What `lib` and `mj` say of this state, for the stand-ins."""
 
     def call(name: str, *args: Value) -> Any:
-        result = lib.FUNCTIONS[name](m, *args)
-        return result.parts if isinstance(result, Record) else result
+        return runtime.FUNCTIONS[f"lib.{name}"].call(m, *args)
 
     named = {
         "bodyPos": ("box", "arm"),
@@ -170,7 +167,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
             if not isinstance(here, Vector) or len(here) != len(content):
                 return False
             return all(_same_number(to_number(a), _decoded(b)) for a, b in zip(here.values(), content, strict=True))
-    return isinstance(here, Record) and all(same(here.parts[k], v) for k, v in content.items())
+    return isinstance(here, Record) and all(same(here[k], v) for k, v in content.items())
 
 
 def same_state(m: Machine, answer: dict[str, Any]) -> list[str]:

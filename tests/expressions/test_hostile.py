@@ -9,7 +9,7 @@ import pytest
 
 from grader.errors import ContentError, LabError
 from grader.expressions import UNDEFINED, Machine, Value, compile_program
-from grader.expressions.code import ALLOWED, finish, function, name
+from grader.expressions.code import ALLOWED, finish, lines
 from grader.expressions.scope import RESERVED
 
 MODEL = mujoco.MjModel.from_xml_string(
@@ -229,7 +229,7 @@ def test_compiled_code_has_no_node_but_the_allowed_ones(text: str) -> None:
 @pytest.mark.parametrize("identifier", ["open", "__import__", "x", "v", "v0_", "\uff560", "machine1"])
 def test_compiled_code_has_no_name_but_our_own(identifier: str) -> None:
     with pytest.raises(AssertionError):
-        finish(function("run", [], [ast.Return(name(identifier))]))
+        finish(lines("return NAME", NAME=identifier)[0])
 
 
 def test_compiled_code_has_no_builtins() -> None:
@@ -251,6 +251,12 @@ def test_a_text_is_bound_to_the_model_that_it_runs_on() -> None:
         assert result[:2] == [0.0, "none"]
         assert result[2] != result[2]
     assert "index 3 is outside data.qpos" in refusal("data.qpos[3] = 1")
+    assert "index 0.5 is outside data.qpos" in refusal("data.qpos[0.5] = 1")
+
+
+def test_a_text_that_cannot_be_read_at_all_is_refused_at_its_beginning() -> None:
+    with pytest.raises(ContentError, match="line 1, column 1: this is no valid JavaScript"):
+        compile_program("1 + (')", "expression", "x")
 
 
 @pytest.mark.parametrize("number", ["Infinity", "-Infinity", "NaN", "1e300", "undefined"])

@@ -5,39 +5,21 @@
     control()
 
 A text is parsed by tree-sitter's grammar and becomes Python code made only of node types and names of our own: no text
-of an author is ever a Python name, an attribute or an import. A program reaches what `fields`, `functions` and
-`methods` list, and nothing else. Loops, calls, texts and arrays are bounded. Everything outside this package imports
-from here.
+of an author is ever a Python name, an attribute or an import. A program reaches what `fields`, `runtime` and `methods`
+list, and nothing else. Loops, calls, texts and arrays are bounded. Everything outside this package imports from here:
+`values` and `texts` convert what programs give and take, `fields` lists what they reach.
 """
 
-from grader.expressions.fields import (
-    DATA_RESULTS,
-    DATA_STATE,
-    MODEL_PARAMETERS,
-    OPTION_SCALARS,
-    OPTION_VECTORS,
-)
+from grader.expressions import fields, texts, values
+from grader.expressions.fields import DATA_RESULTS, DATA_STATE
 from grader.expressions.machine import Machine
-from grader.expressions.program import Program, ProgramKind, Run, compile_program
-from grader.expressions.texts import number_to_string, to_fixed
-from grader.expressions.values import (
-    UNDEFINED,
-    Trouble,
-    Value,
-    Vector,
-    from_units,
-    in_units,
-    to_boolean,
-    to_number,
-    to_string,
-)
+from grader.expressions.program import Program, Run, compile_program
+from grader.expressions.syntax import ProgramKind
+from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_boolean, to_number
 
 __all__ = [
     "DATA_RESULTS",
     "DATA_STATE",
-    "MODEL_PARAMETERS",
-    "OPTION_SCALARS",
-    "OPTION_VECTORS",
     "UNDEFINED",
     "Machine",
     "Program",
@@ -47,11 +29,9 @@ __all__ = [
     "Value",
     "Vector",
     "compile_program",
-    "from_units",
-    "in_units",
-    "number_to_string",
+    "fields",
+    "texts",
     "to_boolean",
-    "to_fixed",
     "to_number",
-    "to_string",
+    "values",
 ]

@@ -1,7 +1,13 @@
-"""Pieces of compiled code: Python `ast` nodes of a few types, with what is known of their values."""
+"""Pieces of compiled code: Python's `ast` of a few node types, made from templates, with what is known of their values.
+
+A template is Python text of our own, such as `V if kind_of(FIRST) is float_type else number(machine, V)`; its names in
+capitals are places that nodes, lists of nodes, or names of variables fill.
+"""
 
 import ast
+import functools
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -20,6 +26,11 @@ ALLOWED = (
 OWN_NAME = re.compile(r"[a-z][0-9]+|run|make|given|machine|budget|ctx|error|failure|failed")
 UNPLACED = 1
 """The line number of code whose errors belong to the place that called it."""
+
+PAY = "budget[0] += 1\nif budget[0] > budget[1]: exhausted()"
+"""Use up one tick of the budget, and fail where none is left."""
+
+Part = ast.expr | str | list[ast.expr] | list[ast.stmt]
 
 
 class Kind(Enum):
@@ -55,71 +66,48 @@ def join(one: Kind, other: Kind) -> Kind:
     return one if one is other else Kind.ANY
 
 
+def lines(template: str, **parts: Part) -> list[ast.stmt]:
+    """The statements of a template. Where a list fills a place, its nodes stand there side by side."""
+    filled: list[ast.stmt] = _filled(_parsed(template).body, parts)
+    return filled
+
+
+def code(template: str, **parts: Part) -> ast.expr:
+    """The expression of a template."""
+    (statement,) = lines(template, **parts)
+    assert isinstance(statement, ast.Expr), template
+    return statement.value
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(template: str) -> ast.Module:
+    return ast.parse(template)
+
+
+def _filled(node: Any, parts: Mapping[str, Part]) -> Any:
+    """A copy of a node, or of a list of them, without positions."""
+    if isinstance(node, list):
+        made = [_filled(child, parts) for child in node]
+        return [one for child in made for one in (child if isinstance(child, list) else [child])]
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Name):
+        inner = _filled(node.value, parts)
+        return inner if isinstance(inner, list) else ast.Expr(inner)
+    if isinstance(node, ast.Name):
+        part = parts.get(node.id, node.id)
+        return ast.Name(part, node.ctx) if isinstance(part, str) else part
+    if isinstance(node, ast.AST):
+        return type(node)(**{field: _filled(value, parts) for field, value in ast.iter_fields(node)})
+    return node
+
+
 def name(identifier: str) -> ast.expr:
     """A variable that is read."""
     return ast.Name(identifier, ast.Load())
 
 
-def target(identifier: str) -> ast.Name:
-    """A variable that is assigned."""
-    return ast.Name(identifier, ast.Store())
-
-
-def item(container: str, key: ast.expr) -> ast.expr:
-    """`container[key]`."""
-    return ast.Subscript(name(container), key, ast.Load())
-
-
-def call(function: str, *args: ast.expr) -> ast.expr:
-    """`function(*args)`."""
-    return ast.Call(name(function), list(args), [])
-
-
-def constant(value: Any) -> ast.expr:
-    """A number, text, boolean or None."""
-    return ast.Constant(value)
-
-
-def listed(items: list[ast.expr]) -> ast.expr:
-    """`[*items]`."""
-    return ast.List(items, ast.Load())
-
-
 def in_turn(*values: ast.expr) -> ast.expr:
     """Code that evaluates all the values, and gives the last."""
-    if len(values) == 1:
-        return values[0]
-    return ast.Subscript(ast.Tuple(list(values), ast.Load()), constant(len(values) - 1), ast.Load())
-
-
-def assign(identifier: str, value: ast.expr) -> ast.stmt:
-    """`identifier = value`."""
-    return ast.Assign([target(identifier)], value)
-
-
-def compare(left: ast.expr, operator: type[ast.cmpop], right: ast.expr) -> ast.expr:
-    """`left operator right`."""
-    return ast.Compare(left, [operator()], [right])
-
-
-def negated(test: ast.expr) -> ast.expr:
-    """`not test`."""
-    return ast.UnaryOp(ast.Not(), test)
-
-
-def pay() -> list[ast.stmt]:
-    """Use up one tick of the budget, and fail where none is left."""
-    spend = ast.AugAssign(ast.Subscript(name("budget"), constant(0), ast.Store()), ast.Add(), constant(1))
-    test = compare(item("budget", constant(0)), ast.Gt, item("budget", constant(1)))
-    return [spend, ast.If(test, [ast.Expr(call("exhausted"))], [])]
-
-
-def function(identifier: str, parameters: list[str], body: list[ast.stmt], *, lenient: bool = False) -> ast.FunctionDef:
-    """`def identifier(...)`; a lenient one takes undefined for missing arguments, and ignores further ones."""
-    defaults = [name("undefined") for _ in parameters] if lenient else []
-    rest = ast.arg("r0") if lenient else None
-    arguments = ast.arguments([], [ast.arg(p) for p in parameters], rest, [], [], None, defaults)
-    return ast.FunctionDef(identifier, arguments, body or [ast.Pass()], [])
+    return values[0] if len(values) == 1 else code("(VALUES,)[-1]", VALUES=list(values))
 
 
 def finish(node: ast.AST, line: int = UNPLACED) -> None:

@@ -65,27 +65,12 @@ OPTION_SCALARS: dict[str, tuple[float, float]] = {
     "timestep": (1e-6, 10),
     "integrator": (0, 4),
     "cone": (0, 1),
-    "jacobian": (0, 2),
-    "solver": (0, 2),
-    "iterations": (0, 1000),
-    "ls_iterations": (0, 1000),
-    "noslip_iterations": (0, 1000),
-    "ccd_iterations": (0, 1000),
-    "tolerance": (0, 1),
-    "ls_tolerance": (0, 1),
-    "noslip_tolerance": (0, 1),
-    "ccd_tolerance": (0, 1),
+    **dict.fromkeys(names("jacobian solver"), (0, 2)),
+    **dict.fromkeys(names("iterations ls_iterations noslip_iterations ccd_iterations"), (0, 1000)),
+    **dict.fromkeys(names("tolerance ls_tolerance noslip_tolerance ccd_tolerance"), (0, 1)),
     "impratio": (1e-6, 1e6),
-    "density": (0, 1e6),
-    "viscosity": (0, 1e6),
+    **dict.fromkeys(names("density viscosity"), (0, 1e6)),
     "o_margin": (-1e3, 1e3),
-    "disableflags": (0, 2**31 - 1),
-    "enableflags": (0, 2**31 - 1),
-    "disableactuator": (0, 2**31 - 1),
+    **dict.fromkeys(names("disableflags enableflags disableactuator"), (0, 2**31 - 1)),
 }
 """Name: smallest and largest value that may be written; beyond some of them MuJoCo aborts or a step never ends."""
-
-OPTION_INTEGERS = names("""
-    integrator cone jacobian solver iterations ls_iterations noslip_iterations ccd_iterations disableflags enableflags
-    disableactuator
-""")

@@ -23,62 +23,40 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.expressions import values
 from grader.expressions.machine import Machine
 from grader.expressions.mathematics import largest, smallest
-from grader.expressions.values import (
-    UNDEFINED,
-    Record,
-    Trouble,
-    Value,
-    Vector,
-    from_units,
-    items_of,
-    to_number,
-    to_string,
-)
+from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
 
 
 def _identity(m: Machine, kind: str, name: Value) -> int:
     """The index of a named object. Raises Trouble where the model has none of that name."""
-    text = from_units(to_string(name))
+    text = values.from_units(values.to_string(name))
     found: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
     if found < 0:
         raise Trouble(f"the model has no {kind} named {text!r}")
     return found
 
 
-def _numbers(row: NDArray[np.float64]) -> list[Value]:
-    return [float(x) for x in row]
+def _named(m: Machine, kind: str, name: Value) -> Any:
+    """MuJoCo's view of a named object's fields, such as `.xpos` of a body."""
+    return getattr(m.data, kind)(_identity(m, kind, name))
 
 
 def _one_or_all(row: NDArray[np.float64]) -> Value:
-    return float(row[0]) if row.size == 1 else _numbers(row)
+    numbers: list[Value] = row.tolist()
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def _energy(m: Machine) -> Value:
-    potential, kinetic = (float(x) for x in m.data.energy)
+    potential, kinetic = m.data.energy.tolist()
     return Record(total=potential + kinetic, kinetic=kinetic, potential=potential)
 
 
-def _body_velocity(m: Machine, name: Value = UNDEFINED) -> Value:
+def _body_velocity(m: Machine, name: Value) -> Value:
     result = np.zeros(6)
     mujoco.mj_objectVelocity(m.model, m.data, mujoco.mjtObj.mjOBJ_BODY, _identity(m, "body", name), result, 0)
-    return _numbers(result[3:])
-
-
-def _joint(m: Machine, name: Value = UNDEFINED) -> tuple[slice, slice]:
-    """Where a joint's position and velocity are in qpos and qvel."""
-    joint = _identity(m, "joint", name)
-    at, start = int(m.model.jnt_qposadr[joint]), int(m.model.jnt_dofadr[joint])
-    kind = mujoco.mjtJoint(int(m.model.jnt_type[joint]))
-    widths = {mujoco.mjtJoint.mjJNT_FREE: (7, 6), mujoco.mjtJoint.mjJNT_BALL: (4, 3)}.get(kind, (1, 1))
-    return slice(at, at + widths[0]), slice(start, start + widths[1])
-
-
-def _sensor(m: Machine, name: Value = UNDEFINED) -> Value:
-    sensor = _identity(m, "sensor", name)
-    first, width = int(m.model.sensor_adr[sensor]), int(m.model.sensor_dim[sensor])
-    return _one_or_all(m.data.sensordata[first : first + width])
+    return [*map(float, result[3:])]
 
 
 def _touching(m: Machine, geom: Value) -> list[int]:
@@ -92,7 +70,7 @@ def _touching(m: Machine, geom: Value) -> list[int]:
     return [i for i in range(m.data.ncon) if wanted is None or wanted in pairs[i]]
 
 
-def _normal_force(m: Machine, geom: Value = UNDEFINED) -> Value:
+def _normal_force(m: Machine, geom: Value) -> Value:
     force, total = np.zeros(6), 0.0
     for i in _touching(m, geom):
         mujoco.mj_contactForce(m.model, m.data, i, force)
@@ -102,45 +80,45 @@ def _normal_force(m: Machine, geom: Value = UNDEFINED) -> Value:
 
 def _array(value: Value) -> list[float]:
     if isinstance(value, list | Vector):
-        return [to_number(x) for x in items_of(value)]
+        return [values.to_number(x) for x in values.items_of(value)]
     raise Trouble("an array is needed here")
 
 
-def _dot(m: Machine, a: Value = UNDEFINED, b: Value = UNDEFINED) -> Value:
+def _dot(m: Machine, a: Value, b: Value) -> Value:
     left, right = _array(a), _array(b)
     if len(left) != len(right):
         raise Trouble("two arrays of one length are needed here")
     return float(sum(x * y for x, y in zip(left, right, strict=True)))
 
 
-def _cross(m: Machine, a: Value = UNDEFINED, b: Value = UNDEFINED) -> Value:
+def _cross(m: Machine, a: Value, b: Value) -> Value:
     left, right = _array(a), _array(b)
     if not len(left) == len(right) == 3:
         raise Trouble("two arrays of three numbers are needed here")
-    return _numbers(np.cross(left, right))
+    return [*map(float, np.cross(left, right))]
 
 
-def _clamp(m: Machine, x: Value = UNDEFINED, low: Value = UNDEFINED, high: Value = UNDEFINED) -> Value:
-    return smallest(largest(to_number(x), to_number(low)), to_number(high))
+def _clamp(m: Machine, x: Value, low: Value, high: Value) -> Value:
+    return smallest(largest(values.to_number(x), values.to_number(low)), values.to_number(high))
 
 
 FUNCTIONS: dict[str, Callable[..., Value]] = {
     "energy": _energy,
-    "bodyPos": lambda m, name=UNDEFINED: _numbers(m.data.xpos[_identity(m, "body", name)]),
-    "sitePos": lambda m, name=UNDEFINED: _numbers(m.data.site_xpos[_identity(m, "site", name)]),
-    "geomPos": lambda m, name=UNDEFINED: _numbers(m.data.geom_xpos[_identity(m, "geom", name)]),
+    "bodyPos": lambda m, name: _named(m, "body", name).xpos.tolist(),
+    "sitePos": lambda m, name: _named(m, "site", name).xpos.tolist(),
+    "geomPos": lambda m, name: _named(m, "geom", name).xpos.tolist(),
     "bodyVel": _body_velocity,
-    "qpos": lambda m, name=UNDEFINED: _one_or_all(m.data.qpos[_joint(m, name)[0]]),
-    "qvel": lambda m, name=UNDEFINED: _one_or_all(m.data.qvel[_joint(m, name)[1]]),
-    "sensor": _sensor,
+    "qpos": lambda m, name: _one_or_all(_named(m, "joint", name).qpos),
+    "qvel": lambda m, name: _one_or_all(_named(m, "joint", name).qvel),
+    "sensor": lambda m, name: _one_or_all(_named(m, "sensor", name).data),
     "normalForce": _normal_force,
-    "contacts": lambda m, geom=UNDEFINED: float(len(_touching(m, geom))),
-    "com": lambda m: _numbers(m.data.subtree_com[0]),
-    "norm": lambda m, array=UNDEFINED: math.hypot(*_array(array)),
+    "contacts": lambda m, geom: float(len(_touching(m, geom))),
+    "com": lambda m: m.data.subtree_com[0].tolist(),
+    "norm": lambda m, array: math.hypot(*_array(array)),
     "dot": _dot,
     "cross": _cross,
-    "deg": lambda m, x=UNDEFINED: to_number(x) * 180 / math.pi,
-    "rad": lambda m, x=UNDEFINED: to_number(x) * math.pi / 180,
+    "deg": lambda m, x: values.to_number(x) * 180 / math.pi,
+    "rad": lambda m, x: values.to_number(x) * math.pi / 180,
     "clamp": _clamp,
 }
 NUMBERS = frozenset(("normalForce", "contacts", "norm", "dot", "deg", "rad", "clamp"))

@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import mujoco
 
-from grader.expressions.values import Trouble, Value, Vector
+from grader.expressions.values import UNDEFINED, Trouble, Value, Vector
 
 TICKS_PER_EVALUATION = 100_000
 TICKS_PER_RUN = 3_000_000
@@ -27,7 +27,7 @@ class Machine:
         self.data = data
         self.ctx: dict[str, Value] = {}
         self.budget = [0, TICKS_PER_EVALUATION]
-        self.vectors: dict[tuple[str, ...], Vector] = {}
+        self.vectors: dict[str, Vector] = {}
         self.bound: dict[object, Any] = {}
 
     def tick(self, count: int = 1) -> bool:
@@ -37,12 +37,12 @@ class Machine:
             exhausted()
         return True
 
-    def vector(self, path: tuple[str, ...], writable: bool = True) -> Vector:
-        """The field at an allowed path, such as ("data", "qpos"). MuJoCo keeps it in place while the data lives."""
+    def vector(self, path: str, writable: bool = True) -> Vector:
+        """The field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
         found = self.vectors.get(path)
         if found is None:
-            array: Any = attrgetter(".".join(path))(self)
-            found = self.vectors[path] = Vector(array, ".".join(path), writable)
+            array: Any = attrgetter(path)(self)
+            found = self.vectors[path] = Vector(array, path, writable)
         return found
 
 
@@ -52,8 +52,9 @@ def exhausted() -> NoReturn:
 
 
 def lenient(function: Callable[..., Value]) -> Callable[..., Value]:
-    """The function as JavaScript calls it: arguments past those that it names are ignored."""
+    """The function as JavaScript calls it: missing arguments are undefined, further ones are ignored."""
     code = function.__code__
     if code.co_flags & inspect.CO_VARARGS:
         return function
-    return lambda *args: function(*args[: code.co_argcount])
+    needed = code.co_argcount - len(function.__defaults__ or ())
+    return lambda *args: function(*args[: code.co_argcount], *[UNDEFINED] * (needed - len(args)))

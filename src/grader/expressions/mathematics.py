@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from grader.expressions.operators import power
+from grader.expressions.fields import names
+from grader.expressions.values import power
 
 CONSTANTS = {
     "PI": math.pi,
@@ -48,43 +49,23 @@ def _half_up(x: float) -> int:
     return below + 1 if x - below >= 0.5 else below
 
 
-def _atanh(x: float) -> float:
-    return math.copysign(math.inf, x) if abs(x) == 1 else _total(math.atanh)(x)
-
-
 def _fround(x: float) -> float:
     with np.errstate(over="ignore"):
         return float(np.float32(x))
 
 
 ONE_ARGUMENT: dict[str, Callable[[float], float]] = {
+    **{name: _total(getattr(math, name)) for name in names("sqrt exp expm1 sin cos tan asin acos sinh acosh")},
+    **{name: getattr(math, name) for name in names("cbrt atan tanh asinh")},
+    **{name: _rounded(getattr(math, name)) for name in names("floor ceil trunc")},
+    **{name: _log(getattr(math, name)) for name in names("log log2 log10")},
     "abs": abs,
     "sign": lambda x: x if x == 0 or math.isnan(x) else math.copysign(1.0, x),
-    "floor": _rounded(math.floor),
-    "ceil": _rounded(math.ceil),
-    "trunc": _rounded(math.trunc),
     "round": _rounded(_half_up),
     "fround": _fround,
-    "sqrt": _total(math.sqrt),
-    "cbrt": math.cbrt,
-    "exp": _total(math.exp),
-    "expm1": _total(math.expm1),
-    "log": _log(math.log),
-    "log2": _log(math.log2),
-    "log10": _log(math.log10),
     "log1p": _log(math.log1p, -1.0),
-    "sin": _total(math.sin),
-    "cos": _total(math.cos),
-    "tan": _total(math.tan),
-    "asin": _total(math.asin),
-    "acos": _total(math.acos),
-    "atan": math.atan,
-    "sinh": _total(math.sinh),
     "cosh": lambda x: _total(math.cosh)(abs(x)),
-    "tanh": math.tanh,
-    "asinh": math.asinh,
-    "acosh": _total(math.acosh),
-    "atanh": _atanh,
+    "atanh": lambda x: math.copysign(math.inf, x) if abs(x) == 1 else _total(math.atanh)(x),
 }
 
 

@@ -3,15 +3,16 @@
 from collections.abc import Callable
 from functools import partial
 from operator import attrgetter
+from typing import Any
 
 import mujoco
 from tree_sitter import Node
 
 from grader.expressions import fields, mathematics
-from grader.expressions.functions import FUNCTIONS, Path
 from grader.expressions.machine import Machine
-from grader.expressions.scope import ROOTS, Scope
-from grader.expressions.syntax import field, text_of
+from grader.expressions.runtime import FUNCTIONS
+from grader.expressions.scope import ROOTS
+from grader.expressions.syntax import Refused, field, text_of
 from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index
 
 NUMBER_CONSTANTS = {
@@ -37,52 +38,48 @@ CTX_FORBIDDEN = fields.names("""
 """)
 
 
-def path_of(node: Node) -> Path | None:
-    """("model", "opt", "timestep") for `model.opt.timestep`; None for anything that is not such a name."""
+def path_of(node: Node) -> str | None:
+    """A name such as `model.opt.timestep`; None for anything else."""
     names: list[str] = []
     while node.type == "member_expression" and node.child_by_field_name("optional_chain") is None:
         names.append(text_of(field(node, "property")))
         node = field(node, "object")
     if node.type != "identifier" or text_of(node) not in ROOTS:
         return None
-    return (text_of(node), *reversed(names))
+    return ".".join((text_of(node), *reversed(names)))
 
 
-WRITABLE: dict[Path | None, bool] = {
-    (*owner, name): writable
-    for owner, names, writable in (
-        (("model",), fields.MODEL_PARAMETERS, True),
-        (("model",), fields.MODEL_FIXED, False),
-        (("model", "opt"), fields.OPTION_VECTORS, True),
-        (("data",), fields.DATA_STATE, True),
-        (("data",), fields.DATA_RESULTS, False),
-    )
-    for name in names
+WRITABLE: dict[str | None, bool] = {
+    **{f"model.{name}": True for name in fields.MODEL_PARAMETERS},
+    **{f"model.{name}": False for name in fields.MODEL_FIXED},
+    **{f"model.opt.{name}": True for name in fields.OPTION_VECTORS},
+    **{f"data.{name}": True for name in fields.DATA_STATE},
+    **{f"data.{name}": False for name in fields.DATA_RESULTS},
 }
 """The arrays that programs reach, by path, and whether they may be changed."""
 
-CONSTANTS: dict[Path, float] = {
-    **{("Math", name): number for name, number in mathematics.CONSTANTS.items()},
-    **{("Number", name): number for name, number in NUMBER_CONSTANTS.items()},
-    **{
-        ("mj", enum, member, "value"): float(int(value))
-        for enum, members in ENUMS.items()
-        for member, value in members.items()
-    },
+NUMBERS: dict[str, str] = {
+    **{f"model.{name}": "count" for name in fields.MODEL_SIZES},
+    **{f"data.{name}": "scalar" for name in ("time", *fields.DATA_COUNTS)},
+    **{f"model.opt.{name}": "scalar" for name in fields.OPTION_SCALARS},
+}
+"""The numbers of the model, its options and the data, with their kind in BINDERS: what a run may change is a scalar."""
+
+CONSTANTS: dict[str, float] = {
+    **{f"Math.{name}": number for name, number in mathematics.CONSTANTS.items()},
+    **{f"Number.{name}": number for name, number in NUMBER_CONSTANTS.items()},
+    **{f"mj.{enum}.{name}.value": float(int(value)) for enum, of in ENUMS.items() for name, value in of.items()},
 }
 """The numbers that a path always means."""
 
-SCALARS: frozenset[Path] = frozenset(
-    [("data", name) for name in ("time", *fields.DATA_COUNTS)]
-    + [("model", "opt", name) for name in fields.OPTION_SCALARS]
-)
-"""The numbers of the options and the data, which may change in a run."""
 
-
-def ctx_name(scope: Scope, node: Node, name: str) -> str:
-    """The name of a ctx value. Raises Refused for those that mean something else in JavaScript."""
+def ctx_name(node: Node, path: str) -> str:
+    """The name of a ctx value, if the path is one. Raises Refused for those that mean something else in JavaScript."""
+    owner, _, name = path.rpartition(".")
+    if owner != "ctx":
+        return ""
     if name.startswith("__") or name in CTX_FORBIDDEN:
-        raise scope.refuse(node, f"ctx.{name} is not available")
+        raise Refused(node, f"{path} is not available")
     return name
 
 
@@ -90,49 +87,47 @@ _EMPTY = mujoco.MjModel.from_xml_string("<mujoco/>")
 _BLANK = Machine(_EMPTY, mujoco.MjData(_EMPTY))
 
 
-def holds_floats(path: Path) -> bool:
+def holds_floats(path: str) -> bool:
     """Whether the elements of the array at an allowed path are floats."""
     return not _BLANK.vector(path).whole
 
 
-def _option(m: Machine, path: Path) -> Callable[[Value], Value]:
-    """Writes an option within the range that MuJoCo survives; whole numbers where the option is one."""
-    name = path[-1]
-    (low, high), convert = fields.OPTION_SCALARS[name], int if name in fields.OPTION_INTEGERS else float
-
-    def write(value: Value) -> Value:
-        number = to_number(value)
-        if not low <= number <= high:
-            raise Trouble(f"model.opt.{name} must be from {low:g} to {high:g}")
-        setattr(m.model.opt, name, convert(number))
-        return value
-
-    return write
+def _owner(m: Machine, path: str) -> tuple[Any, str]:
+    """The object with the field at a path, and the field's name."""
+    owner, _, name = path.rpartition(".")
+    return attrgetter(owner)(m), name
 
 
-def _time(m: Machine, _: Path) -> Callable[[Value], Value]:
-    def write(value: Value) -> Value:
-        m.data.time = to_number(value)
-        return value
-
-    return write
-
-
-def _scalar(m: Machine, path: Path) -> Callable[[], float]:
-    owner, name = attrgetter(".".join(path[:-1]))(m), path[-1]
+def _scalar(m: Machine, path: str) -> Callable[[], float]:
+    owner, name = _owner(m, path)
     return lambda: float(getattr(owner, name))
 
 
-def _vector(m: Machine, path: Path) -> Vector:
+def _write_scalar(m: Machine, path: str) -> Callable[[Value], Value]:
+    """Writes the time, or an option within the range that MuJoCo survives; whole numbers where the option is one."""
+    owner, name = _owner(m, path)
+    limits, convert = fields.OPTION_SCALARS.get(name), type(getattr(owner, name))
+
+    def write(value: Value) -> Value:
+        number = to_number(value)
+        if limits is not None and not limits[0] <= number <= limits[1]:
+            raise Trouble(f"{path} must be from {limits[0]:g} to {limits[1]:g}")
+        setattr(owner, name, convert(number))
+        return value
+
+    return write
+
+
+def _vector(m: Machine, path: str) -> Vector:
     return m.vector(path, WRITABLE[path])
 
 
-def _positions(m: Machine, path: Path) -> dict[float, int]:
+def _positions(m: Machine, path: str) -> dict[float, int]:
     """The index in Python of each index in JavaScript."""
     return {float(i): i for i in range(len(_vector(m, path)))}
 
 
-def _write(m: Machine, path: Path) -> Callable[[Value, Value], Value]:
+def _write(m: Machine, path: str) -> Callable[[Value, Value], Value]:
     """Writes an element of a field; what is no float, or not in range, takes the general way."""
     vector, positions = _vector(m, path), _positions(m, path) if holds_floats(path) else {}
     view = vector.view
@@ -147,19 +142,18 @@ def _write(m: Machine, path: Path) -> Callable[[Value, Value], Value]:
     return write
 
 
-BINDERS: dict[str, Callable[[Machine, Path], object]] = {
+BINDERS: dict[str, Callable[[Machine, str], object]] = {
     "vector": _vector,
     "view": lambda m, path: _vector(m, path).view,
     "size": lambda m, path: float(len(_vector(m, path))),
     "positions": _positions,
     "write": _write,
-    "count": lambda m, path: float(getattr(m.model, path[-1])),
+    "count": lambda m, path: _scalar(m, path)(),
     "scalar": _scalar,
-    "option": _option,
-    "time": _time,
+    "write scalar": _write_scalar,
     "function": lambda m, path: FUNCTIONS[path],
     "numeric": lambda m, path: FUNCTIONS[path].numeric,
     "callback": lambda m, path: partial(FUNCTIONS[path].call, m),
-    "ctx": lambda m, path: m.ctx.setdefault(path[0], UNDEFINED),
+    "ctx": lambda m, key: m.ctx.setdefault(key, UNDEFINED),
 }
 """What a compiled program asks of a machine before it runs, by kind; each makes the value for one path."""

@@ -1,7 +1,7 @@
 """Programs: a text is parsed and compiled once, bound to a machine, and then called like a Python function."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import mujoco
 
@@ -12,7 +12,7 @@ from grader.expressions.paths import BINDERS
 from grader.expressions.runtime import NAMES
 from grader.expressions.scope import Frame, Scope
 from grader.expressions.statements import Compiler
-from grader.expressions.syntax import Refused, parse
+from grader.expressions.syntax import START, ProgramKind, Refused, Source
 from grader.expressions.values import UNDEFINED, Trouble, Value
 
 FILE = "<expression>"
@@ -21,20 +21,19 @@ PASSES_MAX = 4
 
 FAILURES = (Trouble, mujoco.FatalError, RecursionError)
 
-ProgramKind = Literal["expression", "statement"]
 Run = Callable[..., Value]
 
 
 class Program:
-    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`."""
+    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. Raises Refused."""
 
-    def __init__(self, text: str, kind: ProgramKind, where: str) -> None:
-        self.text, self.kind, self.where = text, kind, where
-        self.source = parse(text, kind)
+    def __init__(self, source: Source, where: str) -> None:
+        self.source, self.where = source, where
+        tree = source.tree()
         kinds: dict[str, Kind] | None = {}
         for attempt in range(PASSES_MAX + 1):
-            compiler = Compiler(self.source, kinds if attempt < PASSES_MAX else None)
-            module = compiler.program(Scope(self.source, Frame()), kind)
+            compiler = Compiler(kinds if attempt < PASSES_MAX else None)
+            module = compiler.program(Scope(Frame()), tree)
             if kinds == compiler.found:
                 break
             kinds = compiler.found
@@ -62,15 +61,15 @@ class Program:
 
     def _failed(self, error: Exception) -> LabError:
         """The error as it leaves the program, with the innermost place that its traceback names."""
-        line, column, trace = 1, 1, error.__traceback__
+        point, trace = START, error.__traceback__
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == FILE and trace.tb_lineno > UNPLACED:
-                line, column = self.source.place(self.places[trace.tb_lineno - UNPLACED - 1])
+                point = self.places[trace.tb_lineno - UNPLACED - 1]
             trace = trace.tb_next
         why = "nested too deep" if isinstance(error, RecursionError) else str(error)
         if isinstance(error, mujoco.FatalError):
             why = f"MuJoCo: {error}"
-        made = LabError(self.where, f"line {line}, column {column}: {why}")
+        made = LabError(self.where, self.source.placed(point, why))
         made.__cause__ = error
         return made
 
@@ -80,7 +79,8 @@ def compile_program(text: str, kind: ProgramKind, where: str) -> Program:
 
     Raises ContentError with a fault whose key is `where` and whose reason begins with line and column.
     """
+    source = Source(text, kind)
     try:
-        return Program(text, kind, where)
+        return Program(source, where)
     except Refused as refused:
-        raise ContentError([Fault("", where, str(refused))]) from refused
+        raise ContentError([Fault("", where, source.placed(refused.point, str(refused)))]) from refused

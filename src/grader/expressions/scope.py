@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from tree_sitter import Node
 
 from grader.expressions.fields import names
-from grader.expressions.syntax import Refused, Source, text_of
+from grader.expressions.syntax import Refused, text_of
 
 CONSTANTS = ("undefined", "NaN", "Infinity")
 ROOTS = frozenset(["model", "data", "mj", "lib", "Math", "ctx", "Number"])
@@ -45,7 +45,6 @@ class Binding:
 class Scope:
     """The names of one block, inside those of another."""
 
-    source: Source
     frame: Frame
     outer: "Scope | None" = None
     counter: list[int] = field(default_factory=lambda: [0])
@@ -55,20 +54,20 @@ class Scope:
     def inner(self, *, in_loop: bool | None = None) -> "Scope":
         """A block inside this one."""
         loop = self.in_loop if in_loop is None else in_loop
-        return Scope(self.source, self.frame, self, self.counter, in_loop=loop)
+        return Scope(self.frame, self, self.counter, in_loop=loop)
 
     def function(self) -> "Scope":
         """The scope of a function inside this one."""
-        return Scope(self.source, Frame(), self, self.counter)
+        return Scope(Frame(), self, self.counter)
 
     def declare(self, node: Node, kind: str, ready: bool = False) -> Binding:
         """Give a name of this block a variable. Raises Refused for names that are taken."""
         name = text_of(node)
         if name in HOSTS or name in RESERVED or not name.isascii():
-            raise self.refuse(node, f"{name} cannot be the name of a variable")
+            raise Refused(node, f"{name} cannot be the name of a variable")
         known = self.names.get(name)
         if known is not None and not (kind == known.kind == "var"):
-            raise self.refuse(node, f"{name} is declared twice")
+            raise Refused(node, f"{name} is declared twice")
         if known is None:
             known = self.names[name] = Binding(kind, f"v{self.counter[0]}", self.frame, ready)
             self.counter[0] += 1
@@ -82,11 +81,7 @@ class Scope:
             binding = scope.names.get(name)
             if binding is not None:
                 if not binding.ready:
-                    raise self.refuse(node, f"{name} is used before it is declared")
+                    raise Refused(node, f"{name} is used before it is declared")
                 return binding
             scope = scope.outer
-        raise self.refuse(node, f"{name} is not known here")
-
-    def refuse(self, node: Node, why: str) -> Refused:
-        """The error with the node's place."""
-        return self.source.refuse(node, why)
+        raise Refused(node, f"{name} is not known here")

@@ -1,33 +1,47 @@
-"""Statements: each becomes one or more Python statements."""
+"""Statements: each becomes one or more Python statements. `_statement_x` compiles the grammar's node type `x`."""
 
 import ast
-from collections.abc import Callable
-from typing import ClassVar
 
 from tree_sitter import Node
 
-from grader.expressions.code import (
-    Kind,
-    Term,
-    assign,
-    call,
-    compare,
-    constant,
-    function,
-    item,
-    name,
-    negated,
-    pay,
-    target,
-)
+from grader.expressions.code import PAY, Kind, Term, code, lines, name
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
 from grader.expressions.scope import Binding, Scope
-from grader.expressions.syntax import expression_of, field, parts, text_of
+from grader.expressions.syntax import Refused, field, parts, text_of
 from grader.expressions.terms import Terms
 
 Statements = list[ast.stmt]
 LOOPS_MAX = 15
 """How deep loops may nest. Source: CPython allows 20 blocks in each other."""
+
+MAKE = """
+def make(machine, budget, ctx, failure, failed):
+    def run(given=undefined, *r0):
+        try:
+            BODY
+        except failure as error:
+            raise failed(error)
+    return run
+"""
+BEGIN = f"""
+budget[1] = (
+    budget[0] + {TICKS_PER_EVALUATION} if budget[0] < {TICKS_PER_RUN - TICKS_PER_EVALUATION} else {TICKS_PER_RUN}
+)
+"""
+"""A fresh budget for an evaluation, within what the whole run may use."""
+
+REPEATED = """
+BEGUN = False
+while True:
+    if BEGUN:
+        AFTER
+    else:
+        BEGUN = True
+    if not TEST:
+        break
+    BODY
+"""
+"""A loop that does what comes after a turn before the next one, also after `continue`."""
 
 
 class Compiler(Terms):
@@ -35,24 +49,24 @@ class Compiler(Terms):
 
     loops = 0
 
-    def program(self, scope: Scope, kind: str) -> ast.Module:
+    def program(self, scope: Scope, tree: Node) -> ast.Module:
         """A module with one function, `make`, which takes what a machine binds and gives the function that runs."""
-        if kind == "statement":
-            body = self.body(scope, self.source.root)
-        else:
-            result = ast.Return(self.value_of(scope, expression_of(self.source)))
-            body = [*scope.frame.functions, result]
-        if _pays(body):
-            body = [_begin(), *body]
-        failing = ast.Raise(call("failed", name("error")), None)
-        attempt = ast.Try(body, [ast.ExceptHandler(name("failure"), "error", [failing])], [], [])
-        run = function("run", ["given"], [attempt], lenient=True)
-        bound = ["machine", "budget", "ctx", "failure", "failed", *self.needs.values()]
-        return ast.Module([function("make", bound, [run, ast.Return(name("run"))])], [])
+        body = self.body(scope, tree) if tree.type == "program" else self._result(scope, tree)
+        begin = lines(BEGIN) if _pays(body) else []
+        module = ast.Module(lines(MAKE, BODY=[*begin, *body]), [])
+        (make,) = module.body
+        assert isinstance(make, ast.FunctionDef)
+        make.args.args += [ast.arg(bound) for bound in self.needs.values()]
+        return module
+
+    def _result(self, scope: Scope, node: Node) -> Statements:
+        """The body of a function that gives an expression."""
+        result = ast.Return(self.value_of(scope, node))
+        return [*scope.frame.functions, result]
 
     def body(self, scope: Scope, node: Node) -> Statements:
         """The block of a function, or a whole program."""
-        bindings = [scope.declare(variable, "var", ready=True) for variable in _variables(scope, node)]
+        bindings = [scope.declare(variable, "var", ready=True) for variable in _variables(node)]
         begin = [self.declared(scope, binding, Term(name("undefined"))) for binding in bindings]
         block = self.block(scope, parts(node))
         return [*begin, *scope.frame.functions, *block, ast.Return(name("undefined"))]
@@ -61,38 +75,46 @@ class Compiler(Terms):
         """A variable with its first value."""
         self.stored(scope, binding, term)
         binding.ready = True
-        return assign(binding.name, term.code)
+        return ast.Assign([ast.Name(binding.name, ast.Store())], term.code)
 
     def block(self, scope: Scope, nodes: list[Node]) -> Statements:
         """Statements of one block; its names are declared first, so that none is used too early."""
         for node in nodes:
             if node.type == "lexical_declaration":
-                for variable in _declared(scope, node):
+                for variable in _declared(node):
                     scope.declare(variable, text_of(node.children[0]))
         return [statement for node in nodes for statement in self.statement(scope, node)]
 
     def statement(self, scope: Scope, node: Node) -> Statements:
         """The code of one statement. Raises Refused for what the language does not have."""
-        compiler = self.STATEMENTS.get(node.type)
-        if compiler is None:
-            raise scope.refuse(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
-        return compiler(self, scope, node)
+        made: Statements = self.compiled("_statement", scope, node)
+        return made
 
     def _governed(self, scope: Scope, node: Node) -> Statements:
         """The statement that an `if` or a loop governs, which cannot be a declaration."""
         if node.type == "lexical_declaration":
-            raise scope.refuse(node, "a declaration needs a block here")
+            raise Refused(node, "a declaration needs a block here")
         return self.statement(scope, node)
 
-    def _expression(self, scope: Scope, node: Node) -> Statements:
+    def _statement_expression_statement(self, scope: Scope, node: Node) -> Statements:
+        return self._effect(scope, parts(node)[0])
+
+    def _effect(self, scope: Scope, node: Node) -> Statements:
         """An expression whose value is not used."""
-        inner = parts(node)[0] if node.type == "expression_statement" else node
-        term = self.update(scope, inner, False) if inner.type == "update_expression" else self.term(scope, inner)
+        term = self.update(scope, node, False) if node.type == "update_expression" else self.term(scope, node)
         return [ast.Expr(term.code)]
 
-    def _declaration(self, scope: Scope, node: Node) -> Statements:
+    def _statement_empty_statement(self, scope: Scope, node: Node) -> Statements:
+        return []
+
+    def _statement_statement_block(self, scope: Scope, node: Node) -> Statements:
+        return self.block(scope.inner(), parts(node))
+
+    def _statement_lexical_declaration(self, scope: Scope, node: Node) -> Statements:
         kind = text_of(node.children[0])
         return [made for part in parts(node) for made in self._declarator(scope, part, kind)]
+
+    _statement_variable_declaration = _statement_lexical_declaration
 
     def _declarator(self, scope: Scope, node: Node, kind: str) -> Statements:
         variable, value = field(node, "name"), node.child_by_field_name("value")
@@ -100,13 +122,13 @@ class Compiler(Terms):
             return self._unpack(scope, variable, value)
         if value is not None and value.type == "arrow_function":
             if kind != "const":
-                raise scope.refuse(node, "declare a function with const")
+                raise Refused(node, "declare a function with const")
             binding = scope.names[text_of(variable)]
             binding.name = self.arrow(scope, value)
             binding.kind, binding.ready = "function", True
             return []
         if value is None and (kind == "const" or variable.type == "array_pattern"):
-            raise scope.refuse(node, f"{text_of(variable)} needs a value")
+            raise Refused(node, f"{text_of(variable)} needs a value")
         if value is None and kind == "var":
             return []
         term = Term(name("undefined")) if value is None else self.term(scope, value)
@@ -118,87 +140,83 @@ class Compiler(Terms):
 
     def _unpack(self, scope: Scope, pattern: Node, value: Node) -> Statements:
         """`const [x, y] = array`."""
-        names, kept = parts(pattern), self.temporary()
-        unpacked = self.located(value, call("unpack", self.value_of(scope, value), constant(len(names))))
-        elements = [Term(item(kept, constant(i))) for i in range(len(names))]
-        bindings = [self._binding(scope, variable) for variable in names]
-        return [assign(kept, unpacked.code), *map(self.declared, [scope] * len(names), bindings, elements)]
+        variables, kept = parts(pattern), self.temporary()
+        text = f"(KEPT := unpack(VALUE, {len(variables)}))"
+        unpacked = self.located(value, text, KEPT=kept, VALUE=self.value_of(scope, value))
+        elements = [Term(code(f"KEPT[{i}]", KEPT=kept)) for i in range(len(variables))]
+        bindings = [self._binding(scope, variable) for variable in variables]
+        return [ast.Expr(unpacked.code), *map(self.declared, [scope] * len(variables), bindings, elements)]
 
-    def _block(self, scope: Scope, node: Node) -> Statements:
-        return self.block(scope.inner(), parts(node))
-
-    def _if(self, scope: Scope, node: Node) -> Statements:
+    def _statement_if_statement(self, scope: Scope, node: Node) -> Statements:
         test = self.truth(self.term(scope, field(node, "condition")))
         body = self._governed(scope, field(node, "consequence"))
         otherwise = node.child_by_field_name("alternative")
         orelse = [] if otherwise is None else self._governed(scope, parts(otherwise)[0])
         return [ast.If(test, body or [ast.Pass()], orelse)]
 
+    def _statement_return_statement(self, scope: Scope, node: Node) -> Statements:
+        values = parts(node)
+        return [ast.Return(self.value_of(scope, values[0]) if values else name("undefined"))]
+
     # Loops
 
     def _turn(self, scope: Scope, node: Node) -> Statements:
         """The body of a loop, with a tick before each turn, so that it ends."""
         if self.loops >= LOOPS_MAX:
-            raise scope.refuse(node, f"loops nested more than {LOOPS_MAX} deep")
+            raise Refused(node, f"loops nested more than {LOOPS_MAX} deep")
         self.loops += 1
         body = self._governed(scope, node)
         self.loops -= 1
-        ticking = pay()
+        ticking = lines(PAY)
         for statement in ticking:
             self.at(node.parent or node, statement)
         return [*ticking, *body]
 
-    def _while(self, scope: Scope, node: Node) -> Statements:
+    def _repeated(self, test: ast.expr, after: Statements, body: Statements) -> Statements:
+        return lines(REPEATED, BEGUN=self.temporary(), TEST=test, AFTER=after, BODY=body)
+
+    def _statement_while_statement(self, scope: Scope, node: Node) -> Statements:
         test = self.truth(self.term(scope, field(node, "condition")))
         return [ast.While(test, self._turn(scope.inner(in_loop=True), field(node, "body")), [])]
 
-    def _do(self, scope: Scope, node: Node) -> Statements:
+    def _statement_do_statement(self, scope: Scope, node: Node) -> Statements:
         test = self.truth(self.term(scope, field(node, "condition")))
-        return self._repeated(constant(True), _leave(test), self._turn(scope.inner(in_loop=True), field(node, "body")))
+        body = self._turn(scope.inner(in_loop=True), field(node, "body"))
+        return self._repeated(ast.Constant(True), lines("if not TEST: break", TEST=test), body)
 
-    def _repeated(self, test: ast.expr, after: Statements, body: Statements) -> Statements:
-        """A loop that does what comes `after` a turn before the next one, also after `continue`."""
-        begun = self.temporary()
-        between = ast.If(name(begun), after, [assign(begun, constant(True))])
-        return [assign(begun, constant(False)), ast.While(constant(True), [between, *_leave(test), *body], [])]
-
-    def _for(self, scope: Scope, node: Node) -> Statements:
+    def _statement_for_statement(self, scope: Scope, node: Node) -> Statements:
         inside = scope.inner(in_loop=True)
         first, condition, update = (node.child_by_field_name(f) for f in ("initializer", "condition", "increment"))
         begin: Statements = []
         if first is not None:
-            is_statement = first.type in self.STATEMENTS
-            begin = self.block(inside, [first]) if is_statement else self._expression(inside, first)
-        test = constant(True)
+            declares = first.type in ("lexical_declaration", "variable_declaration", "empty_statement")
+            begin = self.block(inside, [first]) if declares else self._effect(inside, first)
+        test: ast.expr = ast.Constant(True)
         if condition is not None and condition.type != "empty_statement":
-            test = self.truth(self.term(inside, _clause(condition)))
-        after = [] if update is None else self._expression(inside, update)
+            test = self.truth(self.term(inside, condition))
+        after = [] if update is None else self._effect(inside, update)
         body = self._turn(inside, field(node, "body"))
-        if not after:
-            return [*begin, ast.While(test, body, [])]
-        return [*begin, *self._repeated(test, after, body)]
+        return [*begin, *(self._repeated(test, after, body) if after else [ast.While(test, body, [])])]
 
-    def _for_of(self, scope: Scope, node: Node) -> Statements:
+    def _statement_for_in_statement(self, scope: Scope, node: Node) -> Statements:
         kind, variable = node.child_by_field_name("kind"), field(node, "left")
         if text_of(field(node, "operator")) != "of" or kind is None or variable.type != "identifier":
-            raise scope.refuse(node, "write for (const x of array)")
+            raise Refused(node, "write for (const x of array)")
         entry, word = self.temporary(), text_of(kind)
-        items = self.located(node, call("through", self.value_of(scope, field(node, "right"))))
+        items = self.located(node, "through(V)", V=self.value_of(scope, field(node, "right")))
         inside = scope.inner(in_loop=True)
         binding = scope.find(variable) if word == "var" else inside.declare(variable, word, ready=True)
         bound = self.declared(inside, binding, Term(name(entry)))
-        return [ast.For(target(entry), items.code, [bound, *self._turn(inside, field(node, "body"))], [])]
+        body = [bound, *self._turn(inside, field(node, "body"))]
+        return lines("for ENTRY in ITEMS: BODY", ENTRY=entry, ITEMS=items.code, BODY=body)
 
-    def _jump(self, scope: Scope, node: Node) -> Statements:
-        """`break` and `continue`, without labels."""
+    def _statement_break_statement(self, scope: Scope, node: Node) -> Statements:
         word = text_of(node.children[0])
         if not scope.in_loop or node.child_by_field_name("label") is not None:
-            raise scope.refuse(node, f"{word} stands alone, inside a loop")
-        return [ast.Break() if word == "break" else ast.Continue()]
+            raise Refused(node, f"{word} stands alone, inside a loop")
+        return lines(word)
 
-    def _return(self, scope: Scope, node: Node) -> Statements:
-        values = parts(node)
-        return [ast.Return(self.value_of(scope, values[0]) if values else name("undefined"))]
+    _statement_continue_statement = _statement_break_statement
 
     # Functions
 
@@ -208,47 +226,19 @@ class Compiler(Terms):
         names = [single] if single is not None else parts(field(node, "parameters"))
         inside = scope.function()
         if any(variable.type != "identifier" for variable in names) or any(c.type == "async" for c in node.children):
-            raise scope.refuse(node, "a function here has plain parameters only")
-        parameters = [inside.declare(variable, "parameter", ready=True) for variable in names]
-        self.found |= {parameter.name: Kind.ANY for parameter in parameters}
+            raise Refused(node, "a function here has plain parameters only")
+        parameters = [inside.declare(variable, "parameter", ready=True).name for variable in names]
+        self.found |= dict.fromkeys(parameters, Kind.ANY)
         body = field(node, "body")
         loops, self.loops = self.loops, 0
-        if body.type == "statement_block":
-            code = self.body(inside, body)
-        else:
-            result = ast.Return(self.value_of(inside, body))
-            code = [*inside.frame.functions, result]
+        made = self.body(inside, body) if body.type == "statement_block" else self._result(inside, body)
         self.loops = loops
         identifier, outer = self.temporary("f"), sorted(inside.frame.outer)
-        nonlocals: Statements = [ast.Nonlocal(outer)] if outer else []
-        called = [parameter.name for parameter in parameters]
-        scope.frame.functions.append(function(identifier, called, [*nonlocals, *pay(), *code], lenient=True))
+        nonlocals = f"nonlocal {', '.join(outer)}" if outer else ""
+        taken = "".join(f"{parameter}=undefined, " for parameter in parameters)
+        text = f"def {identifier}({taken}*r0):\n {nonlocals}\n PAY\n BODY"
+        scope.frame.functions += lines(text, PAY=lines(PAY), BODY=made)
         return identifier
-
-    STATEMENTS: ClassVar[dict[str, Callable[["Compiler", Scope, Node], Statements]]] = {
-        "expression_statement": _expression,
-        "empty_statement": lambda self, scope, node: [],
-        "lexical_declaration": _declaration,
-        "variable_declaration": _declaration,
-        "statement_block": _block,
-        "if_statement": _if,
-        "while_statement": _while,
-        "do_statement": _do,
-        "for_statement": _for,
-        "for_in_statement": _for_of,
-        "break_statement": _jump,
-        "continue_statement": _jump,
-        "return_statement": _return,
-    }
-
-
-def _begin() -> ast.stmt:
-    """A fresh budget for this evaluation, within what the whole run may use."""
-    used = item("budget", constant(0))
-    fresh = ast.BinOp(used, ast.Add(), constant(TICKS_PER_EVALUATION))
-    roomy = compare(used, ast.Lt, constant(TICKS_PER_RUN - TICKS_PER_EVALUATION))
-    limit = ast.Subscript(name("budget"), constant(1), ast.Store())
-    return ast.Assign([limit], ast.IfExp(roomy, fresh, constant(TICKS_PER_RUN)))
 
 
 def _pays(body: Statements) -> bool:
@@ -257,16 +247,7 @@ def _pays(body: Statements) -> bool:
     return any(identifier in ("budget", "machine") for identifier in names)
 
 
-def _leave(test: ast.expr) -> Statements:
-    """What ends a loop where the test fails."""
-    return [ast.If(negated(test), [ast.Break()], [])]
-
-
-def _clause(node: Node) -> Node:
-    return parts(node)[0] if node.type == "expression_statement" else node
-
-
-def _declared(scope: Scope, node: Node) -> list[Node]:
+def _declared(node: Node) -> list[Node]:
     """The names that a declaration declares."""
     names: list[Node] = []
     for declarator in parts(node):
@@ -274,18 +255,18 @@ def _declared(scope: Scope, node: Node) -> list[Node]:
         names += parts(variable) if variable.type == "array_pattern" else [variable]
     for variable in names:
         if variable.type != "identifier":
-            raise scope.refuse(variable.parent or variable, "only plain names can be inside [ ] here")
+            raise Refused(variable.parent or variable, "only plain names can be inside [ ] here")
     return names
 
 
-def _variables(scope: Scope, node: Node) -> list[Node]:
+def _variables(node: Node) -> list[Node]:
     """The names declared with `var` anywhere in a function, which see them from its beginning."""
     found: list[Node] = []
     for child in parts(node):
         if child.type == "variable_declaration":
-            found.extend(_declared(scope, child))
+            found.extend(_declared(child))
         elif child.type == "for_in_statement" and child.children[2].type == "var":
             found.append(field(child, "left"))
         if child.type != "arrow_function":
-            found.extend(_variables(scope, child))
+            found.extend(_variables(child))
     return found

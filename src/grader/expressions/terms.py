@@ -1,42 +1,39 @@
-"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known."""
+"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known.
+
+A method `_term_x` compiles the grammar's node type `x`; `_link_x` a link of a chain such as `a.b[0].c()`.
+"""
 
 import ast
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from tree_sitter import Node
 
 from grader.expressions import fields, paths
-from grader.expressions.code import (
-    Kind,
-    Term,
-    call,
-    compare,
-    constant,
-    in_turn,
-    item,
-    join,
-    listed,
-    name,
-    negated,
-    target,
-)
-from grader.expressions.functions import FUNCTIONS, Path
+from grader.expressions.code import Kind, Part, Term, code, in_turn, join, name
 from grader.expressions.lib import RECORD_PARTS
 from grader.expressions.methods import CALLBACK_METHODS
 from grader.expressions.methods import NAMES as METHODS
-from grader.expressions.runtime import OPERATORS
+from grader.expressions.runtime import FUNCTIONS, OPERATORS
 from grader.expressions.scope import CONSTANTS, ROOTS, Binding, Scope
-from grader.expressions.syntax import Source, escape_of, field, number_of, parts, string_of, text_of
+from grader.expressions.syntax import Refused, escape_of, field, number_of, parts, string_of, text_of
 from grader.expressions.values import in_units
 
-ARITHMETIC: dict[str, type[ast.operator]] = {"+": ast.Add, "-": ast.Sub, "*": ast.Mult}
-COMPARISONS: dict[str, type[ast.cmpop]] = {
-    "<": ast.Lt, "<=": ast.LtE, ">": ast.Gt, ">=": ast.GtE,
-    "===": ast.Eq, "!==": ast.NotEq, "==": ast.Eq, "!=": ast.NotEq,
-}  # fmt: skip
-LOGICAL = ("&&", "||", "??")
+COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "===": "==", "!==": "!=", "==": "==", "!=": "!="}
+PYTHON = {**COMPARISONS, "+": "+", "-": "-", "*": "*"}
+"""The operators that mean for floats what this one means in Python."""
+
+LOGICAL = {
+    "&&": "RIGHT if TRUE else LEFT",
+    "||": "LEFT if TRUE else RIGHT",
+    "??": "RIGHT if FIRST is None or LEFT is undefined else LEFT",
+}
+"""The operators whose right side may not be evaluated."""
+
+UNARY = {"-": "-A", "+": "A", "~": "complement(A)"}
+"""The operators of one number."""
+
 CONSTRUCTORS = ("Array", "Float64Array")
 NO_FUNCTIONS = ROOTS | {"value", "undefined"}
 
@@ -48,7 +45,7 @@ class Place(NamedTuple):
     """What an assignment writes to. `begin` is evaluated first; `read` and `write` make code that follows it."""
 
     read: Callable[[], Term]
-    write: Callable[[ast.expr], ast.expr]
+    write: Build
     begin: tuple[ast.expr, ...] = ()
     binding: Binding | None = None
 
@@ -58,12 +55,20 @@ def is_optional(node: Node) -> bool:
     return node.child_by_field_name("optional_chain") is not None
 
 
-def host_path(node: Node) -> Path | None:
+def host_path(node: Node) -> str | None:
     """The path of the host's function of this name, if it is one."""
-    path: Path | None = (text_of(node),) if node.type == "identifier" else None
+    path = text_of(node) if node.type == "identifier" else None
     if node.type == "member_expression" and field(node, "object").type == "identifier":
-        path = text_of(field(node, "object")), text_of(field(node, "property"))
+        path = f"{text_of(field(node, 'object'))}.{text_of(field(node, 'property'))}"
     return path if path in FUNCTIONS else None
+
+
+def operator_of(node: Node, known: set[str]) -> str:
+    """The operator of a node. Raises Refused for one that is not known."""
+    operator = text_of(field(node, "operator"))
+    if operator.removesuffix("=" if node.type.startswith("augmented") else "") not in known:
+        raise Refused(node, f"the operator {operator} is not part of the language of labs")
+    return operator
 
 
 class Terms(ABC):
@@ -73,82 +78,105 @@ class Terms(ABC):
     machine binds before the program runs; `places` are the positions of errors, by line of the compiled code.
     """
 
-    def __init__(self, source: Source, kinds: dict[str, Kind] | None) -> None:
-        self.source, self.kinds = source, kinds
+    def __init__(self, kinds: dict[str, Kind] | None) -> None:
+        self.kinds = kinds
         self.found: dict[str, Kind] = {}
-        self.needs: dict[tuple[str, Path], str] = {}
+        self.needs: dict[tuple[str, str], str] = {}
         self.places: list[tuple[int, int]] = []
         self.temporaries = 0
 
-    def need(self, kind: str, path: Path) -> ast.expr:
-        """What a machine binds for the path; the kinds are those of `paths.BINDERS`."""
-        return name(self.needs.setdefault((kind, path), f"n{len(self.needs)}"))
+    def need(self, kind: str, path: str) -> str:
+        """The variable for what a machine binds for the path; the kinds are those of `paths.BINDERS`."""
+        return self.needs.setdefault((kind, path), f"n{len(self.needs)}")
 
     def temporary(self, letter: str = "t") -> str:
         """A name for one intermediate value, or for a function."""
         self.temporaries += 1
         return f"{letter}{self.temporaries}"
 
-    def held(self, code: ast.expr) -> tuple[ast.expr, Callable[[], ast.expr]]:
-        """The code, keeping its value in a variable; and what makes the code that gives the value again."""
+    def held(self, value: ast.expr, *, lasts: bool = False) -> tuple[ast.expr, str]:
+        """Code that gives the value, and the variable that then holds it: at least until other code runs."""
+        if isinstance(value, ast.Name) and not lasts:
+            return value, value.id
         kept = self.temporary()
-        return ast.NamedExpr(target(kept), code), lambda: name(kept)
+        return code("(KEPT := VALUE)", KEPT=kept, VALUE=value), kept
 
-    def at(self, node: Node, code: ast.expr | ast.stmt) -> None:
+    def at(self, node: Node, made: ast.expr | ast.stmt) -> None:
         """Errors of this code have this place."""
-        if not hasattr(code, "lineno"):
+        if not hasattr(made, "lineno"):
             self.places.append(node.start_point)
-            code.lineno = len(self.places) + 1
+            made.lineno = len(self.places) + 1
 
-    def located(self, node: Node, code: ast.expr, kind: Kind = Kind.ANY) -> Term:
-        """A term, with the place of its errors."""
-        self.at(node, code)
-        return Term(code, kind)
+    def located(self, node: Node, template: str, kind: Kind = Kind.ANY, /, **filled: Part) -> Term:
+        """The term of a template, with the place of its errors."""
+        term = Term(code(template, **filled), kind)
+        self.at(node, term.code)
+        return term
+
+    def compiled(self, role: str, scope: Scope, node: Node) -> Any:
+        """What the method for a node's type makes of it. Raises Refused for what the language does not have."""
+        compiler = getattr(self, f"{role}_{node.type}", None)
+        if compiler is None:
+            raise Refused(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
+        return compiler(scope, node)
 
     # Conversions and operators
 
     def number(self, term: Term) -> ast.expr:
         """The code of the value as a float."""
-        code = term.code
         if term.kind is Kind.NUMBER:
-            return code
-        if isinstance(code, ast.IfExp) and term.kind is Kind.ELEMENT:
-            return ast.IfExp(code.test, code.body, name("nan"))
-        first, again = (code, lambda: name(code.id)) if isinstance(code, ast.Name) else self.held(code)
-        is_number = compare(call("kind_of", first), ast.Is, name("float_type"))
-        return ast.IfExp(is_number, again(), call("number", name("machine"), again()))
+            return term.code
+        if isinstance(term.code, ast.IfExp) and term.kind is Kind.ELEMENT:
+            return ast.IfExp(term.code.test, term.code.body, name("nan"))
+        first, value = self.held(term.code)
+        return code("V if kind_of(FIRST) is float_type else number(machine, V)", FIRST=first, V=value)
 
     def truth(self, term: Term) -> ast.expr:
         """Code that Python finds true where JavaScript finds the value true."""
-        return term.code if term.kind is Kind.BOOLEAN else call("truth", term.code)
+        return term.code if term.kind is Kind.BOOLEAN else code("truth(V)", V=term.code)
 
     def combined(self, node: Node, operator: str, left: Term, right: Term) -> Term:
         """`left operator right`, both evaluated, in this order."""
-        numbers = left.kind is right.kind is Kind.NUMBER
-        arithmetic, comparison = ARITHMETIC.get(operator), COMPARISONS.get(operator)
-        if arithmetic is not None and (numbers or operator != "+"):
-            return self.located(node, ast.BinOp(self.number(left), arithmetic(), self.number(right)), Kind.NUMBER)
-        if comparison is not None and numbers:
-            return self.located(node, compare(left.code, comparison, right.code), Kind.BOOLEAN)
-        if comparison is None and operator != "+":
-            return self.located(node, call(OPERATORS[operator], self.number(left), self.number(right)), Kind.NUMBER)
-        (first, a), (second, b) = self.held(left.code), self.held(right.code)
-        kinds = [call("kind_of", second), name("float_type")]
-        both_numbers = ast.Compare(call("kind_of", first), [ast.Is(), ast.Is()], kinds)
-        fast = ast.BinOp(a(), ast.Add(), b()) if comparison is None else compare(a(), comparison, b())
-        slow = call("slow", name("machine"), name(OPERATORS[operator]), a(), b())
-        kind = Kind.ANY if comparison is None else Kind.BOOLEAN
-        return self.located(node, ast.IfExp(both_numbers, fast, slow), kind)
+        compares, python = operator in COMPARISONS, PYTHON.get(operator)
+        kind = Kind.BOOLEAN if compares else Kind.NUMBER
+        if (compares or operator == "+") and not left.kind is right.kind is Kind.NUMBER:
+            (first, a), (second, b) = self.held(left.code, lasts=True), self.held(right.code)
+            text = f"A {python} B if kind_of(FIRST) is kind_of(SECOND) is float_type else slow(machine, OPERATOR, A, B)"
+            called, known = OPERATORS[operator], kind if compares else Kind.ANY
+            return self.located(node, text, known, FIRST=first, SECOND=second, OPERATOR=called, A=a, B=b)
+        text = f"A {python} B" if python else f"{OPERATORS[operator]}(A, B)"
+        return self.located(node, text, kind, A=self.number(left), B=self.number(right))
 
     def chosen(self, operator: str, left: Term, right: Term) -> Term:
-        """`left operator right` for `&&`, `||` and `??`, where the right side may not be evaluated."""
-        first, again = self.held(left.code)
-        if operator == "??":
-            test = negated(_absent(first, again()))
-        else:
-            truth = self.truth(Term(first, left.kind))
-            test = negated(truth) if operator == "&&" else truth
-        return Term(ast.IfExp(test, again(), right.code), join(left.kept, right.kept))
+        """`left operator right` for `&&`, `||` and `??`."""
+        first, value = self.held(left.code)
+        truth = self.truth(Term(first, left.kind))
+        made = code(LOGICAL[operator], FIRST=first, TRUE=truth, LEFT=value, RIGHT=right.code)
+        return Term(made, join(left.kept, right.kept))
+
+    def _term_binary_expression(self, scope: Scope, node: Node) -> Term:
+        operator = operator_of(node, {*OPERATORS, *PYTHON, *LOGICAL})
+        left, right = self.term(scope, field(node, "left")), self.term(scope, field(node, "right"))
+        return self.chosen(operator, left, right) if operator in LOGICAL else self.combined(node, operator, left, right)
+
+    def _term_unary_expression(self, scope: Scope, node: Node) -> Term:
+        operator = operator_of(node, {*UNARY, "!", "typeof"})
+        term = self.term(scope, field(node, "argument"))
+        if operator == "-" and term.literal is not None:
+            return Term(ast.Constant(-term.literal), Kind.NUMBER)
+        if operator == "!":
+            return Term(code("not A", A=self.truth(term)), Kind.BOOLEAN)
+        if operator == "typeof":
+            return Term(code("type_name(A)", A=term.code))
+        return Term(code(UNARY[operator], A=self.number(term)), Kind.NUMBER)
+
+    def _term_ternary_expression(self, scope: Scope, node: Node) -> Term:
+        test, yes, no = (self.term(scope, field(node, part)) for part in ("condition", "consequence", "alternative"))
+        return Term(ast.IfExp(self.truth(test), yes.code, no.code), join(yes.kept, no.kept))
+
+    def _term_sequence_expression(self, scope: Scope, node: Node) -> Term:
+        terms = [self.term(scope, part) for part in parts(node)]
+        return Term(in_turn(*[term.code for term in terms]), terms[-1].kept)
 
     # Variables, literals and names
 
@@ -164,243 +192,233 @@ class Terms(ABC):
 
     def term(self, scope: Scope, node: Node) -> Term:
         """The code of an expression. Raises Refused for what the language does not have."""
-        compiler = self.TERMS.get(node.type)
-        if compiler is None:
-            raise scope.refuse(node, f"{node.type.replace('_', ' ')} is not part of the language of labs")
-        return compiler(self, scope, node)
+        made: Term = self.compiled("_term", scope, node)
+        return made
 
     def value_of(self, scope: Scope, node: Node) -> ast.expr:
         """The value of a node."""
         return self.term(scope, node).code
 
-    def _identifier(self, scope: Scope, node: Node) -> Term:
+    def _term_identifier(self, scope: Scope, node: Node) -> Term:
         text = text_of(node)
         if text == "undefined":
             return Term(name("undefined"))
         if text in CONSTANTS:
-            return Term(constant(float(text)), Kind.NUMBER)
+            return Term(ast.Constant(float(text)), Kind.NUMBER)
         if text == "value":
             return Term(name("given"))
         if text in ROOTS or text in CONSTRUCTORS or host_path(node) or scope.find(node).kind == "function":
-            raise scope.refuse(node, f"{text} cannot be used as a value")
+            raise Refused(node, f"{text} cannot be used as a value")
         return self.variable(scope.find(node))
 
-    def _template(self, scope: Scope, node: Node) -> Term:
+    _term_undefined = _term_identifier
+
+    def _term_parenthesized_expression(self, scope: Scope, node: Node) -> Term:
+        return self.term(scope, parts(node)[0])
+
+    def _term_number(self, scope: Scope, node: Node) -> Term:
+        return Term(ast.Constant(number_of(node)), Kind.NUMBER)
+
+    def _term_true(self, scope: Scope, node: Node) -> Term:
+        return Term(ast.Constant(node.type == "true"), Kind.BOOLEAN)
+
+    _term_false = _term_true
+
+    def _term_null(self, scope: Scope, node: Node) -> Term:
+        return Term(ast.Constant(None))
+
+    def _term_string(self, scope: Scope, node: Node) -> Term:
+        return Term(ast.Constant(string_of(node)))
+
+    def _term_template_string(self, scope: Scope, node: Node) -> Term:
         pieces: list[ast.expr] = []
         for child in parts(node):
             if child.type == "template_substitution":
                 pieces.append(self.value_of(scope, parts(child)[0]))
             elif child.type == "escape_sequence":
-                pieces.append(constant(in_units(escape_of(self.source, child))))
+                pieces.append(ast.Constant(in_units(escape_of(child))))
             else:
-                pieces.append(constant(in_units(text_of(child).replace("\r\n", "\n").replace("\r", "\n"))))
-        return self.located(node, call("template", name("machine"), listed(pieces)))
+                pieces.append(ast.Constant(in_units(text_of(child).replace("\r\n", "\n").replace("\r", "\n"))))
+        return self.located(node, "template(machine, [PIECES])", PIECES=pieces)
 
     def items(self, scope: Scope, nodes: list[Node]) -> list[ast.expr]:
         """The values of a list, with `...array` spread out."""
         return [
-            ast.Starred(call("spread", name("machine"), self.value_of(scope, parts(node)[0])), ast.Load())
+            ast.Starred(code("spread(machine, V)", V=self.value_of(scope, parts(node)[0])), ast.Load())
             if node.type == "spread_element"
             else self.value_of(scope, node)
             for node in nodes
         ]
 
-    def _array(self, scope: Scope, node: Node) -> Term:
-        return self.located(node, call("array", listed(self.items(scope, parts(node)))))
-
-    # Operations
-
-    def _binary(self, scope: Scope, node: Node) -> Term:
-        operator = text_of(field(node, "operator"))
-        if operator not in (*OPERATORS, *ARITHMETIC, *LOGICAL):
-            raise scope.refuse(node, f"the operator {operator} is not part of the language of labs")
-        left, right = self.term(scope, field(node, "left")), self.term(scope, field(node, "right"))
-        return self.chosen(operator, left, right) if operator in LOGICAL else self.combined(node, operator, left, right)
-
-    def _unary(self, scope: Scope, node: Node) -> Term:
-        operator = text_of(field(node, "operator"))
-        if operator not in ("-", "+", "!", "~", "typeof"):
-            raise scope.refuse(node, f"the operator {operator} is not part of the language of labs")
-        term = self.term(scope, field(node, "argument"))
-        if operator == "!":
-            return Term(negated(self.truth(term)), Kind.BOOLEAN)
-        if operator == "typeof":
-            return Term(call("type_name", term.code))
-        if operator == "-" and term.literal is not None:
-            return Term(constant(-term.literal), Kind.NUMBER)
-        code = self.number(term)
-        if operator == "-":
-            code = ast.UnaryOp(ast.USub(), code)
-        return Term(call("complement", code) if operator == "~" else code, Kind.NUMBER)
-
-    def _ternary(self, scope: Scope, node: Node) -> Term:
-        test, yes, no = (self.term(scope, field(node, part)) for part in ("condition", "consequence", "alternative"))
-        return Term(ast.IfExp(self.truth(test), yes.code, no.code), join(yes.kept, no.kept))
-
-    def _sequence(self, scope: Scope, node: Node) -> Term:
-        terms = [self.term(scope, part) for part in parts(node)]
-        return Term(in_turn(*[term.code for term in terms]), terms[-1].kept)
+    def _term_array(self, scope: Scope, node: Node) -> Term:
+        return self.located(node, "array([ITEMS])", ITEMS=self.items(scope, parts(node)))
 
     # Members and elements
 
-    def at_path(self, scope: Scope, node: Node, path: Path) -> Term:
+    def at_path(self, node: Node, path: str) -> Term:
         """The value at a path. Raises Refused where it names nothing that may be read."""
         if path in paths.CONSTANTS:
-            return Term(constant(paths.CONSTANTS[path]), Kind.NUMBER)
+            return Term(ast.Constant(paths.CONSTANTS[path]), Kind.NUMBER)
         if path in paths.WRITABLE:
-            return Term(self.need("vector", path))
-        if path[0] == "ctx" and len(path) == 2:
-            key = paths.ctx_name(scope, node, path[1])
-            self.need("ctx", (key,))
-            return Term(item("ctx", constant(key)))
-        if path[0] == "model" and len(path) == 2 and path[1] in fields.MODEL_SIZES:
-            return Term(self.need("count", path), Kind.NUMBER)
-        if path in paths.SCALARS:
-            return Term(ast.Call(self.need("scalar", path), [], []), Kind.NUMBER)
-        raise scope.refuse(node, f"{'.'.join(path)} cannot be read here")
+            return Term(name(self.need("vector", path)))
+        if key := paths.ctx_name(node, path):
+            self.need("ctx", key)
+            return Term(code("ctx[KEY]", KEY=ast.Constant(key)))
+        if path not in paths.NUMBERS:
+            raise Refused(node, f"{path} cannot be read here")
+        kind = paths.NUMBERS[path]
+        return Term(code("READ()" if kind == "scalar" else "READ", READ=self.need(kind, path)), Kind.NUMBER)
 
-    def _member(self, scope: Scope, node: Node) -> Term | Build:
+    def _link_member_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = paths.path_of(node)
-        if path is not None and not (path[-1] == "length" and len(path) > 2):
-            return self.at_path(scope, node, path)
-        key = text_of(field(node, "property"))
+        key, owner = text_of(field(node, "property")), paths.path_of(field(node, "object"))
+        if path is not None and (key != "length" or owner in ROOTS):
+            return self.at_path(node, path)
         if key not in RECORD_PARTS and key != "length":
-            raise scope.refuse(field(node, "property"), f".{key} is not available")
-        if path is not None and path[:-1] in paths.WRITABLE:
-            return Term(self.need("size", path[:-1]), Kind.NUMBER)
-        return lambda value: call("member", value, constant(key))
+            raise Refused(field(node, "property"), f".{key} is not available")
+        if path is not None and owner in paths.WRITABLE:
+            return Term(name(self.need("size", owner or "")), Kind.NUMBER)
+        return lambda value: code("member(V, KEY)", V=value, KEY=ast.Constant(key))
 
-    def _subscript(self, scope: Scope, node: Node) -> Term | Build:
-        path = self._field_of(scope, node)
+    def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
+        path = self._field_of(node)
         if path is not None and not is_optional(node):
-            return self._element(node, path, self.term(scope, field(node, "index")))
-        return lambda value: call("read_index", value, self.value_of(scope, field(node, "index")))
+            return self._element(node, path, self.need("vector", path), self.term(scope, field(node, "index")))
+        return lambda value: code("read_index(V, INDEX)", V=value, INDEX=self.value_of(scope, field(node, "index")))
 
-    def _field_of(self, scope: Scope, node: Node) -> Path | None:
+    def _field_of(self, node: Node) -> str | None:
         """The path of the field whose element a subscript names, if it is one. Square brackets take numbers."""
         path = paths.path_of(field(node, "object"))
-        if path is not None and len(path) == 1:
-            raise scope.refuse(node, "square brackets take the number of an element; name a field with a dot")
+        if path in ROOTS:
+            raise Refused(node, "square brackets take the number of an element; name a field with a dot")
         if field(node, "index").type in ("string", "template_string"):
-            raise scope.refuse(field(node, "index"), "square brackets take the number of an element")
+            raise Refused(field(node, "index"), "square brackets take the number of an element")
         return path if path in paths.WRITABLE else None
 
-    def _element(self, node: Node, path: Path, index: Term) -> Term:
-        """An element of a field."""
-        code = index.code
-        if index.kind is not Kind.NUMBER or not paths.holds_floats(path):
-            return self.located(node, call("read_index", self.need("vector", path), code))
+    def _element(self, node: Node, path: str | None, array: Part, index: Term) -> Term:
+        """An element of an array; `path` is the array's where it is a field."""
+        if path is None or index.kind is not Kind.NUMBER or not paths.holds_floats(path):
+            return self.located(node, "read_index(V, INDEX)", V=array, INDEX=index.code)
+        view = self.need("view", path)
         if index.literal is not None and index.literal >= 0 and index.literal.is_integer():
-            within, key = compare(code, ast.Lt, self.need("size", path)), constant(int(index.literal))
+            known, size = ast.Constant(int(index.literal)), self.need("size", path)
+            made = code("VIEW[KEY] if INDEX < SIZE else undefined", VIEW=view, KEY=known, INDEX=index.code, SIZE=size)
         else:
-            first, again = (code, lambda: name(code.id)) if isinstance(code, ast.Name) else self.held(code)
-            within = compare(first, ast.In, self.need("positions", path))
-            key = ast.Subscript(self.need("positions", path), again(), ast.Load())
-        element = ast.Subscript(self.need("view", path), key, ast.Load())
-        return Term(ast.IfExp(within, element, name("undefined")), Kind.ELEMENT)
+            (first, key), at = self.held(index.code), self.need("positions", path)
+            made = code("VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first)
+        return Term(made, Kind.ELEMENT)
 
-    def _linked(self, scope: Scope, node: Node) -> Term:
-        made = self.LINKS[node.type](self, scope, node)
-        return made if isinstance(made, Term) else Term(self._chain(scope, node, made, lambda value: value))
+    def _term_member_expression(self, scope: Scope, node: Node) -> Term:
+        term, cuts = self._chain(scope, node)
+        for first, value in reversed(cuts):
+            text = "undefined if FIRST is None or V is undefined else REST"
+            term = Term(code(text, FIRST=first, V=value, REST=term.code))
+        return term
 
-    def _chain(self, scope: Scope, node: Node, build: Build, rest: Build) -> ast.expr:
-        """The code of a chain up to `node`, which `build` makes, then its `rest`; undefined where `?.` cuts it."""
+    _term_subscript_expression = _term_call_expression = _term_member_expression
+
+    def _chain(self, scope: Scope, node: Node) -> tuple[Term, list[tuple[ast.expr, str]]]:
+        """A chain up to `node`, and what cuts it at each `?.`: code that gives a value, and the variable with it."""
+        compiler: Callable[[Scope, Node], Term | Build] = getattr(self, f"_link_{node.type}", self.term)
+        made = compiler(scope, node)
+        if isinstance(made, Term):
+            return made, []
         link = field(node, "function") if node.type == "call_expression" else node
-        owner = field(link, "object")
-
-        def step(value: ast.expr) -> ast.expr:
-            if not is_optional(link):
-                return rest(self.located(node, build(value)).code)
+        before, cuts = self._chain(scope, field(link, "object"))
+        value = before.code
+        if is_optional(link):
             first, again = self.held(value)
-            return ast.IfExp(_absent(first, again()), name("undefined"), rest(self.located(node, build(again())).code))
-
-        before = self.LINKS[owner.type](self, scope, owner) if owner.type in self.LINKS else self.term(scope, owner)
-        return step(before.code) if isinstance(before, Term) else self._chain(scope, owner, before, step)
+            cuts.append((first, again))
+            value = name(again)
+        term = Term(made(value))
+        self.at(node, term.code)
+        return term, cuts
 
     # Calls
 
-    def _call(self, scope: Scope, node: Node) -> Term | Build:
+    def _link_call_expression(self, scope: Scope, node: Node) -> Term | Build:
         function, arguments = field(node, "function"), field(node, "arguments")
         if arguments.type != "arguments":
-            raise scope.refuse(node, "tagged templates are not part of the language of labs")
+            raise Refused(node, "tagged templates are not part of the language of labs")
         args, path = parts(arguments), host_path(function)
         if path is not None and not is_optional(node):
             return self._host_call(scope, node, path, args)
         if function.type == "identifier":
             return self._named_call(scope, node, function, args)
         if function.type != "member_expression":
-            raise scope.refuse(node, "only functions that have a name can be called")
+            raise Refused(node, "only functions that have a name can be called")
         return self._method_call(scope, node, function, args)
 
-    def _host_call(self, scope: Scope, node: Node, path: Path, args: list[Node]) -> Term:
-        function, machine = FUNCTIONS[path], name("machine")
+    def _host_call(self, scope: Scope, node: Node, path: str, args: list[Node]) -> Term:
+        function = FUNCTIONS[path]
         if tuple(text_of(arg) for arg in args[: len(function.takes)]) != function.takes:
-            raise scope.refuse(node, f"{text_of(field(node, 'function'))} begins with {', '.join(function.takes)}")
-        if path == ("Array", "from") and len(args) == 2:
-            items, callback = listed(self.items(scope, args[:1])), self.function(scope, args[1])
-            return self.located(node, call("map_from", machine, self.need("function", path), items, callback))
+            raise Refused(node, f"{text_of(field(node, 'function'))} begins with {', '.join(function.takes)}")
+        if path == "Array.from" and len(args) == 2:
+            text, items, callback = "map_from(machine, F, [ITEMS], G)", args[:1], args[1]
+            filled: dict[str, Part] = {"ITEMS": self.items(scope, items), "G": self.function(scope, callback)}
+            return self.located(node, text, F=self.need("function", path), **filled)
         rest = args[len(function.takes) :]
         plain = not any(arg.type == "spread_element" for arg in rest)
         if function.numeric is not None and plain and len(rest) <= (function.arity or len(rest)):
             numbers = [self.number(self.term(scope, arg)) for arg in rest]
             numbers += [name("nan")] * ((function.arity or 0) - len(numbers))
-            made = ast.Call(self.need("numeric", path), numbers, [])
-            return self.located(node, ast.IfExp(call("tick", machine), made, constant(0.0)), Kind.NUMBER)
+            text, called = "F(NUMBERS) if tick(machine) else 0.0", self.need("numeric", path)
+            return self.located(node, text, Kind.NUMBER, F=called, NUMBERS=numbers)
         kind = {float: Kind.NUMBER, bool: Kind.BOOLEAN, None: Kind.ANY}[function.gives]
-        items = listed(self.items(scope, rest))
-        return self.located(node, call("host", machine, self.need("function", path), items), kind)
+        called, given = self.need("function", path), self.items(scope, rest)
+        return self.located(node, "host(machine, F, [ITEMS])", kind, F=called, ITEMS=given)
 
     def _named_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Term:
         text = text_of(function)
         if text in CONSTRUCTORS:
-            raise scope.refuse(node, f"write new {text}(...)")
+            raise Refused(node, f"write new {text}(...)")
         if text in NO_FUNCTIONS or scope.find(function).kind != "function":
-            raise scope.refuse(function, f"{text} is no function")
-        return self.located(node, ast.Call(name(scope.find(function).name), self.items(scope, args), []))
+            raise Refused(function, f"{text} is no function")
+        return self.located(node, "F(ITEMS)", F=scope.find(function).name, ITEMS=self.items(scope, args))
 
     def _method_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Build:
         method, path = text_of(field(function, "property")), paths.path_of(field(function, "object"))
-        if method not in METHODS or (path is not None and len(path) == 1):
-            raise scope.refuse(function, f"{text_of(function)[:60]}() is not available")
+        if method not in METHODS or path in ROOTS:
+            raise Refused(function, f"{text_of(function)[:60]}() is not available")
         if method in ("set", "fill", "sort", "reverse") and paths.WRITABLE.get(path) is False:
-            raise scope.refuse(node, f"{'.'.join(path or ())} can only be read")
+            raise Refused(node, f"{path} can only be read")
 
         def build(value: ast.expr) -> ast.expr:
-            callback = [self.function(scope, arg) for arg in args[:1]] if method in CALLBACK_METHODS else []
+            callback = [name(self.function(scope, arg)) for arg in args[:1]] if method in CALLBACK_METHODS else []
             if method in CALLBACK_METHODS - {"sort"} and not callback:
-                raise scope.refuse(node, f"{method} needs a function")
-            given = listed([*callback, *self.items(scope, args[len(callback) :])])
-            return call("method", name("machine"), value, constant(method), given)
+                raise Refused(node, f"{method} needs a function")
+            given = [*callback, *self.items(scope, args[len(callback) :])]
+            return code("method(machine, V, METHOD, [GIVEN])", V=value, METHOD=ast.Constant(method), GIVEN=given)
 
         return build
 
-    def function(self, scope: Scope, node: Node) -> ast.expr:
+    def function(self, scope: Scope, node: Node) -> str:
         """The function that an argument is: an arrow function, or the name of one. Raises Refused for others."""
         if node.type == "arrow_function":
-            return name(self.arrow(scope, node))
+            return self.arrow(scope, node)
         path = host_path(node)
         if path is not None and not FUNCTIONS[path].takes:
             return self.need("callback", path)
         if node.type == "identifier" and text_of(node) not in NO_FUNCTIONS and scope.find(node).kind == "function":
-            return name(scope.find(node).name)
-        raise scope.refuse(node, "a function is needed here, such as x => 2 * x")
+            return scope.find(node).name
+        raise Refused(node, "a function is needed here, such as x => 2 * x")
 
     @abstractmethod
     def arrow(self, scope: Scope, node: Node) -> str:
         """The name of the Python function that an arrow function becomes; compiled with the statements."""
 
-    def _new(self, scope: Scope, node: Node) -> Term:
+    def _term_new_expression(self, scope: Scope, node: Node) -> Term:
         """`new Array(n).fill(x)` and `new Float64Array(n)`; nothing else is constructed."""
         constructor, arguments = text_of(field(node, "constructor")), node.child_by_field_name("arguments")
         args = parts(arguments) if arguments is not None else []
         if constructor == "Float64Array":
-            return self.located(node, call("typed_array", name("machine"), listed(self.items(scope, args))))
+            return self.located(node, "typed_array(machine, [ITEMS])", ITEMS=self.items(scope, args))
         parent = node.parent
         filled = parent is not None and parent.type == "member_expression"
         filled = filled and parent is not None and text_of(field(parent, "property")) == "fill"
         if constructor == "Array" and len(args) == 1 and args[0].type != "spread_element" and filled:
-            return self.located(node, call("empty_array", name("machine"), self.value_of(scope, args[0])))
-        raise scope.refuse(node, "only new Array(n).fill(x) and new Float64Array(n) are available")
+            return self.located(node, "empty_array(machine, SIZE)", SIZE=self.value_of(scope, args[0]))
+        raise Refused(node, "only new Array(n).fill(x) and new Float64Array(n) are available")
 
     # Assignments
 
@@ -412,71 +430,65 @@ class Terms(ABC):
             return self._element_place(scope, node, again)
         path = paths.path_of(node)
         if node.type == "member_expression" and path is not None:
-            return self._path_place(scope, node, path)
+            return self._path_place(node, path)
         if node.type != "identifier" or text_of(node) in NO_FUNCTIONS:
-            raise scope.refuse(node, "this cannot be assigned")
+            raise Refused(node, "this cannot be assigned")
         binding = scope.find(node)
         if binding.kind not in ("let", "var", "parameter"):
-            raise scope.refuse(node, f"{text_of(node)} is constant")
+            raise Refused(node, f"{text_of(node)} is constant")
+        return Place(
+            lambda: self.variable(binding),
+            lambda new: code("(V := NEW)", V=binding.name, NEW=new),
+            binding=binding,
+        )
 
-        def write(new: ast.expr) -> ast.expr:
-            return ast.NamedExpr(target(binding.name), new)
-
-        return Place(lambda: self.variable(binding), write, binding=binding)
-
-    def _path_place(self, scope: Scope, node: Node, path: Path) -> Place:
+    def _path_place(self, node: Node, path: str) -> Place:
         def read() -> Term:
-            return self.at_path(scope, node, path)
+            return self.at_path(node, path)
 
-        match path:
-            case ("ctx", key):
-                read()
-                return Place(read, lambda new: call("put", name("ctx"), constant(key), new))
-            case ("model", "opt", option) if option in fields.OPTION_SCALARS:
-                return Place(read, lambda new: ast.Call(self.need("option", path), [new], []))
-            case ("data", "time"):
-                return Place(read, lambda new: ast.Call(self.need("time", path), [new], []))
+        if key := paths.ctx_name(node, path):
+            read()
+            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=ast.Constant(key), NEW=new))
+        if paths.NUMBERS.get(path) == "scalar" and path.removeprefix("data.") not in fields.DATA_COUNTS:
+            return Place(read, lambda new: code("WRITE(NEW)", WRITE=self.need("write scalar", path), NEW=new))
         if path in paths.WRITABLE:
-            raise scope.refuse(node, f"{'.'.join(path)} is an array: assign its elements, or use .set() or .fill()")
-        raise scope.refuse(node, f"{'.'.join(path)} cannot be assigned")
+            raise Refused(node, f"{path} is an array: assign its elements, or use .set() or .fill()")
+        raise Refused(node, f"{path} cannot be assigned")
 
     def _element_place(self, scope: Scope, node: Node, again: bool) -> Place:
-        path = self._field_of(scope, node)
+        path = self._field_of(node)
         if path is not None and not paths.WRITABLE[path]:
-            raise scope.refuse(node, f"{'.'.join(path)} can only be read")
+            raise Refused(node, f"{path} can only be read")
         array, index = self.term(scope, field(node, "object")), self.term(scope, field(node, "index"))
         begin: list[ast.expr] = []
         for term in (array, index) if again else ():
             if not isinstance(term.code, ast.Constant) and (path is None or term is index):
-                first, held = self.held(term.code)
+                first, kept = self.held(term.code, lasts=True)
                 begin.append(first)
-                term.kind, term.code = term.kept, held()
-        if path is None:
-            return Place(
-                lambda: self.located(node, call("read_index", array.code, index.code)),
-                lambda new: call("write_index", array.code, index.code, new),
-                tuple(begin),
-            )
-        return Place(
-            lambda: self._element(node, path, index),
-            lambda new: ast.Call(self.need("write", path), [index.code, new], []),
-            tuple(begin),
-        )
+                term.kind, term.code = term.kept, name(kept)
+
+        def write(new: ast.expr) -> ast.expr:
+            if path is None:
+                return code("write_index(V, INDEX, NEW)", V=array.code, INDEX=index.code, NEW=new)
+            return code("WRITE(INDEX, NEW)", WRITE=self.need("write", path), INDEX=index.code, NEW=new)
+
+        return Place(lambda: self._element(node, path, array.code, index), write, tuple(begin))
 
     def written(self, scope: Scope, node: Node, place: Place, new: Term) -> Term:
         """The assignment of a value, which is the value of the assignment."""
         if place.binding is not None:
             self.stored(scope, place.binding, new)
-        return self.located(node, place.write(new.code), new.kept)
+        made = Term(place.write(new.code), new.kept)
+        self.at(node, made.code)
+        return made
 
-    def _assignment(self, scope: Scope, node: Node) -> Term:
+    def _term_assignment_expression(self, scope: Scope, node: Node) -> Term:
         place = self.place(scope, field(node, "left"), again=False)
         return self.written(scope, node, place, self.term(scope, field(node, "right")))
 
-    def _augmented(self, scope: Scope, node: Node) -> Term:
-        place, operator = self.place(scope, field(node, "left"), again=True), text_of(field(node, "operator"))[:-1]
-        if operator not in (*OPERATORS, *ARITHMETIC, *LOGICAL):
-            raise scope.refuse(node, f"the operator {operator}= is not part of the language of labs")
+    def _term_augmented_assignment_expression(self, scope: Scope, node: Node) -> Term:
+        place = self.place(scope, field(node, "left"), again=True)
+        operator = operator_of(node, {*OPERATORS, *PYTHON, *LOGICAL})[:-1]
         right = self.term(scope, field(node, "right"))
         if operator in LOGICAL:
             made = self.chosen(operator, place.read(), self.written(scope, node, place, right))
@@ -487,45 +499,13 @@ class Terms(ABC):
     def update(self, scope: Scope, node: Node, old_value: bool) -> Term:
         """`place++` or `--place`: the old or the new value."""
         place = self.place(scope, field(node, "argument"), again=True)
-        old, values = self.number(place.read()), list(place.begin)
+        old, kept = self.number(place.read()), ""
         if old_value:
-            old, again = self.held(old)
-        one = Term(constant(1.0), Kind.NUMBER)
+            old, kept = self.held(old, lasts=True)
+        one = Term(ast.Constant(1.0), Kind.NUMBER)
         new = self.combined(node, text_of(field(node, "operator"))[0], Term(old, Kind.NUMBER), one)
-        values += [self.written(scope, node, place, new).code, *([again()] if old_value else [])]
-        return Term(in_turn(*values), Kind.NUMBER)
+        written = self.written(scope, node, place, new).code
+        return Term(in_turn(*place.begin, written, *([name(kept)] if kept else [])), Kind.NUMBER)
 
-    def _update(self, scope: Scope, node: Node) -> Term:
+    def _term_update_expression(self, scope: Scope, node: Node) -> Term:
         return self.update(scope, node, old_value=node.children[0].type not in ("++", "--"))
-
-    LINKS: ClassVar[dict[str, Callable[["Terms", Scope, Node], Term | Build]]] = {
-        "member_expression": _member,
-        "subscript_expression": _subscript,
-        "call_expression": _call,
-    }
-    TERMS: ClassVar[dict[str, Callable[["Terms", Scope, Node], Term]]] = {
-        **dict.fromkeys(LINKS, _linked),
-        "parenthesized_expression": lambda self, scope, node: self.term(scope, parts(node)[0]),
-        "number": lambda self, scope, node: Term(constant(number_of(self.source, node)), Kind.NUMBER),
-        "string": lambda self, scope, node: Term(constant(string_of(self.source, node))),
-        "template_string": _template,
-        "true": lambda self, scope, node: Term(constant(True), Kind.BOOLEAN),
-        "false": lambda self, scope, node: Term(constant(False), Kind.BOOLEAN),
-        "null": lambda self, scope, node: Term(constant(None)),
-        "undefined": lambda self, scope, node: Term(name("undefined")),
-        "identifier": _identifier,
-        "array": _array,
-        "binary_expression": _binary,
-        "unary_expression": _unary,
-        "ternary_expression": _ternary,
-        "sequence_expression": _sequence,
-        "assignment_expression": _assignment,
-        "augmented_assignment_expression": _augmented,
-        "update_expression": _update,
-        "new_expression": _new,
-    }
-
-
-def _absent(first: ast.expr, again: ast.expr) -> ast.expr:
-    """Whether a value is null or undefined."""
-    return ast.BoolOp(ast.Or(), [compare(first, ast.Is, constant(None)), compare(again, ast.Is, name("undefined"))])

@@ -3,7 +3,7 @@
 import math
 from decimal import ROUND_HALF_UP, Context, Decimal
 
-EXACT = Context(prec=1500)
+EXACT = Context(prec=1500, rounding=ROUND_HALF_UP)
 """Enough for every double: the smallest has 767 significant digits, the largest 309 before the point."""
 
 
@@ -11,58 +11,38 @@ def number_to_string(number: float) -> str:
     """`String(number)`: the shortest digits that read back as the same number."""
     if not math.isfinite(number):
         return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
-    digits, exponent = _scientific(number, None)
-    form = _decimal if -7 < exponent < 21 else _exponential
-    return _sign(number) + form(digits, exponent)
+    shortest = _rounded(number, None)
+    return f"{shortest:f}" if -7 < shortest.adjusted() < 21 else f"{shortest:e}"
 
 
 def to_fixed(number: float, places: int) -> str:
     """`number.toFixed(places)`: the exact binary value, halves away from zero."""
     if not math.isfinite(number) or abs(number) >= 1e21:
         return number_to_string(number)
-    rounded = Decimal(number).copy_abs().quantize(Decimal(1).scaleb(-places), rounding=ROUND_HALF_UP, context=EXACT)
-    return f"{_sign(number)}{rounded:f}"
+    return f"{EXACT.quantize(Decimal(number or 0.0), Decimal(1).scaleb(-places)):f}"
 
 
 def to_exponential(number: float, places: int | None) -> str:
     """`number.toExponential(places)`; None for as many as needed."""
     if not math.isfinite(number):
         return number_to_string(number)
-    return _sign(number) + _exponential(*_scientific(number, places))
+    if places is None:
+        return f"{_rounded(number, None):e}"
+    zero = Decimal(0).scaleb(-places)  # a Decimal keeps the places of a zero in its exponent
+    return f"{_rounded(number, places + 1) or zero:.{places}e}"
 
 
 def to_precision(number: float, count: int | None) -> str:
     """`number.toPrecision(count)`; None for as many digits as needed."""
     if count is None or not math.isfinite(number):
         return number_to_string(number)
-    digits, exponent = _scientific(number, count - 1)
-    form = _decimal if -7 < exponent < count else _exponential
-    return _sign(number) + form(digits, exponent)
+    rounded = _rounded(number, count)
+    exponent = rounded.adjusted()
+    return f"{rounded:.{count - 1 - exponent}f}" if -7 < exponent < count else f"{rounded:.{count - 1}e}"
 
 
-def _sign(number: float) -> str:
-    return "-" if number < 0 else ""
-
-
-def _scientific(number: float, places: int | None) -> tuple[str, int]:
-    """All digits (one before the point and `places` after it, or as many as needed) and the exponent."""
-    if not number:
-        return "0" * ((places or 0) + 1), 0
-    if places is None:
-        exact = Decimal(repr(abs(number)))
-        return "".join(map(str, exact.as_tuple().digits)).rstrip("0"), exact.adjusted()
-    exact = Decimal(number).copy_abs()
-    rounded = exact.quantize(Decimal(1).scaleb(exact.adjusted() - places), rounding=ROUND_HALF_UP, context=EXACT)
-    return "".join(map(str, rounded.as_tuple().digits))[: places + 1], rounded.adjusted()
-
-
-def _decimal(digits: str, exponent: int) -> str:
-    if exponent < 0:
-        return f"0.{'0' * (-exponent - 1)}{digits}"
-    whole, fraction = digits[: exponent + 1], digits[exponent + 1 :]
-    return whole.ljust(exponent + 1, "0") + ("." + fraction if fraction else "")
-
-
-def _exponential(digits: str, exponent: int) -> str:
-    fraction = "." + digits[1:] if len(digits) > 1 else ""
-    return f"{digits[0]}{fraction}e{'+' if exponent >= 0 else '-'}{abs(exponent)}"
+def _rounded(number: float, digits: int | None) -> Decimal:
+    """The number with so many significant digits, halves away from zero; None for the shortest that reads back."""
+    if digits is None:
+        return EXACT.normalize(Decimal(repr(number or 0.0)))
+    return Context(prec=digits, rounding=ROUND_HALF_UP).create_decimal(number or 0.0)

@@ -1,20 +1,21 @@
-"""The values of the language, and JavaScript's rules for converting them.
+"""The values of the language, JavaScript's rules for converting them, and its operators.
 
 A number is a float, null is None, a text is a str with one character per UTF-16 code unit; arrays are lists, typed
 arrays are Vectors, results with named parts are Records.
 """
 
 import math
+import operator
 import re
-from typing import Any, cast
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grader.expressions.texts import number_to_string
 
-STRING_MAX = 10_000
-ARRAY_MAX = 10_000
+LENGTH_MAX = 10_000
 
 
 class Trouble(Exception):
@@ -50,19 +51,6 @@ class Vector:
     def __len__(self) -> int:
         return len(self.view)
 
-    def read(self, index: int) -> "Value":
-        """The element, or undefined out of range."""
-        return float(self.view[index]) if 0 <= index < len(self.view) else UNDEFINED
-
-    def write(self, index: int, value: "Value") -> None:
-        """Store a number as the array's type does. Raises Trouble out of range, where a browser would ignore it."""
-        if not self.writable:
-            raise Trouble(f"{self.name or 'this array'} cannot be changed")
-        if not 0 <= index < len(self.view):
-            where = f"{self.name or 'the array'}, which has {len(self.view)} elements"
-            raise Trouble(f"index {index} is outside {where}")
-        self.view[index] = element(self.view, to_number(value))
-
     def values(self) -> list["Value"]:
         """All elements as numbers."""
         elements: list[Any] = self.view.tolist()
@@ -80,19 +68,15 @@ class Vector:
         return made
 
 
-class Record:
-    """A read-only result with named parts, such as lib.energy()."""
-
-    __slots__ = ("parts",)
-
-    def __init__(self, **parts: "Value") -> None:
-        self.parts = parts
+class Record(dict[str, float]):
+    """A result with named parts, such as lib.energy(), which programs only read."""
 
 
 Object = (list, Vector, Record)
 """The types of values that are equal only to themselves."""
 
 Value = float | bool | str | None | Undefined | list[Any] | Vector | Record
+Sequence = TypeVar("Sequence", bound=str | list[Any])
 
 
 def items_of(array: Value) -> list[Any]:
@@ -101,38 +85,34 @@ def items_of(array: Value) -> list[Any]:
 
 
 def element(view: "memoryview[Any]", number: float) -> float | int:
-    """A number as a typed array of this type stores it (integers wrap). Source: ECMA-262, ToInt32 and kin."""
+    """A number as a typed array of this type stores it."""
     if view.format in ("d", "f"):
         return number
-    if not math.isfinite(number):
-        return 0
-    bits = 8 * view.itemsize
-    whole = math.trunc(number) % (1 << bits)
-    if view.format == "?":
-        return bool(whole)
-    return whole - (1 << bits) if view.format in ("b", "h", "i", "l", "q") and whole >= 1 << (bits - 1) else whole
+    whole = wrapped(number, 8 * view.itemsize, view.format in ("b", "h", "i", "l", "q"))
+    return bool(whole) if view.format == "?" else whole
+
+
+def wrapped(number: float, bits: int, signed: bool) -> int:
+    """The integer of so many bits that a number becomes; integers wrap. Source: ECMA-262, ToInt32 and kin."""
+    whole = math.trunc(number) % (1 << bits) if math.isfinite(number) else 0
+    return whole - (1 << bits) if signed and whole >> (bits - 1) else whole
 
 
 def type_name(value: Value) -> str:
     """The result of `typeof`."""
-    if isinstance(value, bool):
-        return "boolean"
-    if isinstance(value, float):
-        return "number"
-    if isinstance(value, str):
-        return "string"
-    return "undefined" if value is UNDEFINED else "object"
+    return {bool: "boolean", float: "number", str: "string", Undefined: "undefined"}.get(type(value), "object")
+
+
+def is_nan(value: Value) -> bool:
+    """Whether a value is the number NaN."""
+    return isinstance(value, float) and math.isnan(value)
 
 
 def to_boolean(value: Value) -> bool:
     """Truthiness: 0, NaN, '', null and undefined are false; arrays are true even when empty."""
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, float):
-        return value != 0 and not math.isnan(value)
-    if isinstance(value, str):
-        return value != ""
-    return value is not None and value is not UNDEFINED
+    if isinstance(value, Object):
+        return True
+    return bool(value) and not is_nan(value) and value is not UNDEFINED
 
 
 WHITESPACE = "\t\n\v\f\r \u00a0\u1680\u2028\u2029\u202f\u205f\u3000\ufeff" + "".join(map(chr, range(0x2000, 0x200B)))
@@ -147,21 +127,18 @@ def text_to_number(text: str) -> float:
         return 0.0
     if DECIMAL.fullmatch(text):
         return float(text.replace("Infinity", "inf"))
-    if RADIX.fullmatch(text):
-        return float(int(text, 0))
-    return math.nan
+    try:
+        return float(int(text, 0)) if RADIX.fullmatch(text) else math.nan
+    except OverflowError:
+        return math.inf
 
 
 def to_number(value: Value) -> float:
     """`Number(value)`."""
-    if isinstance(value, bool):
-        return 1.0 if value else 0.0
     if isinstance(value, float):
         return value
-    if isinstance(value, str):
-        return text_to_number(value)
-    if value is None:
-        return 0.0
+    if isinstance(value, bool) or value is None:
+        return float(value or 0)
     return math.nan if value is UNDEFINED else text_to_number(to_string(value))
 
 
@@ -199,18 +176,12 @@ def weight(value: Value) -> int:
     return len(value) // 16 if isinstance(value, str | list | Vector) else 0
 
 
-def bounded(text: str) -> str:
-    """The text, unless it has grown past STRING_MAX."""
-    if len(text) > STRING_MAX:
-        raise Trouble(f"a text grew past {STRING_MAX} characters")
-    return text
-
-
-def bounded_list(items: list[Value]) -> list[Value]:
-    """The array, unless it has grown past ARRAY_MAX."""
-    if len(items) > ARRAY_MAX:
-        raise Trouble(f"an array grew past {ARRAY_MAX} elements")
-    return items
+def bounded(sequence: Sequence) -> Sequence:
+    """The text or array, unless it has grown past LENGTH_MAX."""
+    if len(sequence) > LENGTH_MAX:
+        what, parts = ("a text", "characters") if isinstance(sequence, str) else ("an array", "elements")
+        raise Trouble(f"{what} grew past {LENGTH_MAX} {parts}")
+    return sequence
 
 
 def to_primitive(value: Value) -> Value:
@@ -220,11 +191,7 @@ def to_primitive(value: Value) -> Value:
 
 def to_int32(value: Value) -> int:
     """The signed 32-bit integer that bitwise operators work on."""
-    number = to_number(value)
-    if not math.isfinite(number):
-        return 0
-    whole = math.trunc(number) & 0xFFFFFFFF
-    return whole - 0x100000000 if whole >= 0x80000000 else whole
+    return wrapped(to_number(value), 32, signed=True)
 
 
 def to_index(value: Value, fallback: int = 0) -> int:
@@ -232,9 +199,7 @@ def to_index(value: Value, fallback: int = 0) -> int:
     if value is UNDEFINED:
         return fallback
     number = to_number(value)
-    if math.isnan(number):
-        return 0
-    return int(max(-1e18, min(1e18, number)))
+    return 0 if math.isnan(number) else int(max(-1e18, min(1e18, number)))
 
 
 def in_units(text: str) -> str:
@@ -264,22 +229,116 @@ def read_index(value: Value, index: Value) -> Value:
     if value is None or value is UNDEFINED:
         raise Trouble(f"{to_string(value)} has no elements")
     position = _position(index)
-    if position is None or not isinstance(value, str | list | Vector):
+    if position is None or not isinstance(value, str | list | Vector) or not 0 <= position < len(value):
         return UNDEFINED
-    if isinstance(value, Vector):
-        return value.read(position)
-    return value[position] if 0 <= position < len(value) else UNDEFINED
+    return float(value.view[position]) if isinstance(value, Vector) else value[position]
 
 
 def write_index(value: Value, index: Value, new: Value) -> Value:
-    """`value[index] = new`: past the end is an error, for arrays too."""
-    position = _position(index) if isinstance(value, list | Vector) else None
-    if isinstance(value, Vector):
-        value.write(-1 if position is None else position, new)
-    elif not isinstance(value, list):
+    """`value[index] = new`, as the array's type stores it; out of range is an error, where a browser ignores it."""
+    if not isinstance(value, list | Vector):
         raise Trouble(f"elements of {to_string(value)[:40]} cannot be assigned")
-    elif position is None or not 0 <= position < len(value):
-        raise Trouble(f"index {to_string(index)} is outside the array, which has {len(value)} elements")
+    position, name = _position(index), value.name if isinstance(value, Vector) else ""
+    if isinstance(value, Vector) and not value.writable:
+        raise Trouble(f"{name or 'this array'} cannot be changed")
+    if position is None or not 0 <= position < len(value):
+        raise Trouble(f"index {to_string(index)} is outside {name or 'the array'}, which has {len(value)} elements")
+    if isinstance(value, Vector):
+        value.view[position] = element(value.view, to_number(new))
     else:
         value[position] = new
     return new
+
+
+def add(left: Value, right: Value) -> Value:
+    """`left + right`: text joins, everything else adds."""
+    left, right = to_primitive(left), to_primitive(right)
+    if isinstance(left, str) or isinstance(right, str):
+        return bounded(to_string(left) + to_string(right))
+    return to_number(left) + to_number(right)
+
+
+def divide(a: float, b: float) -> float:
+    """`a / b`; division by zero gives an infinity or NaN."""
+    if b:
+        return a / b
+    if a == 0 or math.isnan(a):
+        return math.nan
+    return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def remainder(a: float, b: float) -> float:
+    """`a % b`: the sign is the dividend's."""
+    return math.nan if b == 0 or math.isinf(a) else math.fmod(a, b)
+
+
+def power(base: float, exponent: float) -> float:
+    """`base ** exponent`; (+-1) ** Infinity is NaN, unlike in C. Source: ECMA-262, Number::exponentiate."""
+    if math.isnan(exponent) or (abs(base) == 1 and math.isinf(exponent)):
+        return math.nan
+    odd = math.isfinite(exponent) and math.fmod(exponent, 2) in (1.0, -1.0)
+    sign = -1.0 if odd and math.copysign(1.0, base) < 0 else 1.0
+    if base == 0 and exponent < 0:
+        return sign * math.inf
+    try:
+        return math.pow(base, exponent)
+    except OverflowError:
+        return sign * math.inf
+    except ValueError:
+        return math.nan
+
+
+def strictly_equal(left: Value, right: Value) -> bool:
+    """`left === right`."""
+    if isinstance(left, Object) or isinstance(right, Object):
+        return left is right
+    return type(left) is type(right) and left == right
+
+
+def loosely_equal(left: Value, right: Value) -> bool:
+    """`left == right`."""
+    if left is None or left is UNDEFINED:
+        return right is None or right is UNDEFINED
+    if right is None or right is UNDEFINED:
+        return False
+    both_objects = isinstance(left, Object) and isinstance(right, Object)
+    if both_objects or type(left) is type(right):
+        return strictly_equal(left, right)
+    left, right = to_primitive(left), to_primitive(right)
+    return left == right if type(left) is type(right) else to_number(left) == to_number(right)
+
+
+def ordered(compare: Callable[[Any, Any], bool]) -> Callable[[Value, Value], bool]:
+    """A comparison such as `left < right`: two texts by code unit, everything else as numbers; false with NaN."""
+
+    def compared(left: Value, right: Value) -> bool:
+        left, right = to_primitive(left), to_primitive(right)
+        if isinstance(left, str) and isinstance(right, str):
+            return compare(left, right)
+        return compare(to_number(left), to_number(right))
+
+    return compared
+
+
+BINARY: dict[str, Callable[[Any, Any], Value]] = {
+    "+": add,
+    "/": divide,
+    "%": remainder,
+    "**": power,
+    "==": loosely_equal,
+    "!=": lambda a, b: not loosely_equal(a, b),
+    "===": strictly_equal,
+    "!==": lambda a, b: not strictly_equal(a, b),
+    "<": ordered(operator.lt),
+    "<=": ordered(operator.le),
+    ">": ordered(operator.gt),
+    ">=": ordered(operator.ge),
+    "&": lambda a, b: float(to_int32(a) & to_int32(b)),
+    "|": lambda a, b: float(to_int32(a) | to_int32(b)),
+    "^": lambda a, b: float(to_int32(a) ^ to_int32(b)),
+    "<<": lambda a, b: float(to_int32(float(to_int32(a) << (to_int32(b) & 31)))),
+    ">>": lambda a, b: float(to_int32(a) >> (to_int32(b) & 31)),
+    ">>>": lambda a, b: float((to_int32(a) & 0xFFFFFFFF) >> (to_int32(b) & 31)),
+}
+"""`-` and `*` are not here: compiled code converts both sides and uses Python's own. It converts both sides of every
+other operator of numbers, too."""

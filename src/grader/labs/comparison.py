@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.domain.lab import IntegratorsLab
-from grader.errors import Fault, LabRefused
+from grader.errors import LabRefused
 from grader.labs.record import Warned, noted, number_or_none
 from grader.numerics.integrators import INTEGRATORS, Integrator
 from grader.numerics.scene import Scene
@@ -36,6 +36,19 @@ class IntegratorRun:
     steps: int
     cost_us: float
 
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON; an error that is not finite is null."""
+        errors = [number_or_none(error) for error in self.energy_error]
+        return {
+            "name": self.integrator,
+            "times": self.time_s.round(6).tolist(),
+            "energy_error_percent": errors,
+            "final_error_percent": errors[-1],
+            "cost_us_per_step": round(self.cost_us, 3),
+            "steps": self.steps,
+            "warnings": [warning.to_json() for warning in self.warnings],
+        }
+
 
 @dataclass(frozen=True)
 class IntegratorsRun:
@@ -50,7 +63,7 @@ class IntegratorsRun:
     runs: tuple[IntegratorRun, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain JSON; an error that is not finite is null."""
+        """Plain JSON."""
         return {
             "model": self.model,
             "key": self.key,
@@ -58,18 +71,7 @@ class IntegratorsRun:
             "timestep": self.timestep_s,
             "seconds": self.seconds,
             "energy": self.energy_j,
-            "integrators": [
-                {
-                    "name": run.integrator,
-                    "times": [round(float(t), 6) for t in run.time_s],
-                    "energy_error_percent": [number_or_none(e) for e in run.energy_error],
-                    "final_error_percent": number_or_none(run.energy_error[-1]),
-                    "cost_us_per_step": round(run.cost_us, 3),
-                    "steps": run.steps,
-                    "warnings": [warning.to_json() for warning in run.warnings],
-                }
-                for run in self.runs
-            ],
+            "integrators": [run.to_json() for run in self.runs],
         }
 
 
@@ -89,15 +91,13 @@ def run_integrators(
     an unknown keyframe, ValueError where the model does not compile.
     """
     timestep = lab.timestep if timestep is None else timestep
-    model, timestep, seconds = _checked(lab, model or lab.model, timestep, lab.seconds if seconds is None else seconds)
+    model, seconds = model or lab.model, lab.seconds if seconds is None else seconds
+    check_setting(lab, model, timestep, seconds)
     scene = Scene.from_xml(xml)
     keys = scene.names_of(mujoco.mjtObj.mjOBJ_KEY)
     key = lab.key if key is None and model == lab.model else key
-    if key is None or key == "":
-        index = None
-    else:
-        index = scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
-        scene = scene.at(key=index)
+    index = None if key is None or key == "" else scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
+    scene = scene if index is None else scene.at(key=index)
     steps = round(seconds / timestep)
     with scene.borrow(keep=False) as workspace:
         energy = _energy_at_start(workspace)
@@ -105,21 +105,8 @@ def run_integrators(
     return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, energy, runs)
 
 
-def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
-    """Everything that is wrong with the lab, with keys that begin with `where`."""
-    try:
-        run_integrators(lab, xml, seconds=min(lab.seconds, 10 * lab.timestep))
-        _checked(lab, lab.model, lab.timestep, lab.seconds)
-    except LabRefused as error:
-        return [Fault("", f"{where}.timestep", str(error))]
-    except KeyError as error:
-        return [Fault("", f"{where}.key", str(error.args[0]))]
-    except ValueError as error:
-        return [Fault("", f"{where}.model", "does not compile: " + " ".join(str(error).split()))]
-    return []
-
-
-def _checked(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -> tuple[str, float, float]:
+def check_setting(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -> None:
+    """Raises LabRefused for a model, timestep [s] or length [s] that the lab does not offer."""
     if model != lab.model and model not in lab.models:
         raise LabRefused(f"model must be one of: {', '.join(dict.fromkeys((lab.model, *lab.models)))}.")
     if not (isfinite(timestep) and TIMESTEP_MIN_S <= timestep <= TIMESTEP_MAX_S):
@@ -128,7 +115,6 @@ def _checked(lab: IntegratorsLab, model: str, timestep: float, seconds: float) -
         raise LabRefused(f"The run must last at most {SECONDS_MAX:g} s and {STEPS_MAX} steps.")
     if round(seconds / timestep) < 1:
         raise LabRefused("The run must last one timestep or longer.")
-    return model, timestep, seconds
 
 
 def _energy_at_start(workspace: Workspace) -> float:

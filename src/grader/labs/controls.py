@@ -5,7 +5,7 @@ from math import isfinite
 
 from grader.domain.lab import Button, LabConfig, OptionValue, Select, Slider
 from grader.errors import Fault, LabRefused
-from grader.expressions import Value, in_units, number_to_string
+from grader.expressions import Value, texts, values
 
 Given = float | str | bool
 STEP_TOLERANCE = 1e-6
@@ -28,19 +28,19 @@ def chosen_values(config: LabConfig, given: Mapping[str, Given]) -> dict[str, Op
             known = ", ".join(controls) or "none"
             raise LabRefused(f"There is no control {label[:80]!r} here; the controls are: {known}.")
     return {
-        label: (_slider(control, given[label]) if isinstance(control, Slider) else _select(control, given[label]))
-        if label in given
-        else default_value(control)
+        label: _checked(control, given[label]) if label in given else _default(control)
         for label, control in controls.items()
     }
 
 
-def default_value(control: Slider | Select) -> OptionValue:
-    """Where the author put the control."""
-    if isinstance(control, Select) and control.value is None:
-        return control.options[0][1]
-    assert control.value is not None
-    return control.value
+def _checked(control: Slider | Select, given: Given) -> OptionValue:
+    return _slider(control, given) if isinstance(control, Slider) else _select(control, given)
+
+
+def _default(control: Slider | Select) -> OptionValue:
+    """Where the author put the control; the first option where that is not said."""
+    default = control.options[0][1] if isinstance(control, Select) else control.value
+    return default if control.value is None else control.value
 
 
 def extreme_values(control: Slider | Select) -> list[Given]:
@@ -69,7 +69,7 @@ def _select(control: Select, given: Given) -> OptionValue:
 
 
 def _text(number: float) -> str:
-    return number_to_string(float(number))
+    return texts.number_to_string(float(number))
 
 
 def as_value(option: OptionValue) -> Value:
@@ -78,7 +78,7 @@ def as_value(option: OptionValue) -> Value:
         return [float(x) for x in option]
     if isinstance(option, bool):
         return option
-    return in_units(option) if isinstance(option, str) else float(option)
+    return values.in_units(option) if isinstance(option, str) else float(option)
 
 
 def control_faults(config: LabConfig, where: str) -> Iterator[Fault]:

@@ -1,10 +1,9 @@
 """The programs of a lab, compiled once per config, with every fault of every one of them."""
 
+import functools
+import json
 import re
-from collections import OrderedDict
-from collections.abc import Iterator
-from dataclasses import dataclass
-from threading import Lock
+from dataclasses import dataclass, field
 from typing import Any
 
 from grader.domain.lab import Button, LabConfig, Select, Slider
@@ -38,39 +37,72 @@ class LabPrograms:
 
 
 class _Compiler:
-    """Compiles one text after another and keeps the faults."""
+    """Compiles one text after another and keeps the faults, whose keys begin with `where`."""
 
-    def __init__(self) -> None:
+    def __init__(self, where: str) -> None:
+        self.where = where
         self.faults: list[Fault] = []
 
-    def program(self, text: str | None, kind: ProgramKind, *place: str | int) -> Program | None:
+    def demand(self, held: object, place: str, why: str) -> None:
+        if not held:
+            self.faults.append(Fault("", f"{self.where}.{place}", why))
+
+    def program(self, text: str | None, kind: ProgramKind, place: str) -> Program | None:
         if text is None:
             return None
         try:
-            return compile_program(text, kind, ".".join(map(str, place)))
+            return compile_program(text, kind, f"{self.where}.{place}")
         except ContentError as error:
             self.faults.extend(error.faults)
             return None
 
-    def setter(self, control: Slider | Select, *place: str | int) -> Setter:
-        texts = [("apply", control.apply)]
+    def setter(self, control: Slider | Select, place: str) -> Setter:
+        texts = {"apply": control.apply}
         if control.set is not None:
-            self._demand(PATH.fullmatch(control.set), "is not a path such as model.opt.timestep", *place, "set")
-            texts.append(("set", f"{control.set} = value"))
+            self.demand(PATH.fullmatch(control.set), f"{place}.set", "is not a path such as model.opt.timestep")
+            texts["set"] = f"{control.set} = value"
         if control.param is not None:
-            self._demand(PARAMETER.fullmatch(control.param), "is not a name such as kp", *place, "param")
-            texts.append(("param", f"ctx.{control.param} = value"))
-        found = [self.program(text, "statement", *place, key) for key, text in texts if text is not None]
-        self._demand(found, "changes nothing: give it set, apply or param", *place)
-        return Setter(control, tuple(program for program in found if program is not None))
+            self.demand(PARAMETER.fullmatch(control.param), f"{place}.param", "is not a name such as kp")
+            texts["param"] = f"ctx.{control.param} = value"
+        self.demand(
+            any(text is not None for text in texts.values()), place, "changes nothing: give it set, apply or param"
+        )
+        found = [self.program(text, "statement", f"{place}.{key}") for key, text in texts.items()]
+        return Setter(control, tuple(filter(None, found)))
 
-    def _demand(self, held: object, why: str, *place: str | int) -> None:
-        if not held:
-            self.faults.append(Fault("", ".".join(map(str, place)), why))
+    def shown(self, config: LabConfig) -> tuple[Program, ...]:
+        texts = {f"readouts.{i}.expr": readout.expr for i, readout in enumerate(config.readouts)}
+        for i, plot in enumerate(config.plots):
+            texts |= {f"plots.{i}.traces.{j}.expr": trace.expr for j, trace in enumerate(plot.traces)}
+        programs = [self.program(text, "expression", place) for place, text in texts.items()]
+        return tuple(filter(None, [*programs, self.trail(config.trail)]))
+
+    def trail(self, trail: Any) -> Program | None:
+        """The point that leaves a trail: `{"site" | "body" | "geom": name}`, `{"expr"}`, or the name of a site."""
+        named = {"site": trail} if isinstance(trail, str) else trail
+        if not isinstance(named, dict):
+            self.demand(trail in (None, True, False), "trail", 'is not a trail such as {"site": "tip"}')
+            return None
+        for kind in ("site", "body", "geom"):
+            if isinstance(named.get(kind), str):
+                return self.program(f"lib.{kind}Pos({json.dumps(named[kind])})", "expression", "trail")
+        text = named.get("expr")
+        self.demand(isinstance(text, str), "trail", "names no point: give site, body, geom or expr")
+        return self.program(text, "expression", "trail.expr") if isinstance(text, str) else None
+
+    def reference_line(self, line: Any, place: str) -> Program | None:
+        """A line at a height that an expression gives: a text, or an object with `expr`."""
+        if isinstance(line, dict):
+            line, place = line.get("expr"), f"{place}.expr"
+        return self.program(line, "expression", place) if isinstance(line, str) else None
 
 
-_compiled: OrderedDict[str, LabPrograms] = OrderedDict()
-_lock = Lock()
+@dataclass(frozen=True)
+class _Lab:
+    """A lab as the cache compares it: by its text, since a config holds what has no hash."""
+
+    text: str
+    config: LabConfig = field(compare=False)
 
 
 def lab_programs(config: LabConfig, where: str = "lab") -> LabPrograms:
@@ -78,74 +110,32 @@ def lab_programs(config: LabConfig, where: str = "lab") -> LabPrograms:
 
     Raises ContentError with the faults of all of them; keys begin with `where`, reasons with line and column.
     """
-    key = f"{where}\n{config!r}"
-    with _lock:
-        if key in _compiled:
-            _compiled.move_to_end(key)
-            return _compiled[key]
-    made = _compile(config, where)
-    with _lock:
-        _compiled[key] = made
-        while len(_compiled) > COMPILED_MAX:
-            _compiled.popitem(last=False)
-    return made
+    return _compiled(_Lab(repr(config), config), where)
 
 
-def _compile(config: LabConfig, where: str) -> LabPrograms:
-    c = _Compiler()
-    numbered = list(enumerate(config.controls))
+@functools.lru_cache(maxsize=COMPILED_MAX)
+def _compiled(lab: _Lab, where: str) -> LabPrograms:
+    config, c = lab.config, _Compiler(where)
+    controls = [(f"controls.{i}", control) for i, control in enumerate(config.controls)]
+    setup = c.program(config.setup, "statement", "setup")
+    setters = tuple(c.setter(control, place) for place, control in controls if not isinstance(control, Button))
+    pressed = {
+        control.label: c.program(control.run, "statement", f"{place}.run")
+        for place, control in controls
+        if isinstance(control, Button)
+    }
     made = LabPrograms(
-        setup=c.program(config.setup, "statement", where, "setup"),
-        setters=tuple(
-            c.setter(control, where, "controls", i) for i, control in numbered if not isinstance(control, Button)
-        ),
-        buttons={
-            control.label: program
-            for i, control in numbered
-            if isinstance(control, Button)
-            and (program := c.program(control.run, "statement", where, "controls", i, "run"))
-        },
-        controller=c.program(config.controller, "statement", where, "controller"),
-        stop=c.program(config.stopAt, "expression", where, "stopAt") if isinstance(config.stopAt, str) else None,
-        shown=tuple(program for program in _shown(c, config, where) if program is not None),
+        setup=setup,
+        setters=setters,
+        buttons={label: program for label, program in pressed.items() if program is not None},
+        controller=c.program(config.controller, "statement", "controller"),
+        stop=c.program(config.stopAt, "expression", "stopAt") if isinstance(config.stopAt, str) else None,
+        shown=c.shown(config),
         reference_lines=tuple(
-            tuple(_reference_line(c, line, where, "plots", i, "refLines", j) for j, line in enumerate(plot.refLines))
+            tuple(c.reference_line(line, f"plots.{i}.refLines.{j}") for j, line in enumerate(plot.refLines))
             for i, plot in enumerate(config.plots)
         ),
     )
     if c.faults:
         raise ContentError(c.faults)
     return made
-
-
-def _shown(c: _Compiler, config: LabConfig, where: str) -> Iterator[Program | None]:
-    for i, readout in enumerate(config.readouts):
-        yield c.program(readout.expr, "expression", where, "readouts", i, "expr")
-    for i, plot in enumerate(config.plots):
-        for j, trace in enumerate(plot.traces):
-            yield c.program(trace.expr, "expression", where, "plots", i, "traces", j, "expr")
-    yield _trail(c, config.trail, where, "trail")
-
-
-def _reference_line(c: _Compiler, line: Any, *place: str | int) -> Program | None:
-    """A line at a height that an expression gives: a text, or an object with `expr`."""
-    if isinstance(line, dict):
-        return c.program(line["expr"], "expression", *place, "expr") if isinstance(line.get("expr"), str) else None
-    return c.program(line, "expression", *place) if isinstance(line, str) else None
-
-
-def _trail(c: _Compiler, trail: Any, *place: str | int) -> Program | None:
-    """The point that leaves a trail: `{"site" | "body" | "geom": name}`, `{"expr"}`, or the name of a site."""
-    named = {"site": trail} if isinstance(trail, str) else trail
-    if not isinstance(named, dict):
-        if trail not in (None, True, False):
-            c.faults.append(Fault("", ".".join(map(str, place)), 'is not a trail such as {"site": "tip"}'))
-        return None
-    for kind in ("site", "body", "geom"):
-        if isinstance(named.get(kind), str):
-            name = named[kind].replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n")
-            return c.program(f"lib.{kind}Pos('{name}')", "expression", *place)
-    if isinstance(named.get("expr"), str):
-        return c.program(named["expr"], "expression", *place, "expr")
-    c.faults.append(Fault("", ".".join(map(str, place)), "names no point: give site, body, geom or expr"))
-    return None

@@ -1,6 +1,6 @@
 """LabRun: the recorded frames of a run, with the geoms that a viewer draws, as the page plays them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.domain.lab import LabConfig, Plot, Readout
-from grader.expressions import Trouble, Value, from_units, to_fixed, to_string
+from grader.expressions import Trouble, Value, texts, values
 
 Floats = NDArray[np.float64]
 DIGITS_DEFAULT = 3
@@ -38,74 +38,85 @@ def noted(counts: NDArray[np.int32], time_s: float) -> list[Warned]:
     return [Warned(kind.name.removeprefix("mjWARN_"), time_s) for kind in kinds]
 
 
-@dataclass(frozen=True)
-class LabRun:
-    """A run of a lab. `time_s` (frames,) is the lab's own time, which goes on when MuJoCo resets the state.
+Column = tuple[Value, ...]
+"""What one expression gave, a value a frame."""
 
-    `positions` (frames, geoms, 3) [m] and `orientations` (frames, geoms, 4) of the drawn geoms; `readouts`, `traces`
-    and `trail` hold one value a frame. `controls` are the values that were used.
+
+@dataclass
+class LabRun:
+    """A run of a lab, frame by frame; `controls` are the values that were used.
+
+    `times` [s] are the lab's own, which go on when MuJoCo resets the state. `poses` are positions (geoms, 3) [m] and
+    rotation matrices (geoms, 9) of the drawn `geoms`; a row holds the readouts, the traces of the plots and the trail.
     """
 
     config: LabConfig
     controls: dict[str, Any]
-    geoms: tuple[dict[str, Any], ...]
-    time_s: Floats
-    positions: Floats
-    orientations: Floats
-    readouts: tuple[tuple[Value, ...], ...]
-    traces: tuple[tuple[tuple[Value, ...], ...], ...]
-    reference_lines: tuple[tuple[Any, ...], ...]
-    trail: tuple[Value, ...] | None
-    warnings: tuple[Warned, ...]
-    duration_s: float
-    steps: int
-    timing_ms: dict[str, float]
+    geoms: list[dict[str, Any]] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    poses: list[tuple[Floats, Floats]] = field(default_factory=list)
+    rows: list[list[Value]] = field(default_factory=list)
+    reference_lines: list[list[Any]] = field(default_factory=list)
+    warnings: list[Warned] = field(default_factory=list)
+    duration_s: float = 0.0
+    steps: int = 0
+    timing_ms: dict[str, float] = field(default_factory=dict)
 
     @property
     def stable(self) -> bool:
         """Whether MuJoCo never warned."""
         return not self.warnings
 
+    @property
+    def readouts(self) -> list[Column]:
+        """The values of the readouts."""
+        return list(zip(*self.rows, strict=True))[: len(self.config.readouts)]
+
     def to_json(self) -> dict[str, Any]:
         """Plain JSON: numbers that JSON does not have are null."""
+        columns = zip(*self.rows, strict=True)
+        positions, matrices = (np.array(each) for each in zip(*self.poses, strict=True))
         return {
             "duration": number_or_none(self.duration_s),
             "steps": self.steps,
             "controls": self.controls,
-            "times": _rounded(self.time_s, NUMBER_DIGITS),
-            "geoms": list(self.geoms),
-            "frames": _rounded(np.concatenate([self.positions, self.orientations], axis=2), POSITION_DIGITS),
-            "readouts": list(map(_readout, self.config.readouts, self.readouts)),
-            "plots": list(map(_plot, self.config.plots, self.traces, self.reference_lines)),
-            "trail": None if self.trail is None else [_point(value) for value in self.trail],
+            "times": _rounded(np.array(self.times), NUMBER_DIGITS),
+            "geoms": self.geoms,
+            "frames": _rounded(np.dstack([positions, _quaternions(matrices)]), POSITION_DIGITS),
+            "readouts": [_readout(readout, next(columns)) for readout in self.config.readouts],
+            "plots": [
+                _plot(plot, [next(columns) for _ in plot.traces], lines)
+                for plot, lines in zip(self.config.plots, self.reference_lines, strict=True)
+            ],
+            "trail": next(([_point(value) for value in column] for column in columns), None),
             "warnings": [warning.to_json() for warning in self.warnings],
             "stable": self.stable,
             "timing_ms": {name: round(ms, 3) for name, ms in self.timing_ms.items()},
         }
 
 
-def _readout(readout: Readout, values: tuple[Value, ...]) -> dict[str, Any]:
-    texts = [readout_text(value, readout.digits) for value in values]
-    numbers = [number_or_none(value) for value in values]
-    final = {"text": texts[-1], "value": numbers[-1]}
-    return {"label": readout.label, "unit": readout.unit, "texts": texts, "values": numbers, "final": final}
+def _readout(readout: Readout, column: Column) -> dict[str, Any]:
+    shown = [readout_text(value, readout.digits) for value in column]
+    numbers = [number_or_none(value) for value in column]
+    final = {"text": shown[-1], "value": numbers[-1]}
+    return {"label": readout.label, "unit": readout.unit, "texts": shown, "values": numbers, "final": final}
 
 
-def _plot(plot: Plot, traces: tuple[tuple[Value, ...], ...], lines: tuple[Any, ...]) -> dict[str, Any]:
+def _plot(plot: Plot, traces: list[Column], lines: list[Any]) -> dict[str, Any]:
     shown = plot.model_dump(mode="json", include={"ylabel", "window", "ymin", "ymax"})
     drawn = [
-        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, values))}
-        for trace, values in zip(plot.traces, traces, strict=True)
+        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, column))}
+        for trace, column in zip(plot.traces, traces, strict=True)
     ]
-    return {**shown, "refLines": list(lines), "traces": drawn}
+    return {**shown, "refLines": lines, "traces": drawn}
 
 
 def readout_text(value: Value, digits: int | None) -> str:
     """As the page shows it: a number with its digits, anything else as JavaScript would write it."""
     if type(value) is float:
-        return to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
+        return texts.to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
     try:
-        return from_units(to_string(value))
+        return values.from_units(values.to_string(value))
     except Trouble:
         return "?"
 
@@ -165,24 +176,10 @@ def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
     return own
 
 
-def quaternions(matrices: Floats) -> Floats:
-    """Unit quaternions (n, 4), w first and not negative, of rotation matrices (n, 9).
-
-    Source: the quaternion's outer product with itself is linear in the matrix; its largest row is best conditioned.
-    """
-    a, b, c, d, e, f, g, h, i = matrices.T
-    outer = np.array(
-        [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
-        ]
-    )
-    squares = outer[range(4), range(4)]
-    best = np.argmax(np.nan_to_num(squares), axis=0)
-    rows = outer[best, :, np.arange(len(matrices))]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    result: Floats = np.where(rows[:, :1] < 0, -rows, rows)
+def _quaternions(matrices: Floats) -> Floats:
+    """Unit quaternions (frames, geoms, 4), w first and not negative, of rotation matrices (frames, geoms, 9)."""
+    found = np.empty((*matrices.shape[:2], 4))
+    for quaternion, matrix in zip(found.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, matrix)
+    result: Floats = np.where(found[..., :1] < 0, -found, found)
     return result

@@ -2,8 +2,8 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from math import ceil, isfinite
 from typing import Any
 
@@ -15,7 +15,7 @@ from grader.errors import LabError, LabRefused
 from grader.expressions import Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Given, as_value, chosen_values
 from grader.labs.programs import LabPrograms, Setter, lab_programs
-from grader.labs.record import Floats, LabRun, Warned, describe_geom, drawn_geoms, noted, quaternions
+from grader.labs.record import LabRun, describe_geom, drawn_geoms, noted
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.workspace import Workspace
 
@@ -54,13 +54,9 @@ class Running:
     workspace: Workspace
     programs: LabPrograms
     presses: deque[tuple[float, Program]]
+    record: LabRun
     every_step: bool = False
     elapsed: float = 0.0
-    steps: int = 0
-    warnings: list[Warned] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    poses: list[tuple[Floats, Floats]] = field(default_factory=list)
-    rows: list[list[Value]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.model, self.data = self.workspace.model, self.workspace.data
@@ -76,7 +72,7 @@ class Running:
         self._set(values, [setter for setter in self.programs.setters if setter.control.init])
         self._forward()
         self.geoms = drawn_geoms(self.model)
-        self.described = tuple(describe_geom(self.model, geom) for geom in self.geoms)
+        self.record.geoms = [describe_geom(self.model, geom) for geom in self.geoms]
 
     def _set(self, values: Mapping[str, OptionValue], setters: Sequence[Setter]) -> None:
         for setter in setters:
@@ -95,11 +91,15 @@ class Running:
             self._forward()
 
     def _forward(self) -> None:
+        self._call(mujoco.mj_forward)
+        self._note_warnings()
+
+    def _call(self, function: Callable[..., None], **options: int) -> None:
+        """Call a function of MuJoCo on the model and the data."""
         try:
-            mujoco.mj_forward(self.model, self.data)
+            function(self.model, self.data, **options)
         except mujoco.FatalError as error:
             raise LabError("lab", f"MuJoCo: {error}") from error
-        self._note_warnings()
 
     def go(self, duration: float) -> None:
         """Step to the end, keeping about 60 frames a second."""
@@ -110,7 +110,7 @@ class Running:
             h = float(self.model.opt.timestep)
             frame = 1 if self.every_step else max(1, round(1 / (FRAMES_PER_SECOND * h)))
             count = min(frame, _steps_until(duration, self.elapsed, h), self._steps_to_press(h))
-            if self.steps + count > STEPS_MAX:
+            if self.record.steps + count > STEPS_MAX:
                 raise LabRefused(f"{duration:g} s at this timestep take more than {STEPS_MAX} steps.")
             stopped = self._step_singly(count) if each_step else self._step_chunk(count, h)
             self._press()
@@ -129,13 +129,13 @@ class Running:
     def _step_chunk(self, count: int, h: float) -> bool:
         """Steps in C; where one warned, the chunk is done again step by step to learn which."""
         mujoco.mj_getState(self.model, self.data, self.saved, FULL_STATE)
-        self._step(count)
+        self._call(mujoco.mj_step, nstep=count)
         if self.workspace.counts.any():
             mujoco.mj_resetData(self.model, self.data)
             mujoco.mj_setState(self.model, self.data, self.saved, FULL_STATE)
             return self._step_singly(count)
         self.elapsed += count * h
-        self.steps += count
+        self.record.steps += count
         return False
 
     def _step_singly(self, count: int) -> bool:
@@ -147,57 +147,33 @@ class Running:
             if controller is not None:
                 controller()
             h = float(self.model.opt.timestep)
-            self._step(1)
+            self._call(mujoco.mj_step, nstep=1)
             self._note_warnings()
             self.elapsed += h
-            self.steps += 1
+            self.record.steps += 1
             if stop is not None and to_boolean(stop()):
                 return True
         return False
 
-    def _step(self, count: int) -> None:
-        try:
-            mujoco.mj_step(self.model, self.data, nstep=count)
-        except mujoco.FatalError as error:
-            raise LabError("lab", f"MuJoCo: {error}") from error
-
     def _note_warnings(self) -> None:
         """Record what MuJoCo warned of."""
-        self.warnings += noted(self.workspace.counts, self.elapsed)
-        del self.warnings[WARNINGS_MAX:]
+        self.record.warnings += noted(self.workspace.counts, self.elapsed)
+        del self.record.warnings[WARNINGS_MAX:]
 
     def _keep_frame(self) -> None:
-        self.times.append(self.elapsed)
-        self.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
-        self.rows.append([_kept(run()) for run in self.shown])
+        self.record.duration_s = self.elapsed
+        self.record.times.append(self.elapsed)
+        self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
+        self.record.rows.append([_kept(run()) for run in self.shown])
 
-    def finish(self, config: LabConfig, values: Mapping[str, OptionValue], timing_ms: dict[str, float]) -> LabRun:
-        """The record of the run."""
-        columns = zip(*self.rows, strict=True)
-        matrices = np.array([xmat for _, xmat in self.poses]).reshape(-1, 9)
-        shape = (len(self.poses), len(self.geoms))
-        return LabRun(
-            config=config,
-            controls={label: list(v) if isinstance(v, tuple) else v for label, v in values.items()},
-            geoms=self.described,
-            time_s=np.array(self.times),
-            positions=np.array([xpos for xpos, _ in self.poses]).reshape(*shape, 3),
-            orientations=quaternions(matrices).reshape(*shape, 4),
-            readouts=tuple(next(columns) for _ in config.readouts),
-            traces=tuple(tuple(next(columns) for _ in plot.traces) for plot in config.plots),
-            reference_lines=tuple(
-                tuple(map(self._reference_line, plot.refLines, programs))
-                for plot, programs in zip(config.plots, self.programs.reference_lines, strict=True)
-            ),
-            trail=next(columns, None),
-            warnings=tuple(self.warnings),
-            duration_s=self.elapsed,
-            steps=self.steps,
-            timing_ms=timing_ms,
-        )
+    def finish(self) -> None:
+        """The lines whose height is an expression get it from the end of the run."""
+        self.record.reference_lines = [
+            list(map(self._reference_line, plot.refLines, programs))
+            for plot, programs in zip(self.record.config.plots, self.programs.reference_lines, strict=True)
+        ]
 
     def _reference_line(self, line: Any, program: Program | None) -> Any:
-        """A line whose height is an expression gets it from the end of the run."""
         if program is None:
             return line
         height = program.run(self.machine)
@@ -237,19 +213,21 @@ def run_lab(
     programs, values = lab_programs(config, where), chosen_values(config, controls or {})
     duration = _duration(config, seconds)
     presses = _presses(programs, events, duration)
-    running = Running(start_workspace(config, xml), programs, presses)
+    used = {label: list(value) if isinstance(value, tuple) else value for label, value in values.items()}
+    running = Running(start_workspace(config, xml), programs, presses, LabRun(config, used))
     running.start(values)
     running.vary(variant)
     prepared = time.perf_counter()
     running.go(duration)
     ran = time.perf_counter()
-    timing = {"prepare": 1000 * (prepared - began), "run": 1000 * (ran - prepared)}
-    return running.finish(config, values, timing)
+    running.finish()
+    running.record.timing_ms = {"prepare": 1000 * (prepared - began), "run": 1000 * (ran - prepared)}
+    return running.record
 
 
 def lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Given] | None = None) -> Scene:
     """The scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
-    running = Running(start_workspace(config, xml), lab_programs(config), deque())
+    running = Running(start_workspace(config, xml), lab_programs(config), deque(), LabRun(config, {}))
     running.start(chosen_values(config, controls or {}))
     data = running.data
     return Scene.of_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)

@@ -1,7 +1,11 @@
 """Checks a lab when content is loaded: its programs are compiled, and it is tried."""
 
-from grader.domain.lab import LabConfig
+from collections.abc import Callable
+from functools import partial
+
+from grader.domain.lab import IntegratorsLab, LabConfig
 from grader.errors import ContentError, Fault, LabError, LabRefused
+from grader.labs.comparison import check_setting, run_integrators
 from grader.labs.controls import Given, control_faults, extreme_values, settable
 from grader.labs.programs import lab_programs
 from grader.labs.runs import Event, run_lab
@@ -22,41 +26,45 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         return [*faults, *error.faults]
     if faults:
         return faults
-    whole = _trial(config, xml, where, controls={}, events=[], seconds=None)
-    if whole is not None:
-        return [whole]
+    whole = _tried(partial(run_lab, config, xml, where=where), where)
+    if whole:
+        return whole
     trials: list[tuple[dict[str, Given], list[Event]]] = [
         ({control.label: value}, []) for control in settable(config) for value in extreme_values(control)
     ]
     trials += [({}, [(0.0, label)]) for label in programs.buttons]
     for controls, events in trials:
-        fault = _trial(config, xml, where, controls=controls, events=events, seconds=SECONDS_AT_EXTREMES)
-        if fault is not None and fault not in faults:
-            faults.append(fault)
+        run = partial(run_lab, config, xml, controls, events, SECONDS_AT_EXTREMES, where=where)
+        found = _tried(run, where, setting=_with(controls, events))
+        faults += [fault for fault in found if fault not in faults]
     return faults
 
 
-def _trial(
-    config: LabConfig,
-    xml: str,
-    where: str,
-    *,
-    controls: dict[str, Given],
-    events: list[Event],
-    seconds: float | None,
-) -> Fault | None:
-    """The first thing that goes wrong in a run, if anything does."""
+def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
+    """Everything that is wrong with the lab, with keys that begin with `where`."""
+
+    def run() -> None:
+        run_integrators(lab, xml, seconds=min(lab.seconds, 10 * lab.timestep))
+        check_setting(lab, lab.model, lab.timestep, lab.seconds)
+
+    return _tried(run, where, refused=".timestep", model=".model")
+
+
+def _tried(
+    run: Callable[[], object], where: str, *, refused: str = "", model: str = ".xml", setting: str = ""
+) -> list[Fault]:
+    """The first thing that goes wrong in a run, if anything does; `refused` and `model` complete the key."""
     try:
-        run_lab(config, xml, controls, events, seconds, where=where)
+        run()
     except LabError as error:
-        return Fault("", error.key, f"{error.why}{_with(controls, events)}")
+        return [Fault("", error.key, f"{error.why}{setting}")]
     except LabRefused as error:
-        return Fault("", where, f"{error}{_with(controls, events)}")
+        return [Fault("", where + refused, f"{error}{setting}")]
     except KeyError as error:
-        return Fault("", f"{where}.key", str(error.args[0]))
+        return [Fault("", f"{where}.key", str(error.args[0]))]
     except ValueError as error:
-        return Fault("", f"{where}.xml", "does not compile: " + " ".join(str(error).split()))
-    return None
+        return [Fault("", where + model, "does not compile: " + " ".join(str(error).split()))]
+    return []
 
 
 def _with(controls: dict[str, Given], events: list[Event]) -> str:
