@@ -16,9 +16,10 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def default_content() -> Path:
-    """The checkout that the package is installed from, or else the current folder."""
-    checkout = Path(__file__).resolve().parents[2]
-    return checkout if (checkout / "quizzes").is_dir() else Path.cwd()
+    """The content that the wheel brought along (setup.py); in a checkout, the checkout's own."""
+    package = Path(__file__).resolve().parent
+    packaged = package / "material"
+    return packaged if packaged.is_dir() else package.parents[1]
 
 
 class Settings(BaseSettings):
