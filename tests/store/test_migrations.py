@@ -62,7 +62,8 @@ def fill(connection: Connection) -> list[Table]:
 
 def shape(connection: Connection) -> dict[str, Any]:
     """Columns, keys, indices and triggers of every table; the order of columns does not matter."""
-    seen, found = inspect(connection), {}
+    seen = inspect(connection)
+    found: dict[str, Any] = {}
     for table in seen.get_table_names():
         columns = {one["name"]: (str(one["type"]), one["nullable"]) for one in seen.get_columns(table)}
         keys = sorted(
@@ -86,7 +87,7 @@ def shape(connection: Connection) -> dict[str, Any]:
 
 
 def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:
-    shapes, lasting = {}, []
+    shapes: dict[str, Any] = {}
     for revision in schema.revisions():
         database.migrate(revision)
         with database.engine.connect() as connection:
@@ -94,7 +95,7 @@ def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Dat
     with database.write() as session:
         connection = session.connection()
         assert len(fill(connection)) == len(shapes[revision]) - 2  # the triggers and Alembic's own
-        lasting = connection.execute(text(LASTING)).all()
+        lasting = list(connection.execute(text(LASTING)))
     for revision in [*schema.revisions()[::-1], *schema.revisions()]:
         database.migrate(revision)
         with database.engine.connect() as connection:

@@ -88,6 +88,19 @@ class Database:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
             schema.move(connection, revision)
 
+    @property
+    def revision(self) -> str | None:
+        """The revision of the tables; None if there are none."""
+        with self.engine.connect() as connection:
+            return schema.current(connection)
+
+    def empty_log(self) -> None:
+        """Moves SQLite's write-ahead log into its file, so that nothing deleted is left in it; else does nothing."""
+        if self.is_sqlite:
+            with self.engine.connect() as connection:
+                driver: Any = connection.connection
+                driver.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
     def close(self) -> None:
         """Closes every connection."""
         self.signals.close()

@@ -197,11 +197,10 @@ def key_by_name() -> None:
         sa.Column("http_status", sa.Integer, nullable=False),
         sa.Column("created_at", TIME, nullable=False),
     )
-    kept = "key, request_digest, submission_id, http_status, created_at"
-    ours = ", ".join(f"kept.{column}" for column in kept.split(", "))
+    kept = "course, key, request_digest, submission_id, http_status, created_at"
+    name = "COALESCE((SELECT name FROM members WHERE members.id = learner), learner)"
     op.execute(
-        f'INSERT INTO idempotency_keys (course, "user", {kept}) SELECT kept.course, COALESCE(members.name, kept.learner), {ours} '
-        "FROM idempotency_keys_by_learner AS kept LEFT JOIN members ON members.id = kept.learner"
+        f'INSERT INTO idempotency_keys ({kept}, "user") SELECT {kept}, {name} FROM idempotency_keys_by_learner'  # noqa: S608
     )
     op.drop_table("idempotency_keys_by_learner")
 
