@@ -1,5 +1,7 @@
 """Commands for the operator of an installation: `grader backup | migrate | prune | erase | rotate-secret`."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,13 +24,17 @@ def settings_in(data: Path | None) -> Settings:
     return Settings() if data is None else Settings(data=data)
 
 
-def database_in(data: Path | None) -> "Database":
-    """The database of the settings, with its tables up to date."""
+@contextmanager
+def opened(data: Path | None, revision: str | None = None) -> Iterator["Database"]:
+    """The database of the settings, brought to the newest revision or another one."""
     from grader.store.database import Database
 
     database = Database(settings_in(data).database)
-    database.migrate()
-    return database
+    try:
+        database.migrate(revision)
+        yield database
+    finally:
+        database.close()
 
 
 @operate.command()
@@ -46,12 +52,8 @@ def migrate(
     data: Data = None,
 ) -> None:
     """Bring the tables to a revision, forward or back. Stop servers and workers first."""
-    from grader.store.database import Database
-
-    database = Database(settings_in(data).database)
-    database.migrate(revision)
-    print(database.revision)
-    database.close()
+    with opened(data, revision) as database:
+        print(database.revision)
 
 
 @operate.command()
@@ -64,11 +66,11 @@ def prune(
     from grader.store import pruning
     from grader.store.tables import now
 
-    database, before = database_in(data), now() - timedelta(days=older_than)
-    print(f"{pruning.idempotency_keys(database, before)} idempotency keys")
-    print(f"{pruning.events(database, before)} events")
-    print(f"{pruning.ended_credentials(database, PRUNED, before)} sessions and invitations")
-    database.close()
+    before = now() - timedelta(days=older_than)
+    with opened(data) as database:
+        print(f"{pruning.idempotency_keys(database, before)} idempotency keys")
+        print(f"{pruning.events(database, before)} events")
+        print(f"{pruning.ended_credentials(database, PRUNED, before)} sessions and invitations")
 
 
 @operate.command()
@@ -83,11 +85,10 @@ def erase(
 
     if (user is None) == (member_id is None):
         raise Unprocessable("Give either --user or --id.")
-    database = database_in(data)
-    with database.write() as session:
-        name = erase_learner(database, session, user=user, member_id=member_id, course=course)
-    database.empty_log()
-    database.close()
+    with opened(data) as database:
+        with database.write() as session:
+            name = erase_learner(database, session, user=user, member_id=member_id, course=course)
+        database.empty_log()
     print(name)
 
 
@@ -96,7 +97,5 @@ def rotate_secret(data: Data = None) -> None:
     """Replace the key of the hidden cases. Restart servers afterwards: they go on with the old one until then."""
     from grader.store.installation import rotate_hidden_case_secret
 
-    database = database_in(data)
-    with database.write() as session:
+    with opened(data) as database, database.write() as session:
         rotate_hidden_case_secret(session)
-    database.close()
