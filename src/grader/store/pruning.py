@@ -1,7 +1,7 @@
 """Deletes what nobody needs any more: one function a table, in small transactions, so that no request waits long."""
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import Select, delete, exists, select, tuple_
@@ -10,10 +10,16 @@ from sqlalchemy.orm import InstrumentedAttribute, aliased
 from grader.store import credentials, people
 from grader.store.database import Database
 from grader.store.submissions import AT_REST
-from grader.store.tables import Base, Event, IdempotencyKey, Submission, id_at
+from grader.store.tables import Base, Event, IdempotencyKey, Submission, now
 
 BATCH = 500
 """Rows that one transaction deletes."""
+
+
+def prune(database: Database, age: timedelta) -> int:
+    """Deletes the idempotency keys and the events that are older than `age`. Returns how many."""
+    before = now() - age
+    return idempotency_keys(database, before) + events(database, before)
 
 
 def idempotency_keys(database: Database, before: datetime) -> int:
@@ -23,14 +29,14 @@ def idempotency_keys(database: Database, before: datetime) -> int:
 
 
 def events(database: Database, before: datetime) -> int:
-    """Deletes all but the last event of submissions that were made before a time and are graded. Returns how many.
+    """Deletes events from before a time, but the last of each submission, where it is graded. Returns how many.
 
-    A late listener still hears the last one.
+    So a late listener still hears how it was graded, and later events are numbered on.
     """
     later = aliased(Event)
-    is_last = ~exists().where(later.submission_id == Event.submission_id, later.number > Event.number)
-    old = select(Event).join(Submission, Submission.id == Event.submission_id)
-    passed = old.where(Event.submission_id < id_at(before), Submission.status.in_(AT_REST), ~is_last)
+    followed = exists().where(later.submission_id == Event.submission_id, later.number > Event.number)
+    graded = select(Event).join(Submission, Submission.id == Event.submission_id).where(Submission.status.in_(AT_REST))
+    passed = graded.where(Event.created_at < before, followed)
     return _delete(database, Event, [Event.submission_id, Event.number], passed)
 
 

@@ -47,11 +47,6 @@ def new_id() -> str:
     return f"{int(now().timestamp() * 1000):012x}{secrets.token_hex(10)}"
 
 
-def id_at(moment: datetime) -> str:
-    """An id that sorts after those that `new_id` made before the moment, and before later ones."""
-    return f"{int(moment.timestamp() * 1000):012x}"
-
-
 def new_member_id() -> str:
     """128 random bits as 32 hexadecimal digits."""
     return secrets.token_hex(16)
