@@ -26,7 +26,8 @@ serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HO
 	@exec $(BIN)/grader serve --host $(HOST) --port $(PORT) --data $(DATA)
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser
-	@.ci/system-packages chromium:chromium node:nodejs nginx:nginx openssl:openssl
+	@.ci/system-packages chromium:chromium node:nodejs nginx:nginx openssl:openssl \
+		caddy:caddy systemd-analyze:systemd pg_dump:postgresql-client
 	$(BIN)/python -m pytest
 
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: under a minute

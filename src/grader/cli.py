@@ -1,4 +1,7 @@
-"""The command line: `grader serve | worker | grade | check | import | extend | token | invite | advise | bench`."""
+"""The command line: `grader serve | worker | grade | check | import | extend | token | invite | advise | bench`.
+
+`operate.py` adds `backup | migrate | prune | erase | rotate-secret`.
+"""
 
 import json
 import os
@@ -19,6 +22,7 @@ from grader.domain.quiz import CodeQuestion
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, Unprocessable
 from grader.library import Library, load
+from grader.operate import operate
 from grader.pipeline import Pipeline
 from grader.settings import Settings, log_to_stderr
 
@@ -31,6 +35,7 @@ cli = typer.Typer(
 )
 token = typer.Typer(help="Bearer tokens.", no_args_is_help=True)
 cli.add_typer(token, name="token")
+cli.add_typer(operate)
 
 err = Console(stderr=True)
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]

@@ -1,4 +1,4 @@
-"""Every setting, read from the environment as GRADER_<NAME>; every default works."""
+"""Every setting, read as GRADER_<NAME> from the environment or a file of this name; every default works."""
 
 import logging
 import os
@@ -10,15 +10,18 @@ from urllib.parse import urlsplit
 
 import structlog
 from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SecretsSettingsSource, SettingsConfigDict
+
+CONTAINER_SECRETS = "/run/secrets"
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def default_content() -> Path:
-    """The checkout that the package is installed from, or else the current folder."""
-    checkout = Path(__file__).resolve().parents[2]
-    return checkout if (checkout / "quizzes").is_dir() else Path.cwd()
+    """The content that the wheel brought along (setup.py); in a checkout, the checkout's own."""
+    package = Path(__file__).resolve().parent
+    packaged = package / "material"
+    return packaged if packaged.is_dir() else package.parents[1]
 
 
 class Settings(BaseSettings):
@@ -76,6 +79,20 @@ class Settings(BaseSettings):
         default=None, description="The client secret; a public client with PKCE has none."
     )
     oidc_course: str = Field(default="default", description="Course whose students the provider's users become.")
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Reads settings also from files, named as their variables: systemd's credentials, or a container's secrets."""
+        folders = [Path(name) for name in (os.environ.get("CREDENTIALS_DIRECTORY"), CONTAINER_SECRETS) if name]
+        files = SecretsSettingsSource(settings_cls, secrets_dir=[folder for folder in folders if folder.is_dir()])
+        return init_settings, env_settings, files
 
     @model_validator(mode="after")
     def _whole_oidc_provider(self) -> Self:

@@ -1,13 +1,9 @@
-"""Somebody who is invited gets in and hands in: a real browser, behind nginx with TLS."""
+"""Somebody who is invited gets in and hands in: a real browser, behind nginx with TLS and deploy/nginx.conf."""
 
-import shutil
-import socket
-import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from ipaddress import ip_network
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -15,79 +11,10 @@ from playwright.sync_api import Browser, Page, expect
 from grader.app import in_database, sign_in_url
 from grader.courses.invitations import invite
 from grader.settings import Settings
+from proxies import free_port, nginx
 from web.browsing import chromium, service
 
 PATIENCE_MS = 30_000
-START_S = 20.0
-
-NGINX = """
-daemon off;
-pid {folder}/nginx.pid;
-error_log {folder}/error.log;
-worker_processes 1;
-events {{ worker_connections 64; }}
-http {{
-  access_log off;
-  client_body_temp_path {folder}/body;
-  proxy_temp_path {folder}/proxy;
-  fastcgi_temp_path {folder}/fastcgi;
-  uwsgi_temp_path {folder}/uwsgi;
-  scgi_temp_path {folder}/scgi;
-  server {{
-    listen 127.0.0.1:{port} ssl;
-    server_name localhost;
-    ssl_certificate {folder}/certificate.pem;
-    ssl_certificate_key {folder}/key.pem;
-    location / {{
-      proxy_pass {upstream};
-      proxy_set_header Host $http_host;
-      proxy_http_version 1.1;
-      proxy_buffering off;
-    }}
-  }}
-}}
-"""
-
-CERTIFICATE = (
-    *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"),
-    *("-days", "2", "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"),
-)
-
-
-@contextmanager
-def nginx(folder: Path, port: int, upstream: str) -> Iterator[None]:
-    """A proxy with a certificate of its own making, at https://localhost:PORT."""
-    program = shutil.which("nginx", path="/usr/sbin:/usr/bin:/usr/local/sbin:/usr/local/bin")
-    assert program, "nginx is missing: `make test` installs it"
-    keys = ("-keyout", f"{folder}/key.pem", "-out", f"{folder}/certificate.pem")
-    subprocess.run([*CERTIFICATE, *keys], check=True, capture_output=True)
-    config = folder / "nginx.conf"
-    config.write_text(NGINX.format(folder=folder, port=port, upstream=upstream))
-    with subprocess.Popen([program, "-e", f"{folder}/error.log", "-c", str(config), "-p", str(folder)]) as process:
-        try:
-            wait_for(port, process)
-            yield
-        finally:
-            process.terminate()
-
-
-def wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + START_S
-    while True:
-        try:
-            socket.create_connection(("127.0.0.1", port)).close()
-        except OSError:
-            assert process.poll() is None, "nginx ended while it started"
-            assert time.monotonic() < deadline, "nginx does not start"
-            time.sleep(0.02)
-        else:
-            return
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-    return port
 
 
 @dataclass
@@ -107,13 +34,18 @@ class Public:
         page.on("pageerror", lambda error: complaints.append(str(error)))
         yield page
         context.close()
-        assert [one for one in complaints if "401 (Unauthorized)" not in one] == []  # the page after signing out
+        assert [one for one in complaints if "status of 401" not in one] == []  # the page after signing out
 
 
 @pytest.fixture(scope="module")
 def public(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Public]:
     folder, port = tmp_path_factory.mktemp("public"), free_port()
-    settings = Settings(data=folder / "data", workers=0, public_origin=f"https://localhost:{port}")
+    settings = Settings(
+        data=folder / "data",
+        workers=0,
+        public_origin=f"https://localhost:{port}",
+        trusted_proxies=(ip_network("127.0.0.1"),),
+    )
     with service(settings) as upstream, nginx(folder, port, upstream), chromium() as browser:
         yield Public(settings, browser)
 

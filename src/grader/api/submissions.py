@@ -161,7 +161,7 @@ def view(
         "verdict": verdict,
     }
     if with_answer:
-        shown["answer"] = json.loads(submission.answer)
+        shown["answer"] = json.loads(submission.answer) if submission.answer else None
     if with_seed:
         shown["seed"] = submission.seed
     return shown

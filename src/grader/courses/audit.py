@@ -23,6 +23,7 @@ class Action(StrEnum):
     TOKEN_REVOKED = "token revoked"  # noqa: S105
     CREDENTIALS_REVOKED = "credentials revoked"
     MEMBER_REMOVED = "member removed"
+    MEMBER_ERASED = "member erased"
     ROLE_CHANGED = "role changed"
     LINK_ROTATED = "course link rotated"
     LINK_CLOSED = "course link closed"

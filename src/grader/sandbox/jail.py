@@ -23,6 +23,7 @@ QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0
 RECYCLE_AFTER = 2000
 TRIES = 8
+CURE = "docs/deploy.md says what it needs of a container; GRADER_ALLOW_T2=true accepts one without namespaces."
 
 
 class Tier(StrEnum):
@@ -77,8 +78,8 @@ class Jail:
                 raise
             except JailFault as fault:
                 self.close()
-                faults.append(f"{self.tier}: {fault}")
-        raise JailRefused("The jail cannot be set up on this machine. " + " ".join(faults))
+                faults.append(f"{self.tier}: {fault}.")
+        raise JailRefused(f"The jail cannot be set up on this machine. {' '.join(faults)} {CURE}")
 
     def run(self, job: Job) -> RunReport:
         """Run one script to its end; blocks, and waits for a place when all are taken.

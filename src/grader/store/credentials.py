@@ -50,15 +50,15 @@ def alive_in(session: Session, course: str, kind: str, clock: datetime) -> Seque
     return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
 
 
-def prune(session: Session, kinds: Iterable[str], clock: datetime) -> set[str]:
-    """Deletes expired and revoked credentials of these kinds. Returns the ids of the members who had them."""
+def prune(session: Session, kinds: Iterable[str], clock: datetime) -> list[str]:
+    """Deletes some credentials of these kinds that had ended at `clock`. Returns the id of the member of each."""
     ended = or_(Credential.expires_at <= clock, Credential.revoked_at <= clock)
     oldest = select(Credential.id, Credential.member).where(Credential.kind.in_(list(kinds)), ended)
     rows = session.execute(oldest.limit(PRUNED_AT_ONCE)).all()
     if rows:
         gone = delete(Credential).where(Credential.id.in_([row[0] for row in rows]))
         session.execute(gone.execution_options(synchronize_session=False))
-    return {row[1] for row in rows}
+    return [row[1] for row in rows]
 
 
 def _alive(clock: datetime) -> ColumnElement[bool]:

@@ -1,7 +1,8 @@
 """One database, SQLite or PostgreSQL: transactions for reading and for writing, and its migrations."""
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -10,6 +11,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
+from grader.store import schema
 from grader.store.signals import Signals
 
 BUSY_S = 30.0
@@ -29,7 +31,7 @@ class Database:
             parsed = parsed.set(drivername="postgresql+psycopg")
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         if self.is_sqlite and parsed.database:
-            Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
+            _create_private(Path(parsed.database))
         connect_args: dict[str, Any] = {"timeout": BUSY_S} if self.is_sqlite else {}
         self.engine = create_engine(
             parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_pre_ping=not self.is_sqlite,
@@ -76,12 +78,28 @@ class Database:
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
 
-    def migrate(self) -> None:
-        """Brings the tables up to date; safe to call from several processes at once."""
+    def migrate(self, revision: str | None = None) -> None:
+        """Brings the tables to a revision, the newest if None; safe to call from several processes at once.
+
+        Raises Conflict if a later version has written them, and Unprocessable for an unknown revision.
+        """
         with self._turn, self._writer.connect() as connection, _foreign_keys_off(connection), connection.begin():
             if not self.is_sqlite:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
-            upgrade(connection)
+            schema.move(connection, revision)
+
+    @property
+    def revision(self) -> str | None:
+        """The revision of the tables; None if there are none."""
+        with self.engine.connect() as connection:
+            return schema.current(connection)
+
+    def empty_log(self) -> None:
+        """Moves SQLite's write-ahead log into its file, so that nothing deleted is left in it; else does nothing."""
+        if self.is_sqlite:
+            with self.engine.connect() as connection:
+                driver: Any = connection.connection
+                driver.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def close(self) -> None:
         """Closes every connection."""
@@ -106,15 +124,11 @@ def _foreign_keys_off(connection: Connection) -> Iterator[None]:
         driver.execute("PRAGMA foreign_keys = ON")
 
 
-def upgrade(connection: Connection) -> None:
-    """Runs the missing migrations in the connection's transaction."""
-    from alembic import command
-    from alembic.config import Config
-
-    config = Config()
-    config.set_main_option("script_location", "grader.store:migrations")
-    config.attributes["connection"] = connection
-    command.upgrade(config, "head")
+def _create_private(path: Path) -> None:
+    """Creates a database file that only its owner can read, in a folder of the same kind, unless it is there."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with suppress(FileExistsError):  # an existing file is not opened: closing it would end SQLite's locks on it
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
 
 
 def _set_up_sqlite(engine: Engine) -> None:

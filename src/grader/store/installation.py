@@ -2,6 +2,9 @@
 
 import secrets
 
+from sqlalchemy import delete
+from sqlalchemy.orm import Session
+
 from grader.store.database import Database
 from grader.store.tables import InstallationSecret
 
@@ -22,3 +25,11 @@ def hidden_case_secret(database: Database) -> bytes:
             kept = InstallationSecret(name=HIDDEN_CASES, value=secrets.token_bytes(SECRET_BYTES))
             session.add(kept)
         return kept.value
+
+
+def rotate_hidden_case_secret(session: Session) -> None:
+    """Deletes the key of the seeds of hidden cases; servers make another when they start.
+
+    Stored submissions keep their seeds, so a regrade draws the same cases as before.
+    """
+    session.execute(delete(InstallationSecret).where(InstallationSecret.name == HIDDEN_CASES))

@@ -107,7 +107,7 @@ class Submission(Base):
     quiz: Mapped[str] = mapped_column(String(64))
     question: Mapped[str] = mapped_column(String(64))
     answer: Mapped[str] = mapped_column(Text)
-    """Canonical JSON text in ASCII, which any database can store."""
+    """Canonical JSON text in ASCII, which any database can store; empty once the learner is erased."""
     seed: Mapped[int | None] = mapped_column(BigInteger)
     """Draws the hidden cases; None without a script. Shown to instructors only."""
     content_digest: Mapped[str] = mapped_column(String(80))
@@ -129,7 +129,7 @@ class Submission(Base):
 
 
 class VerdictRow(Base):
-    """One verdict on a submission; never changed, never removed."""
+    """One verdict on a submission; never removed, and changed by `erasure` alone."""
 
     __tablename__ = "verdicts"
     __table_args__ = (UniqueConstraint("submission_id", "revision"),)

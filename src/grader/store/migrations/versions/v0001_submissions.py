@@ -117,3 +117,9 @@ def create_jobs() -> None:
         sa.Column("leased_until", sa.DateTime),
     )
     op.create_index("ix_jobs_due_at", "jobs", ["due_at", "id"])
+
+
+def downgrade() -> None:
+    """Removes everything."""
+    for table in ("jobs", "idempotency_keys", "credentials", "events", "verdicts", "submissions"):
+        op.drop_table(table)

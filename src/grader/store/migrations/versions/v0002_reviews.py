@@ -17,3 +17,10 @@ def upgrade() -> None:
         sa.Column("expires_at", sa.DateTime(timezone=True), nullable=False),
     )
     op.create_index("ix_submissions_status", "submissions", ["course", "status", "id"])
+
+
+def downgrade() -> None:
+    """Removes claims and the names of reviewers; reviewed verdicts stay."""
+    op.drop_index("ix_submissions_status", "submissions")
+    op.drop_table("review_claims")
+    op.drop_column("verdicts", "reviewer")

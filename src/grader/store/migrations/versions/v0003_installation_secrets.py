@@ -14,3 +14,8 @@ def upgrade() -> None:
         sa.Column("name", sa.String(40), primary_key=True),
         sa.Column("value", sa.LargeBinary, nullable=False),
     )
+
+
+def downgrade() -> None:
+    """Removes the secrets: the seeds of later submissions are drawn with another."""
+    op.drop_table("installation_secrets")

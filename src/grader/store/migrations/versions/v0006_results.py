@@ -106,3 +106,13 @@ def create_publications() -> None:
         sa.Column("published_by", sa.String(200), nullable=False),
         sa.Column("published_at", TIME, nullable=False),
     )
+
+
+def downgrade() -> None:
+    """Removes results, their feed, extensions and publications: `results:recount` counts results again."""
+    for table in ("publications", "extensions", "result_revisions", "results"):
+        op.drop_table(table)
+    for index in ("attempts", "quiz", "learner"):
+        op.drop_index(f"ix_submissions_{index}", "submissions")
+    op.create_index("ix_submissions_learner", "submissions", ["course", "learner", "quiz", "question"])
+    op.drop_column("submissions", "outcome")

@@ -1,0 +1,101 @@
+"""Commands for the operator of an installation: `grader backup | migrate | prune | erase | rotate-secret`."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from grader.errors import Unprocessable
+from grader.settings import Settings
+
+if TYPE_CHECKING:
+    from grader.store.database import Database
+
+operate = typer.Typer()
+
+Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
+
+
+def settings_in(data: Path | None) -> Settings:
+    """The settings from the environment, with another data folder if one is given."""
+    return Settings() if data is None else Settings(data=data)
+
+
+@contextmanager
+def opened(data: Path | None, revision: str | None = None) -> Iterator["Database"]:
+    """The database of the settings, brought to the newest revision or another one."""
+    from grader.store.database import Database
+
+    database = Database(settings_in(data).database)
+    try:
+        database.migrate(revision)
+        yield database
+    finally:
+        database.close()
+
+
+@operate.command()
+def backup(file: Path, data: Data = None) -> None:
+    """Copy the SQLite database to a new file, also while the server is running."""
+    from grader.store.backup import back_up
+
+    back_up(settings_in(data).database, file)
+    print(file)
+
+
+@operate.command()
+def migrate(
+    revision: Annotated[str | None, typer.Argument(help="The newest if not given, as `grader serve` does.")] = None,
+    data: Data = None,
+) -> None:
+    """Bring the tables to a revision, forward or back. Stop servers and workers first."""
+    with opened(data, revision) as database:
+        print(database.revision)
+
+
+@operate.command()
+def prune(
+    older_than: Annotated[int, typer.Option(min=1, help="Age of what is deleted [days].")],
+    data: Data = None,
+) -> None:
+    """Delete old idempotency keys, passed events, and sessions and invitations that have ended."""
+    from grader.courses.sign_in import PRUNED
+    from grader.store import pruning
+    from grader.store.tables import now
+
+    before = now() - timedelta(days=older_than)
+    with opened(data) as database:
+        print(f"{pruning.idempotency_keys(database, before)} idempotency keys")
+        print(f"{pruning.events(database, before)} events")
+        print(f"{pruning.ended_credentials(database, PRUNED, before)} sessions and invitations")
+
+
+@operate.command()
+def erase(
+    user: Annotated[str | None, typer.Option(help="A learner with a name that an instructor or operator gave.")] = None,
+    member_id: Annotated[str | None, typer.Option("--id", help="Any learner, by the id of the member.")] = None,
+    course: Annotated[str | None, typer.Option(help="Name of the course.")] = None,
+    data: Data = None,
+) -> None:
+    """Erase a learner's name, answers, sessions and tokens for good. Points stay, under the name that is printed."""
+    from grader.courses.erasure import erase_learner
+
+    if (user is None) == (member_id is None):
+        raise Unprocessable("Give either --user or --id.")
+    with opened(data) as database:
+        with database.write() as session:
+            name = erase_learner(database, session, user=user, member_id=member_id, course=course)
+        database.empty_log()
+    print(name)
+
+
+@operate.command()
+def rotate_secret(data: Data = None) -> None:
+    """Replace the key of the hidden cases. Restart servers afterwards: they go on with the old one until then."""
+    from grader.store.installation import rotate_hidden_case_secret
+
+    with opened(data) as database, database.write() as session:
+        rotate_hidden_case_secret(session)

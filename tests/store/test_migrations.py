@@ -1,0 +1,143 @@
+"""The tables go up and down through every revision with rows in all of them, on both databases."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import Column, Connection, MetaData, Table, inspect, text
+from sqlalchemy.types import Boolean, DateTime, Float, Integer, LargeBinary, String
+
+from databases import BACKENDS, database_url
+from grader.errors import Conflict, Unprocessable
+from grader.store import schema
+from grader.store.database import Database
+
+THEN = datetime(2026, 9, 1, 12, tzinfo=UTC)
+SAME = {("members", "id"): "learner", ("credentials", "member"): "learner", ("jobs", "subject"): "id"}
+"""Columns whose values are those of another column, without a foreign key that says so."""
+ROWS = 2
+LASTING = (
+    "SELECT submissions.id, answer, verdicts.body FROM submissions JOIN verdicts ON submission_id = submissions.id"
+)
+
+
+@pytest.fixture(params=BACKENDS)
+def database(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
+    with database_url(request.param, tmp_path) as url:
+        database = Database(url)
+        yield database
+        database.close()
+
+
+def value(column: Column[Any], number: int) -> Any:
+    """A value for row `number` that agrees with those of the rows that it belongs to."""
+    assert column.table is not None
+    for key in column.foreign_keys:
+        return value(key.column, number)
+    if isinstance(column.type, Boolean):
+        return True
+    if isinstance(column.type, Integer):
+        return number
+    if isinstance(column.type, Float):
+        return number / 2
+    if isinstance(column.type, DateTime):
+        return THEN if column.type.timezone else THEN.replace(tzinfo=None)
+    if isinstance(column.type, LargeBinary):
+        return b"secret"
+    assert isinstance(column.type, String)
+    return f"{SAME.get((str(column.table), column.name), column.name)}-{number}"
+
+
+def fill(connection: Connection) -> list[Table]:
+    """Adds rows to every table."""
+    tables = MetaData()
+    tables.reflect(connection)
+    filled = [table for table in tables.sorted_tables if table.name != "alembic_version"]
+    for table in filled:
+        rows = [{column.name: value(column, number + 1) for column in table.columns} for number in range(ROWS)]
+        connection.execute(table.insert(), rows)
+    return filled
+
+
+def shape(connection: Connection) -> dict[str, Any]:
+    """Columns, keys, indices and triggers of every table; the order of columns does not matter."""
+    seen = inspect(connection)
+    found: dict[str, Any] = {}
+    for table in seen.get_table_names():
+        columns = {one["name"]: (str(one["type"]), one["nullable"]) for one in seen.get_columns(table)}
+        keys = sorted(
+            (*one["constrained_columns"], one["referred_table"], *one["referred_columns"])
+            for one in seen.get_foreign_keys(table)
+        )
+        unique = sorted(tuple(one["column_names"]) for one in seen.get_unique_constraints(table))
+        indices = {
+            one["name"]: (one["column_names"], one["unique"], sorted(map(str, one["dialect_options"].values())))
+            for one in seen.get_indexes(table)
+        }
+        primary = sorted(seen.get_pk_constraint(table)["constrained_columns"])
+        found[table] = (columns, primary, keys, unique, indices)
+    triggers = {
+        "sqlite": "SELECT name, sql FROM sqlite_master WHERE type = 'trigger'",
+        "postgresql": "SELECT tgname, pg_get_triggerdef(pg_trigger.oid) FROM pg_trigger JOIN pg_class "
+        "ON pg_class.oid = tgrelid WHERE NOT tgisinternal AND relnamespace = current_schema()::regnamespace",
+    }
+    found["triggers"] = sorted(map(tuple, connection.execute(text(triggers[connection.dialect.name]))))
+    return found
+
+
+def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:
+    shapes: dict[str, Any] = {}
+    for revision in schema.revisions():
+        database.migrate(revision)
+        with database.engine.connect() as connection:
+            shapes[revision] = shape(connection)
+    with database.write() as session:
+        connection = session.connection()
+        assert len(fill(connection)) == len(shapes[revision]) - 2  # the triggers and Alembic's own
+        lasting = list(connection.execute(text(LASTING)))
+    for revision in [*schema.revisions()[::-1], *schema.revisions()]:
+        database.migrate(revision)
+        with database.engine.connect() as connection:
+            assert schema.current(connection) == revision
+            assert shape(connection) == shapes[revision]
+            assert connection.execute(text(LASTING)).all() == lasting
+            assert connection.scalar(text("SELECT count(*) FROM jobs")) == ROWS
+            if database.is_sqlite:
+                assert connection.execute(text("PRAGMA foreign_key_check")).all() == []
+
+
+def test_learners_of_one_name_stay_apart_where_names_tell_them_apart(database: Database) -> None:
+    database.migrate()
+    with database.write() as session:
+        fill(session.connection())
+        session.execute(text("UPDATE members SET name = 'Eve', course = 'c', account = NULL"))
+    database.migrate("0004")
+    with database.read() as session:
+        names = set(session.scalars(text('SELECT "user" FROM submissions')))
+    assert len(names) == ROWS
+    assert all(name.startswith("Eve") for name in names)
+
+
+def test_a_database_of_a_later_version_is_refused_with_what_to_do(database: Database) -> None:
+    database.migrate()
+    with database.write() as session:
+        session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(Conflict, match=r"is at revision 9999.*grader migrate \d{4}"):
+        database.migrate()
+    with database.read() as session:
+        assert session.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
+
+
+def test_an_unknown_revision_is_refused(database: Database) -> None:
+    with pytest.raises(Unprocessable, match="no revision '1234'"):
+        database.migrate("1234")
+
+
+def test_the_file_of_a_database_is_its_owners_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    database = Database(f"sqlite:///{folder / 'grader.db'}")
+    database.migrate()
+    modes = {path.name: path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())}
+    database.close()
+    assert modes == {"data": 0o700, "grader.db": 0o600, "grader.db-wal": 0o600, "grader.db-shm": 0o600}
