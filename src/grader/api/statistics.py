@@ -18,10 +18,7 @@ from grader.store import results
 router = APIRouter()
 
 
-@router.get(
-    "/quizzes/{quiz_id}/statistics",
-    responses=documented(401, 403, 404, 422, 429, more={304: {"description": "Not modified"}}),
-)
+@router.get("/quizzes/{quiz_id}/statistics", responses=documented(401, 403, 404, 422, 429))
 def show_statistics(quiz_id: str, who: Instructor, context: AppContext, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
     library = context.content.library

@@ -1,12 +1,16 @@
 """One database, SQLite or PostgreSQL: transactions for reading and for writing, and its migrations."""
 
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+import psycopg
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
@@ -14,6 +18,12 @@ from grader.store.signals import Signals
 
 BUSY_S = 30.0
 """How long SQLite waits for the lock of another process [s]."""
+
+AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
+"""What SQLAlchemy raises while a database is away, locked, full or read-only."""
+
+PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
+"""How long PostgreSQL may not answer before it counts as away: a connection [s], what was sent over one [ms]."""
 
 MIGRATION_LOCK = 7_105_114_101
 """The PostgreSQL advisory lock for migrations; the number is arbitrary."""
@@ -30,10 +40,9 @@ class Database:
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         if self.is_sqlite and parsed.database:
             Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
-        connect_args: dict[str, Any] = {"timeout": BUSY_S} if self.is_sqlite else {}
         self.engine = create_engine(
             parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_pre_ping=not self.is_sqlite,
-            connect_args=connect_args,
+            connect_args=patience_with(parsed), hide_parameters=True,
         )  # fmt: skip
         if self.is_sqlite:
             _set_up_sqlite(self.engine)
@@ -71,10 +80,10 @@ class Database:
         """As `lock`, for what depends on all answers of one learner: attempts and results."""
         self.lock(session, f"{course}\n{learner}")
 
-    def ping(self) -> None:
-        """Raises if the database does not answer."""
-        with self.engine.connect() as connection:
-            connection.execute(text("SELECT 1"))
+    def check(self) -> None:
+        """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
+        with self.write() as session:
+            session.execute(text("UPDATE alembic_version SET version_num = version_num"))
 
     def migrate(self) -> None:
         """Brings the tables up to date; safe to call from several processes at once."""
@@ -87,6 +96,21 @@ class Database:
         """Closes every connection."""
         self.signals.close()
         self.engine.dispose()
+
+
+def patience_with(url: URL) -> dict[str, Any]:
+    """The driver's arguments that say how long it waits; what the URL says itself stays."""
+    if url.get_backend_name() == "sqlite":
+        return {"timeout": BUSY_S}
+    return {name: value for name, value in PATIENCE.items() if name not in url.query}
+
+
+def is_away(error: BaseException) -> bool:
+    """Whether an error means that the database cannot serve now, and no fault of a statement: 503, not 500."""
+    cause = error.orig if isinstance(error, DBAPIError) else None
+    if isinstance(cause, sqlite3.OperationalError) and cause.sqlite_errorcode == sqlite3.SQLITE_ERROR:
+        return False
+    return isinstance(error, AWAY) or isinstance(cause, psycopg.errors.ReadOnlySqlTransaction)
 
 
 @contextmanager
