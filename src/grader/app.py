@@ -15,7 +15,7 @@ from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from grader.api import problems, routes
+from grader.api import openapi, problems, routes
 from grader.api.admission import AdmissionMiddleware, AdmissionRules
 from grader.api.compression import CompressionMiddleware
 from grader.api.conditional import ConditionalMiddleware
@@ -86,6 +86,7 @@ def create_app(settings: Settings) -> FastAPI:
     problems.install(app)
     app.include_router(routes.router)
     app.include_router(pages)
+    openapi.install(app)
     app.add_middleware(ConditionalMiddleware)
     app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
     app.add_middleware(AdmissionMiddleware, database=database, rules=admission_rules(settings))

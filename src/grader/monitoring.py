@@ -23,7 +23,7 @@ from grader.store.database import Database, is_away
 AWAY = "The database is away, full or read-only."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a registry keeps it by identity
 class Monitor(Collector):
     """The parts of one server or worker that are looked at. The checks raise NotReady."""
 

@@ -4,11 +4,12 @@ import secrets
 from typing import Annotated
 
 from fastapi import APIRouter, Header
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from grader.api.context import AppContext, Context
 from grader.api.problems import RETRY_S, documented, problem
+from grader.api.views import Ready
 from grader.errors import Forbidden, Unauthorized
 
 router = APIRouter()
@@ -16,13 +17,13 @@ router = APIRouter()
 NO_STORE = {"Cache-Control": "no-store"}
 
 
-@router.get("/healthz")
+@router.get("/healthz", responses=documented(429))
 async def healthz() -> dict[str, str]:
     """The process answers."""
     return {"status": "ok"}
 
 
-@router.get("/readyz", response_class=JSONResponse, responses=documented(503))
+@router.get("/readyz", response_class=JSONResponse, responses=documented(429, 503, more={200: {"model": Ready}}))
 async def readyz(context: AppContext) -> Response:
     """What database, content, jail and workers say, at most a second ago; 503 if one of them does not work."""
     found = await context.readiness.found()
@@ -33,7 +34,7 @@ async def readyz(context: AppContext) -> Response:
     return problem(503, detail, NO_STORE | {"Retry-After": str(RETRY_S)}, checks=found)
 
 
-@router.get("/metrics", response_class=Response, responses=documented(401, 403))
+@router.get("/metrics", response_class=PlainTextResponse, responses=documented(401, 403, 422, 429))
 def metrics(context: AppContext, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
     """Metrics in Prometheus' text format: of this process, and of the queue in the database.
 
@@ -49,7 +50,6 @@ def require_token(context: Context, authorization: str) -> None:
         if context.public_origin is not None:
             raise Forbidden("Metrics are closed on a public server: set GRADER_METRICS_TOKEN to open them.")
         return
-    if not secrets.compare_digest(
-        authorization.encode(), f"Bearer {context.metrics_token.get_secret_value()}".encode()
-    ):
+    wanted = f"Bearer {context.metrics_token.get_secret_value()}"
+    if not secrets.compare_digest(authorization.encode(), wanted.encode()):
         raise Unauthorized("Send GRADER_METRICS_TOKEN as `Authorization: Bearer ...`.")

@@ -61,19 +61,19 @@ Responses = dict[int | str, dict[str, Any]]
 
 
 def documented(*statuses: int, more: Responses | None = None) -> Responses:
-    """The `responses` of a route for OpenAPI: a problem document for each status, and those in `more`."""
-    return (more or {}) | {
-        status: {"description": HTTPStatus(status).phrase, "content": {MEDIA_TYPE: {"schema": SCHEMA}}}
-        for status in statuses
-    }
+    """The `responses` of a route for OpenAPI: those in `more`, and statuses whose problems `openapi.py` describes."""
+    return (more or {}) | {status: {"description": HTTPStatus(status).phrase} for status in statuses}
 
 
 def problem(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> Response:
     """A problem document; `more` are its extension members."""
-    title = HTTPStatus(status).phrase
-    body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **more}
-    body |= structlog.contextvars.get_contextvars()  # the id of the request
-    return ProblemResponse(body, status, headers)
+    named = structlog.contextvars.get_contextvars()  # the id of the request
+    return ProblemResponse(problem_body(status, detail, **more, **named), status, headers)
+
+
+def problem_body(status: int, detail: str, **more: Any) -> dict[str, Any]:
+    """The members of a problem document."""
+    return {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
 
 
 STATUS: dict[type[GraderError], int] = {

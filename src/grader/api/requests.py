@@ -27,26 +27,41 @@ class RequestsMiddleware:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves the request, and tells how it went when its response has ended."""
+        """Serves the request, and tells how it went."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
         given = Headers(scope=scope).get("x-request-id", "")
         request_id = given if REQUEST_ID.fullmatch(given) else secrets.token_hex(16)
-        status, began = 0, time.perf_counter()
-
-        async def send_named(message: Message) -> None:
-            nonlocal status
-            if message["type"] == "http.response.start":
-                status = message["status"]
-                MutableHeaders(scope=message)["X-Request-ID"] = request_id
-            await send(message)
-
+        response = NamedResponse(scope, send, request_id)
         with structlog.contextvars.bound_contextvars(request_id=request_id):
             try:
-                await self.app(scope, receive, send_named)
+                await self.app(scope, receive, response.send)
             finally:
-                tell(scope, status, time.perf_counter() - began)
+                response.tell()
+
+
+class NamedResponse:
+    """Sends a response with the id of its request, and tells how it went before its last part is out."""
+
+    def __init__(self, scope: Scope, send: Send, request_id: str) -> None:
+        self._scope, self._send, self._id = scope, send, request_id
+        self._began, self._status, self._is_told = time.perf_counter(), 0, False
+
+    async def send(self, message: Message) -> None:
+        """Sends one part."""
+        if message["type"] == "http.response.start":
+            self._status = message["status"]
+            MutableHeaders(scope=message)["X-Request-ID"] = self._id
+        elif not message.get("more_body", False):
+            self.tell()
+        await self._send(message)
+
+    def tell(self) -> None:
+        """Counts and logs the request, once."""
+        if not self._is_told:
+            self._is_told = True
+            tell(self._scope, self._status, time.perf_counter() - self._began)
 
 
 def tell(scope: Scope, status: int, seconds: float) -> None:

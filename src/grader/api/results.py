@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field
 from grader.api.context import AppContext, Service
 from grader.api.paging import LIMIT, LIMIT_MAX, Page, next_link, read_cursor, write_cursor
 from grader.api.problems import documented
+from grader.api.views import ResultView
 from grader.errors import Unprocessable
 from grader.store import results
 from grader.store.tables import ResultRevision
@@ -35,7 +36,7 @@ class FeedQuery(BaseModel):
         return int(text)
 
 
-@router.get("/results", response_model=Page, responses=documented(401, 403, 422, 429))
+@router.get("/results", response_model=Page[ResultView], responses=documented(401, 403, 422, 429))
 def list_results(
     query: Annotated[FeedQuery, Query()], who: Service, context: AppContext, response: Response
 ) -> dict[str, Any]:

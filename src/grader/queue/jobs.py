@@ -173,9 +173,9 @@ def state(session: Session) -> dict[str, TopicState]:
     waits = select(JobRow.priority, func.count(), func.min(JobRow.id)).where(WAITS).group_by(JobRow.priority)
     runs = select(JobRow.topic, func.count()).where(JobRow.owner.is_not(None)).group_by(JobRow.topic)
     waiting = {TOPICS[priority]: (count, first) for priority, count, first in session.execute(waits)}
-    running = dict(session.execute(runs).tuples())
+    running = dict(session.execute(runs).all())
     first_ids = [first for _, first in waiting.values()]
-    oldest = dict(session.execute(select(JobRow.topic, JobRow.subject).where(JobRow.id.in_(first_ids))).tuples())
+    oldest = dict(session.execute(select(JobRow.topic, JobRow.subject).where(JobRow.id.in_(first_ids))).all())
     return {
         topic: TopicState(waiting.get(topic, (0,))[0], running.get(topic, 0), age_s(oldest.get(topic, "")))
         for topic in TOPICS
