@@ -45,8 +45,10 @@ def log_to_stderr(*, as_json: bool = False) -> None:
 def exception_text(exc_info: Any) -> str:
     """The tracebacks of an exception and of its causes, the first cause first."""
     told: list[str] = []
+    seen: set[int] = set()
     error: BaseException | None = exc_info[1]
-    while error is not None:
+    while error is not None and id(error) not in seen:
+        seen.add(id(error))
         # The messages of validation errors, pydantic's and others', hold what was validated: an answer, perhaps.
         message = "(its input is not shown)" if hasattr(error, "errors") else str(error)
         told.append("".join(traceback.format_tb(error.__traceback__)) + f"{type(error).__name__}: {message}")

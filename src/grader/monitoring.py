@@ -37,7 +37,9 @@ class Monitor(Collector):
         try:
             self.database.check()
         except Exception as error:
-            raise NotReady(AWAY) if is_away(error) else error from error
+            if is_away(error):
+                raise NotReady(AWAY) from error
+            raise
         return {"backend": self.database.backend}
 
     def check_content(self) -> dict[str, Any]:
@@ -59,7 +61,9 @@ class Monitor(Collector):
             with self.database.read() as session:
                 alive = self.worker.alive_on(session)
         except Exception as error:
-            raise NotReady(AWAY) if is_away(error) else error from error
+            if is_away(error):
+                raise NotReady(AWAY) from error
+            raise
         if not alive:
             raise NotReady("No worker lives: set GRADER_WORKERS to 1 or more, or start `grader worker` on PostgreSQL.")
         return {"alive": alive}

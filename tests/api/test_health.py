@@ -12,6 +12,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from databases import BACKENDS, database_url
+from grader.api.readiness import Readiness
 from grader.content import Content
 from grader.errors import JailFault
 from grader.monitoring import Monitor
@@ -39,6 +40,7 @@ def samples(response: httpx.Response) -> dict[str, float]:
     return found
 
 
+@pytest.mark.usefixtures("readiness")
 def test_readiness_lists_its_checks_and_says_what_cures_them(nobody: httpx.Client) -> None:
     response = nobody.get("/readyz")
     problem = response.json()
@@ -52,34 +54,38 @@ def test_readiness_lists_its_checks_and_says_what_cures_them(nobody: httpx.Clien
     assert nobody.get("/healthz").json() == {"status": "ok"}
 
 
-def test_checks_run_once_however_many_probe(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    readiness = site.app.state.context.readiness
+@pytest.fixture
+def readiness(site: Site) -> Iterator[Readiness]:
+    """The site's checks; what they found is forgotten before and after a test."""
+    found: Readiness = site.app.state.context.readiness
+    found.forget()
+    yield found
+    found.forget()
+
+
+def test_checks_run_once_however_many_probe(site: Site, readiness: Readiness, monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[int] = []
     monkeypatch.setattr(readiness, "checks", {"counted": lambda: looks.append(1) or {}})
-    monkeypatch.setattr(readiness, "_at", float("-inf"))
     probes = [threading.Thread(target=site.anonymous().get, args=("/readyz",)) for _ in range(10)]
     for probe in probes:
         probe.start()
     for probe in probes:
         probe.join()
     assert len(looks) == 1
-    monkeypatch.setattr(readiness, "_at", float("-inf"))
 
 
+@pytest.mark.usefixtures("readiness")
 def test_an_unexpected_failure_is_told_to_the_log_alone(
     site: Site, nobody: httpx.Client, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def gone() -> None:
         raise OSError("a path of the server")
 
-    readiness = site.app.state.context.readiness
     monkeypatch.setattr(site.app.state.context.database, "check", gone)
-    monkeypatch.setattr(readiness, "_at", float("-inf"))
     response = nobody.get("/readyz")
     assert response.json()["checks"]["database"] == {"ok": False, "why": "The check failed; the log says why."}
     assert "path" not in response.text
     assert "a path of the server" in capsys.readouterr().err
-    monkeypatch.setattr(readiness, "_at", float("-inf"))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from grader.logs import exception_text, is_json
 from sites import Site
 
 API = "/api/v1"
+ANSWER = "my own secret words"
 
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
@@ -52,7 +53,7 @@ def test_secrets_and_answers_are_not_logged(
 ) -> None:  # fmt: skip
     secret = ann.headers["Authorization"].split("_")[2]
     capsys.readouterr()
-    ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": "my own secret words"})
+    ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": ANSWER})
     nobody.get("/signin?code=gri_1_secretcode")
     nobody.post("/signin", content="code=gri_1_secretcode")
     nobody.get(f"{API}/quizzes", headers={"Authorization": "Bearer grt_1_secretcode", "Cookie": "grader_session=grs"})
@@ -61,7 +62,7 @@ def test_secrets_and_answers_are_not_logged(
         raise RuntimeError("broken")
 
     monkeypatch.setattr("grader.store.submissions.insert_row", broken)
-    ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": "my own secret words"})
+    ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": ANSWER})
     told = capsys.readouterr().err
     assert "RuntimeError: broken" in told
     for word in (secret, "secret words", "secretcode", "grs"):
@@ -73,7 +74,7 @@ def test_a_failing_statement_is_logged_without_its_values(
     site: Site, ann: httpx.Client, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(session: Any, *_: object, **_named: object) -> None:
-        session.execute(text("INSERT INTO nowhere VALUES (:answer)"), {"answer": "my own secret words"})
+        session.execute(text("INSERT INTO nowhere VALUES (:answer)"), {"answer": ANSWER})
 
     monkeypatch.setattr("grader.store.submissions.add", broken)
     response = ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": "x"})
@@ -89,11 +90,17 @@ class Strict(BaseModel):
 
 def test_errors_that_quote_their_input_are_named_by_their_type() -> None:
     try:
-        Strict.model_validate({"number": "my own secret words"})
+        Strict.model_validate({"number": ANSWER})
     except ValidationError as error:
         told = exception_text((type(error), error, error.__traceback__))
     assert "ValidationError" in told
     assert "secret" not in told
+
+
+def test_an_error_that_is_its_own_cause_is_told_once() -> None:
+    error = ValueError("its own")
+    error.__cause__ = error
+    assert exception_text((ValueError, error, None)) == "ValueError: its own"
 
 
 def test_the_format_is_what_the_setting_says_and_json_beside_a_terminal() -> None:

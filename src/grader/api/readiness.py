@@ -1,6 +1,7 @@
 """The checks of readiness, and what they found a moment ago."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ class Readiness:
 
     checks: dict[str, Check]
     _found: dict[str, Any] = field(default_factory=dict)
-    _at: float = -FRESH_S
+    _at: float = -math.inf
     _lock: asyncio.Lock = field(default_factory=asyncio.Lock)
 
     async def found(self) -> dict[str, Any]:
@@ -36,6 +37,10 @@ class Readiness:
                 self._found = await run_in_threadpool(self.look)
                 self._at = time.monotonic()
         return self._found
+
+    def forget(self) -> None:
+        """Lets the next probe run the checks."""
+        self._at = -math.inf
 
     def look(self) -> dict[str, Any]:
         """What each check finds now."""
