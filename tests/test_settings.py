@@ -49,7 +49,7 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
     ],
 )
 def test_the_command_line_names_the_setting_that_cures_it(name: str, value: str, told: str) -> None:
-    command = [GRADER, "token", "list"]
+    command = [str(GRADER), "token", "list"]
     done = subprocess.run(command, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
     assert done.returncode == 2, done.stderr
     assert told in done.stderr

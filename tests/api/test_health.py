@@ -16,12 +16,13 @@ from grader.api.readiness import Readiness
 from grader.content import Content
 from grader.errors import JailFault
 from grader.monitoring import Monitor
+from grader.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store.database import Database
 from grader.store.tables import new_id
-from grader.worker import Retries, graders_of
+from grader.worker import graders_of
 from sites import Site
 
 API = "/api/v1"
@@ -65,7 +66,12 @@ def readiness(site: Site) -> Iterator[Readiness]:
 
 def test_checks_run_once_however_many_probe(site: Site, readiness: Readiness, monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[int] = []
-    monkeypatch.setattr(readiness, "checks", {"counted": lambda: looks.append(1) or {}})
+
+    def look() -> dict[str, Any]:
+        looks.append(1)
+        return {}
+
+    monkeypatch.setattr(readiness, "checks", {"counted": look})
     probes = [threading.Thread(target=site.anonymous().get, args=("/readyz",)) for _ in range(10)]
     for probe in probes:
         probe.start()

@@ -43,7 +43,7 @@ def test_a_well_formed_request_id_is_taken_over(nobody: httpx.Client, given: str
 
 @pytest.mark.parametrize("given", ["short", "a" * 65, "with blank inside", "-leading", "ünïcödé-id-12345", '"},{"x":1'])
 def test_another_request_id_is_replaced(nobody: httpx.Client, given: str) -> None:
-    response = nobody.get("/healthz", headers={"X-Request-ID": given.encode()})
+    response = nobody.get("/healthz", headers={b"X-Request-ID": given.encode()})
     assert len(response.headers["x-request-id"]) == 32
 
 
