@@ -4,6 +4,7 @@ Answers, tokens, sources and queries are never logged: a request is named by the
 not show the values of variables, and of an error that quotes its input only the type is told.
 """
 
+import json
 import logging
 import sys
 import traceback
@@ -30,7 +31,9 @@ def log_to_stderr(*, as_json: bool = False) -> None:
         structlog.processors.TimeStamper(fmt="iso"),
         structlog.processors.ExceptionRenderer(exception_text),
     ]
-    renderer: Any = structlog.processors.JSONRenderer() if as_json else structlog.dev.ConsoleRenderer(colors=False)
+    encode = json.JSONEncoder(default=str).encode  # made once: `json.dumps` makes one for every line
+    to_json = structlog.processors.JSONRenderer(serializer=lambda line, **_: encode(line))
+    renderer: Any = to_json if as_json else structlog.dev.ConsoleRenderer(colors=False)
     structlog.configure(
         processors=[*steps, renderer],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),

@@ -61,7 +61,7 @@ def test_secrets_and_answers_are_not_logged(
     def broken(*_: object, **_named: object) -> None:
         raise RuntimeError("broken")
 
-    monkeypatch.setattr("grader.store.submissions.insert_row", broken)
+    monkeypatch.setattr("grader.store.submissions.add", broken)
     ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": ANSWER})
     told = capsys.readouterr().err
     assert "RuntimeError: broken" in told

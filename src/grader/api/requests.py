@@ -82,4 +82,5 @@ def tell(scope: Scope, status: int, seconds: float) -> None:
 def template_of(scope: Scope) -> str:
     """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
     path: str = getattr(scope.get("route"), "path", "-")
-    return f"{PREFIX}{path}" if is_api(scope) and path != "-" else path
+    is_below = is_api(scope) and path != "-" and not path.startswith(PREFIX)
+    return f"{PREFIX}{path}" if is_below else path
