@@ -20,6 +20,9 @@ from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store.database import Database, is_away
 
+FREE_BYTES_MIN = 16 << 20
+"""Less room than this on the disk of a SQLite database counts as none: the largest answers take megabytes."""
+
 AWAY = "The database is away, full or read-only."
 
 
@@ -33,7 +36,10 @@ class Monitor(Collector):
     worker: Worker
 
     def check_database(self) -> dict[str, Any]:
-        """Writes to the database."""
+        """Writes to the database, and looks for room: a small write succeeds for a while on a disk that is full."""
+        free = self.database.free_bytes
+        if free is not None and free < FREE_BYTES_MIN:
+            raise NotReady(f"The disk of the database is full: less than {FREE_BYTES_MIN >> 20} MB are free.")
         try:
             self.database.check()
         except Exception as error:

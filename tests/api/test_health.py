@@ -94,6 +94,14 @@ def test_an_unexpected_failure_is_told_to_the_log_alone(
     assert "a path of the server" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("readiness")
+def test_a_disk_without_room_is_not_ready(nobody: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grader.monitoring.FREE_BYTES_MIN", 1 << 60)
+    told = nobody.get("/readyz").json()["checks"]["database"]
+    assert not told["ok"]
+    assert told["why"].startswith("The disk of the database is full")
+
+
 @contextmanager
 def worker_on(url: str) -> Iterator[tuple[Database, Worker]]:
     """A worker without tasks on a database that has its tables."""

@@ -1,5 +1,6 @@
 """One database, SQLite or PostgreSQL: transactions for reading and for writing, and its migrations."""
 
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -79,6 +80,12 @@ class Database:
     def lock_learner(self, session: Session, course: str, learner: str) -> None:
         """As `lock`, for what depends on all answers of one learner: attempts and results."""
         self.lock(session, f"{course}\n{learner}")
+
+    @property
+    def free_bytes(self) -> int | None:
+        """Free bytes on the disk of a SQLite file; None on PostgreSQL, whose own machine has it."""
+        file = self.engine.url.database
+        return shutil.disk_usage(Path(file).parent).free if self.is_sqlite and file else None
 
     def check(self) -> None:
         """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
