@@ -126,7 +126,7 @@ def test_a_full_sqlite_file_is_503_until_there_is_room(
         capsys.readouterr()
         refused(ann.post(f"{API}/submissions", json=long))
         (line,) = lines_of(capsys.readouterr().err)
-        assert (line["status"], line["why"]) == (503, "database: OperationalError")
+        assert (line["status"], line["why"]) == (503, "database: SQLITE_FULL")
         assert ann.get(f"{API}/submissions").status_code == 200
     assert ann.post(f"{API}/submissions", json=long).status_code == 201
 

@@ -18,7 +18,7 @@ from grader.api.rate import RateLimit, address_of
 from grader.api.scopes import scope_of
 from grader.errors import CallerError, Forbidden, Unauthorized
 from grader.identity import FAILED, Identity, authenticate
-from grader.store.database import Database, is_away
+from grader.store.database import Database, driver_error, is_away
 
 log = structlog.get_logger()
 
@@ -66,7 +66,7 @@ class AdmissionMiddleware:
             return
         except Exception as error:
             if is_away(error):
-                scope.setdefault("state", {})["why"] = f"database: {type(getattr(error, 'orig', error)).__name__}"
+                scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
             else:
                 log.exception("unhandled", method=scope["method"], path=scope["path"])
             if not response.started:  # else the connection is closed

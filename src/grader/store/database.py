@@ -120,6 +120,12 @@ def is_away(error: BaseException) -> bool:
     return isinstance(error, AWAY) or isinstance(cause, psycopg.errors.ReadOnlySqlTransaction)
 
 
+def driver_error(error: Exception) -> str:
+    """The name of the driver's error, such as SQLITE_FULL or DiskFull: its text may hold names of hosts."""
+    cause = getattr(error, "orig", None) or error
+    return str(getattr(cause, "sqlite_errorname", type(cause).__name__))
+
+
 @contextmanager
 def _foreign_keys_off(connection: Connection) -> Iterator[None]:
     """Lets migrations rebuild tables that others refer to, as SQLite asks for it; nothing on PostgreSQL.
