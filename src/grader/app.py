@@ -15,12 +15,16 @@ from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from grader.api import problems, routes
+from grader.api import openapi, problems, routes
 from grader.api.admission import AdmissionMiddleware, AdmissionRules
+from grader.api.compression import CompressionMiddleware
+from grader.api.conditional import ConditionalMiddleware
 from grader.api.connections import TimedProtocol
-from grader.api.context import Check, Context, context_in
+from grader.api.context import Context, context_in
 from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
+from grader.api.readiness import Check, Readiness
+from grader.api.requests import RequestsMiddleware
 from grader.content import Content
 from grader.courses import people, results
 from grader.courses.sign_in import create_sign_in_code
@@ -29,8 +33,10 @@ from grader.domain.policy import Extension
 from grader.grading_process import Graders
 from grader.identity import Role
 from grader.library import load
+from grader.logs import is_json, log_to_stderr
+from grader.monitoring import Monitor
 from grader.queue.worker import Worker
-from grader.settings import Settings, log_to_stderr
+from grader.settings import Settings
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
 from grader.web.context import PageContext
@@ -42,6 +48,10 @@ from grader.worker import graders_of, worker_of
 SHUTDOWN_S = 5
 """How long a shutdown waits for open event streams [s]."""
 
+COMPRESSED_BYTES_MIN = 1024
+COMPRESSION = 5
+"""The gzip level: nearly as small as 9, in a third of the time."""
+
 FAULT = 3
 
 Result = TypeVar("Result")
@@ -49,16 +59,19 @@ Result = TypeVar("Result")
 
 def create_app(settings: Settings) -> FastAPI:
     """The whole service as one ASGI app. Raises ContentError if the content has faults."""
-    log_to_stderr()
+    log_to_stderr(as_json=is_json(settings.log_format))
     database = Database(settings.database)
     database.migrate()
     content = Content(settings.content, hidden_case_secret(database))
     graders = graders_of(settings, content)
     worker = worker_of(settings, database, content, graders)
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
-    checks: dict[str, Check] = {"database": lambda: check_database(database), "content": lambda: check_content(content)}
+    monitor = Monitor(database, content, graders, worker)
     public_origin = settings.public_origin and settings.origin
-    context = Context(database, content, settings.queue_per_user, labs, checks, public_origin)
+    context = Context(
+        database, content, settings.queue_per_user, labs, readiness_of(settings, monitor), monitor.exposition,
+        settings.metrics_token, public_origin,
+    )  # fmt: skip
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
         title="MuJoCo grader",
@@ -73,7 +86,11 @@ def create_app(settings: Settings) -> FastAPI:
     problems.install(app)
     app.include_router(routes.router)
     app.include_router(pages)
+    openapi.install(app)
+    app.add_middleware(ConditionalMiddleware)
+    app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
     app.add_middleware(AdmissionMiddleware, database=database, rules=admission_rules(settings))
+    app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))
     return app
@@ -99,6 +116,14 @@ def provider_of(settings: Settings) -> Provider | None:
     return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
 
 
+def readiness_of(settings: Settings, monitor: Monitor) -> Readiness:
+    """What must work for a server with these settings to be ready. Without grading processes it has no jail."""
+    checks: dict[str, Check] = {"database": monitor.check_database, "content": monitor.check_content}
+    if settings.workers:
+        checks["jail"] = monitor.check_jail
+    return Readiness({**checks, "worker": monitor.check_worker})
+
+
 def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: Context) -> Any:
     """The app's lifespan: it starts the grading processes and the embedded worker, and ends them and the lab runs."""
 
@@ -107,8 +132,6 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
         try:
             if settings.workers:
                 await run_in_threadpool(graders.start)
-                context.checks["jail"] = lambda: check_jail(graders)
-                context.checks["worker"] = lambda: check_worker(worker)
                 worker.start()
             yield
         finally:
@@ -117,30 +140,6 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
             context.labs.close()
 
     return lifespan
-
-
-def check_database(database: Database) -> dict[str, Any]:
-    """The state of the database for /readyz. Raises if it does not answer."""
-    database.ping()
-    return {"backend": database.backend}
-
-
-def check_content(content: Content) -> dict[str, Any]:
-    """The quizzes that are loaded, with their digests, for /readyz."""
-    library = content.library
-    return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
-
-
-def check_jail(graders: Graders) -> dict[str, Any]:
-    """The jail's tier and the result of its self-test, for /readyz."""
-    return {**graders.jail, "workers": len(graders.pids())}
-
-
-def check_worker(worker: Worker) -> dict[str, Any]:
-    """The number of jobs that the embedded worker does at a time, for /readyz. Raises if a thread of it has ended."""
-    if not worker.alive:
-        raise RuntimeError("The embedded worker has ended.")
-    return {"threads": worker.threads}
 
 
 def issue_token(settings: Settings, user: str, role: str, course: str | None) -> str:
@@ -211,6 +210,7 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         ws="none",
         host=settings.host,
         port=settings.port,
+        log_config=None,
         log_level="warning",
         access_log=False,
         proxy_headers=False,
@@ -225,7 +225,7 @@ def run_server(settings: Settings) -> None:
     context = context_in(app)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=context.content.reload_or_log).start())
     config = server_config(app, settings)
-    server = Server(config, settings, context.checks)
+    server = Server(config, settings, context.readiness.checks)
     server.run()
     if not server.started:
         sys.exit(FAULT)

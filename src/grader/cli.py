@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import ValidationError
+from pydantic_settings import SettingsError
 from rich.console import Console
 
 from grader.domain.policy import Extension
@@ -22,9 +23,10 @@ from grader.domain.quiz import CodeQuestion
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, Unprocessable
 from grader.library import Library, load
+from grader.logs import log_to_stderr
 from grader.operate import operate
 from grader.pipeline import Pipeline
-from grader.settings import Settings, log_to_stderr
+from grader.settings import PREFIX, Settings
 
 CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
 INTERRUPTED = 130
@@ -51,8 +53,14 @@ def main() -> None:
         cli()
     except ValidationError as error:
         for wrong in error.errors():
-            where = "_".join(("GRADER", *map(str, wrong["loc"]))).upper()
-            err.print(f"{where}: {wrong['msg']}", style="red", markup=False, soft_wrap=True)
+            told = wrong["msg"].removeprefix("Value error, ")
+            where = f"{PREFIX}{'_'.join(map(str, wrong['loc']))}: ".upper() if wrong["loc"] else ""
+            err.print(f"{where}{told}", style="red", markup=False, soft_wrap=True)
+        sys.exit(USAGE)
+    except SettingsError as error:  # not JSON where JSON is needed
+        fields = [(name, field) for name, field in Settings.model_fields.items() if f'"{name}"' in str(error)]
+        for name, field in fields:
+            err.print(f"{PREFIX}{name.upper()}: {field.description}", style="red", markup=False, soft_wrap=True)
         sys.exit(USAGE)
     except ContentError as error:
         for fault in error.faults:

@@ -13,6 +13,7 @@ GraderError
 │   ├── Unprocessable    well-formed, but not meaningful
 │   ├── Unconditional    a precondition is missing
 │   └── TooManyRequests  too often
+├── NotReady          ours: a part of the service does not work now; `/readyz` tells which
 ├── LabError          a lab's expression failed while it ran: question, control, line and column
 ├── LabRefused        a lab does not offer these settings: controls, presses, lengths
 └── JailFault         ours: the jail broke; retried, then `grader_fault`, and no attempt is used
@@ -97,6 +98,10 @@ class TooManyRequests(CallerError):
     def __init__(self, message: str, retry_after_s: int) -> None:
         super().__init__(message)
         self.retry_after_s = retry_after_s
+
+
+class NotReady(GraderError):
+    """A part of the service does not work now; the message says which, and what cures it, to anybody."""
 
 
 class LabError(GraderError):

@@ -24,6 +24,8 @@ import structlog
 from grader.domain.verdict import Verdict
 from grader.errors import JailFault, JailRefused
 from grader.library import Library
+from grader.logs import log_to_stderr, logs_json
+from grader.metrics import GRADERS_BROKEN
 from grader.pipeline import Pipeline
 from grader.sandbox.jail import Jail
 
@@ -57,8 +59,9 @@ class GradingProcess:
         ours, theirs = socket.socketpair()
         with theirs:
             command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), str(models)]
+            command += ["--allow-t2"] * allow_t2 + ["--json-log"] * logs_json()
             self._process = subprocess.Popen(  # noqa: S603  our own command
-                [*command, *(["--allow-t2"] if allow_t2 else [])], stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
+                command, stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
             )
         self._connection: Connection[Any, Any] = Connection(ours.detach())
         self._library: Library | None = None
@@ -114,6 +117,7 @@ class GradingProcess:
         return reply
 
     def _broken(self, why: str) -> JailFault:
+        GRADERS_BROKEN.inc()
         self._process.kill()
         return JailFault(f"grading process {self._process.pid} broke: {why}")
 
@@ -148,6 +152,22 @@ class Graders:
     def pids(self) -> list[int]:
         """The ids of the processes."""
         return [process.pid for process in self._all]
+
+    @property
+    def alive(self) -> int:
+        """The number of processes that run."""
+        return sum(process.alive for process in self._all)
+
+    @property
+    def busy(self) -> int:
+        """The number of processes with a script in progress."""
+        return max(0, len(self._all) - self._free.qsize())
+
+    def revive(self) -> None:
+        """Replaces a process if none runs any more. Raises JailFault."""
+        if self._all and not self.alive:
+            with self._free_process():
+                pass
 
     def close(self) -> None:
         """Ends every process; scripts in progress end with a JailFault."""
@@ -227,8 +247,8 @@ def end_with_parent(jail: Jail) -> None:
 
 
 def main() -> None:
-    """Runs one grading process: the socket's number, the folder of models, and perhaps --allow-t2."""
-    structlog.configure(logger_factory=lambda *_: structlog.PrintLogger(sys.stderr))
+    """Runs one grading process: the socket's number, the folder of models, and perhaps --allow-t2 and --json-log."""
+    log_to_stderr(as_json="--json-log" in sys.argv)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent decides when to end
         signal.signal(number, signal.SIG_IGN)
     connection: Connection[Any, Any] = Connection(int(sys.argv[1]))

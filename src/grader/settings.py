@@ -1,18 +1,19 @@
 """Every setting, read as GRADER_<NAME> from the environment or a file of this name; every default works."""
 
-import logging
 import os
-import sys
+from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Self
+from typing import Any, Literal, Self
 from urllib.parse import urlsplit
 
-import structlog
 from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SecretsSettingsSource, SettingsConfigDict
 
 CONTAINER_SECRETS = "/run/secrets"
+
+PREFIX = "GRADER_"
+OF_TESTS = "GRADER_TEST_"
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -24,10 +25,16 @@ def default_content() -> Path:
     return packaged if packaged.is_dir() else package.parents[1]
 
 
+def nearest(name: str, known: set[str]) -> str:
+    """A question after the name that was probably meant; empty if none is near."""
+    near = get_close_matches(name.upper(), known, n=1)
+    return f": did you mean {near[0]}?" if near else ""
+
+
 class Settings(BaseSettings):
     """The settings of an installation."""
 
-    model_config = SettingsConfigDict(env_prefix="GRADER_", frozen=True, extra="forbid")
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="forbid")
 
     content: Path = Field(default_factory=default_content, description="Folder with quizzes/ and models/ inside.")
     data: Path = Field(default=Path(".data"), description="Folder of the SQLite database.")
@@ -80,6 +87,17 @@ class Settings(BaseSettings):
     )
     oidc_course: str = Field(default="default", description="Course whose students the provider's users become.")
 
+    metrics_token: SecretStr | None = Field(
+        default=None, min_length=16,
+        description="Token that /metrics asks for. Without one it is open on loopback, and closed elsewhere.",
+    )  # fmt: skip
+    metrics_port: int = Field(
+        default=0, ge=0, le=65535, description="Port on 127.0.0.1 where `grader worker` shows its metrics; 0 for none."
+    )
+    log_format: Literal["json", "text", "auto"] = Field(
+        default="auto", description="Lines of the log: json, text, or auto: text on a terminal, else JSON."
+    )
+
     @classmethod
     def settings_customise_sources(
         cls,
@@ -93,6 +111,16 @@ class Settings(BaseSettings):
         folders = [Path(name) for name in (os.environ.get("CREDENTIALS_DIRECTORY"), CONTAINER_SECRETS) if name]
         files = SecretsSettingsSource(settings_cls, secrets_dir=[folder for folder in folders if folder.is_dir()])
         return init_settings, env_settings, files
+
+    @model_validator(mode="before")
+    @classmethod
+    def _only_known_names(cls, given: Any) -> Any:
+        known = {f"{PREFIX}{name.upper()}" for name in cls.model_fields}
+        names = [name for name in os.environ if name.upper().startswith(PREFIX) and name.upper() not in known]
+        unknown = [name for name in sorted(names) if not name.upper().startswith(OF_TESTS)]
+        if unknown:
+            raise ValueError("; ".join(f"{name} is no setting{nearest(name, known)}" for name in unknown))
+        return given
 
     @model_validator(mode="after")
     def _whole_oidc_provider(self) -> Self:
@@ -142,19 +170,3 @@ class Settings(BaseSettings):
     def database(self) -> str:
         """The URL of the database."""
         return self.database_url or f"sqlite:///{self.data / 'grader.db'}"
-
-
-def log_to_stderr() -> None:
-    """Configures logging: one line per event, on stderr, since stdout is for documents.
-
-    Answers, tokens and sources are never logged: tracebacks do not show the values of variables.
-    """
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso"),
-            structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback),
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=lambda *_: structlog.PrintLogger(sys.stderr),
-    )

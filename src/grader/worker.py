@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import structlog
+from prometheus_client import REGISTRY, start_http_server
 from sqlalchemy.orm import Session
 
 from grader.content import Content
@@ -14,10 +15,12 @@ from grader.courses import results
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound, Unprocessable
 from grader.grading_process import Graders, Script
+from grader.logs import is_json, log_to_stderr
+from grader.monitoring import Monitor
 from grader.pipeline import OUR_FAULT, Retries
 from grader.queue import jobs
 from grader.queue.worker import Outcome, Worker
-from grader.settings import Settings, log_to_stderr
+from grader.settings import Settings
 from grader.store import submissions
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
@@ -123,7 +126,7 @@ def worker_of(settings: Settings, database: Database, content: Content, graders:
 
 def run_worker(settings: Settings) -> None:
     """Grades until SIGTERM or SIGINT; SIGHUP loads the content again. Raises Unprocessable on SQLite."""
-    log_to_stderr()
+    log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
     database = Database(settings.database)
     if database.is_sqlite:
@@ -139,6 +142,9 @@ def run_worker(settings: Settings) -> None:
             signal.signal(number, lambda *_: ended.set())
         signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())
         worker.start()
+        if settings.metrics_port:
+            REGISTRY.register(Monitor(database, content, graders, worker))
+            start_http_server(settings.metrics_port, "127.0.0.1")
         ended.wait()
         worker.stop()
     database.close()

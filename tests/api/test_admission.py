@@ -204,7 +204,7 @@ def test_a_user_over_the_rate_limit_gets_429_and_others_do_not(open_site_with: C
         ("GET", "/", 200),
         ("GET", "/instructor", 401),
         ("GET", "/healthz", 200),
-        ("GET", "/readyz", 200),
+        ("GET", "/readyz", 503),
         ("GET", "/openapi.json", 200),
         ("GET", "/static/style.css", 200),
         ("GET", "/favicon.ico", 200),

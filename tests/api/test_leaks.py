@@ -149,6 +149,8 @@ VARIES = [
     (re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+(Z|\+00:00)"), "TIME"),
     (re.compile(r'"(?:total|script_\w+|judge_\w+)": ?[\d.]+'), "MS"),
     (re.compile(r'"(?:content_digest|digest)": ?"[^"]*"'), "DIGEST"),
+    (re.compile(r'"request_id": ?"[0-9a-f]{32}"'), "REQUEST"),
+    (re.compile(r'"[0-9a-f]{24}"$'), "TAG"),  # a digest of the body before it, which is compared itself
     (re.compile(r"at:[^\"&]*|cursor=[\w-]+|\"next_cursor\": ?\"[\w-]+\""), "CURSOR"),
 ]
 

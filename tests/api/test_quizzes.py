@@ -171,29 +171,9 @@ def test_a_server_that_cannot_have_its_port_says_so(content: Path, tmp_path: Pat
     assert "signin" not in done.stdout
 
 
-@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/openapi.json", "/"])
+@pytest.mark.parametrize("path", ["/healthz", "/metrics", "/openapi.json", "/"])
 def test_health_and_openapi_need_no_token(nobody: httpx.Client, path: str) -> None:
     assert nobody.get(path).status_code == 200
-
-
-def test_readiness_lists_its_checks(nobody: httpx.Client) -> None:
-    checks = nobody.get("/readyz").json()["checks"]
-    assert checks["database"] == {"ok": True, "backend": "sqlite"}
-    assert checks["content"]["quizzes"].keys() == {"small"}
-
-
-def test_a_database_that_does_not_answer_is_not_ready(
-    site: Any, nobody: httpx.Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def gone() -> None:
-        raise OSError("a path of the server")
-
-    monkeypatch.setattr(site.app.state.context.database, "ping", gone)
-    response = nobody.get("/readyz")
-    assert (response.status_code, response.headers["content-type"]) == (503, "application/problem+json")
-    assert response.json()["checks"]["database"] == {"ok": False}
-    assert "path" not in response.text
-    assert nobody.get("/healthz").status_code == 200
 
 
 def test_every_route_of_the_api_is_described_with_its_refusals(nobody: httpx.Client) -> None:

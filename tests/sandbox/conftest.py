@@ -46,7 +46,7 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Content:
 @pytest.fixture(scope="module")
 def jail(content: Content) -> Iterator[Jail]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("GRADER_CANARY", content.canary)
+        patch.setenv("GRADER_TEST_CANARY", content.canary)
         with Jail(content.models, workers=2) as jail:
             yield jail
 

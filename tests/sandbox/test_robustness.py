@@ -116,7 +116,7 @@ def test_closing_leaves_nothing_and_ends_running_jobs() -> None:
 
 
 def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GRADER_SECRET", "canary-of-the-environment")
+    monkeypatch.setenv("GRADER_TEST_SECRET", "canary-of-the-environment")
     with Jail(MODELS, workers=1):
         at_rest_with(processes=5)
         for pid in descendants(os.getpid()):

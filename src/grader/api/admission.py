@@ -13,12 +13,12 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from grader.api.problems import problem, problem_of
+from grader.api.problems import problem, problem_of, problem_of_unexpected
 from grader.api.rate import RateLimit, address_of
 from grader.api.scopes import scope_of
 from grader.errors import CallerError, Forbidden, Unauthorized
 from grader.identity import FAILED, Identity, authenticate
-from grader.store.database import Database
+from grader.store.database import Database, driver_error, is_away
 
 log = structlog.get_logger()
 
@@ -64,11 +64,13 @@ class AdmissionMiddleware:
             await self._serve(scope, receive, response.send)
         except ClientDisconnect:  # before its request was read: no answer can reach it
             return
-        except Exception:
-            log.exception("unhandled", method=scope["method"], path=scope["path"])
-            if response.started:
-                raise
-            await problem(500, "Something went wrong on our side.")(scope, receive, response.send)
+        except Exception as error:
+            if is_away(error):
+                scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
+            else:
+                log.exception("unhandled", method=scope["method"], path=scope["path"])
+            if not response.started:  # else the connection is closed
+                await problem_of_unexpected(error)(scope, receive, response.send)
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         drop_escaped_cookies(scope)

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, FastAPI, Header, Request, Security
 from fastapi.security import HTTPBearer
+from pydantic import SecretStr
 
 from grader.api.admission import identity_in
 from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
+from grader.api.readiness import Readiness
 from grader.content import Content
 from grader.identity import Identity, Role
 from grader.store.database import Database
@@ -17,19 +19,19 @@ from grader.store.database import Database
 STATISTICS_KEPT = 256
 """Statistics that are kept; those of a quiz are a few kilobytes."""
 
-Check = Callable[[], dict[str, Any]]
-"""A check of readiness: returns what it found, raises where the service cannot work."""
-
 
 @dataclass(frozen=True)
 class Context:
-    """What one app's routes share. `checks` are those of /readyz."""
+    """What one app's routes share."""
 
     database: Database
     content: Content
     queue_per_user: int
     labs: LabRuns
-    checks: dict[str, Check] = field(default_factory=dict)
+    readiness: Readiness
+    exposition: Callable[[], bytes]
+    """Makes the document of /metrics."""
+    metrics_token: SecretStr | None = None
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))

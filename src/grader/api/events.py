@@ -17,6 +17,7 @@ from grader.api.submissions import view_for, visible
 from grader.courses.standing import standing_of
 from grader.identity import Identity
 from grader.store import submissions
+from grader.store.database import AWAY
 from grader.store.tables import Event, Submission
 
 router = APIRouter()
@@ -66,7 +67,10 @@ async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterato
     with signals.listening(submissions.EVENTS, wake, listener.submission_id):
         while not over:
             changed.clear()
-            events, shown, over = await run_in_threadpool(read_events, listener, last)
+            try:
+                events, shown, over = await run_in_threadpool(read_events, listener, last)
+            except AWAY:  # when the database is back, every listener is called
+                events, shown = [], {}
             for event in events:
                 last = event.number
                 data = event_data(event, shown)

@@ -7,8 +7,9 @@ from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
 from grader.api.context import AppContext, Instructor
-from grader.api.paging import NO_NUL
+from grader.api.paging import NO_NUL, Page
 from grader.api.problems import documented
+from grader.api.views import ExtensionView, GivenExtension
 from grader.courses import results
 from grader.courses.audit import Action, record
 from grader.courses.people import named
@@ -37,7 +38,11 @@ class ExtensionBody(Extension):
         return self
 
 
-@router.get("/quizzes/{quiz_id}/extensions", responses=documented(401, 403, 404, 422, 429))
+@router.get(
+    "/quizzes/{quiz_id}/extensions",
+    response_model=Page[GivenExtension],
+    responses=documented(401, 403, 404, 422, 429),
+)
 def list_extensions(quiz_id: str, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
     context.content.library.quiz(quiz_id)
@@ -46,7 +51,11 @@ def list_extensions(quiz_id: str, who: Instructor, context: AppContext) -> dict[
     return {"items": items, "next_cursor": None}
 
 
-@router.put("/quizzes/{quiz_id}/extensions", responses=documented(401, 403, 404, 413, 422, 429))
+@router.put(
+    "/quizzes/{quiz_id}/extensions",
+    response_model=ExtensionView,
+    responses=documented(401, 403, 404, 413, 422, 429),
+)
 def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""
     granted = Extension(due=body.due, until=body.until, attempts=body.attempts)

@@ -27,7 +27,7 @@ LINES = 500
     response_class=Response,
     responses=documented(
         401, 403, 404, 422, 429,
-        more={200: {"content": {"text/csv": {}}}, 304: {"description": "Not modified"}},
+        more={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
     ),
 )  # fmt: skip
 def gradebook(

@@ -1,38 +1,55 @@
-"""`/healthz`: the process answers. `/readyz`: it can grade."""
+"""`/healthz`: the process answers. `/readyz`: it can grade. `/metrics`: how it does, for Prometheus."""
 
-from typing import Any
+import secrets
+from typing import Annotated
 
-import structlog
-from fastapi import APIRouter
-from fastapi.responses import JSONResponse, Response
+from fastapi import APIRouter, Header
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from prometheus_client import CONTENT_TYPE_LATEST
 
-from grader.api.context import AppContext, Check
-from grader.api.problems import documented, problem
+from grader.api.context import AppContext, Context
+from grader.api.problems import RETRY_S, documented, problem
+from grader.api.views import Ready
+from grader.errors import Forbidden, Unauthorized
 
 router = APIRouter()
-log = structlog.get_logger()
+
+NO_STORE = {"Cache-Control": "no-store"}
 
 
-@router.get("/healthz")
+@router.get("/healthz", responses=documented(429))
 async def healthz() -> dict[str, str]:
     """The process answers."""
     return {"status": "ok"}
 
 
-@router.get("/readyz", responses=documented(503))
-def readyz(context: AppContext) -> Response:
-    """The state of database, content and jail; 503 if one of them does not work."""
-    found = {name: outcome(name, check) for name, check in context.checks.items()}
-    if all(result["ok"] for result in found.values()):
-        return JSONResponse({"status": "ready", "checks": found})
-    failed = ", ".join(name for name, result in found.items() if not result["ok"])
-    return problem(503, f"Not ready: {failed}.", checks=found)
+@router.get("/readyz", response_class=JSONResponse, responses=documented(429, 503, more={200: {"model": Ready}}))
+async def readyz(context: AppContext) -> Response:
+    """What database, content, jail and workers say, at most a second ago; 503 if one of them does not work."""
+    found = await context.readiness.found()
+    failed = {name: one["why"] for name, one in found.items() if not one["ok"]}
+    if not failed:
+        return JSONResponse({"status": "ready", "checks": found}, headers=NO_STORE)
+    detail = " ".join(f"{name}: {why}" for name, why in failed.items())
+    return problem(503, detail, NO_STORE | {"Retry-After": str(RETRY_S)}, checks=found)
 
 
-def outcome(name: str, check: Check) -> dict[str, Any]:
-    """What one check found. The reason of a failure is logged, not shown."""
-    try:
-        return {"ok": True, **check()}
-    except Exception:
-        log.exception("not ready", check=name)
-        return {"ok": False}
+@router.get("/metrics", response_class=PlainTextResponse, responses=documented(401, 403, 422, 429))
+def metrics(context: AppContext, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
+    """Metrics in Prometheus' text format: of this process, and of the queue in the database.
+
+    Open on loopback without `GRADER_PUBLIC_ORIGIN`; elsewhere, or where `GRADER_METRICS_TOKEN` is set, for its bearer.
+    """
+    require_token(context, authorization)
+    return Response(context.exposition(), headers=NO_STORE, media_type=CONTENT_TYPE_LATEST)
+
+
+def require_token(context: Context, authorization: str) -> None:
+    """Raises Unauthorized without the token of the settings, and Forbidden where one is needed and none is set."""
+    if context.metrics_token is None:
+        if context.public_origin is not None:
+            raise Forbidden("Metrics are closed on a public server: set GRADER_METRICS_TOKEN to open them.")
+        return
+    wanted = f"Bearer {context.metrics_token.get_secret_value()}"
+    if not secrets.compare_digest(authorization.encode(), wanted.encode()):
+        raise Unauthorized("Send GRADER_METRICS_TOKEN as `Authorization: Bearer ...`.")

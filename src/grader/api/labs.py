@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import structlog
 from fastapi import APIRouter, Header
@@ -63,7 +63,9 @@ class IntegratorsSettings(BaseModel):
     seconds: float | None = None
 
 
-@router.post("/labs:run", responses=documented(401, 403, 404, 409, 413, 422, 429))
+@router.post(
+    "/labs:run", responses=documented(401, 403, 404, 409, 413, 422, 429, more={200: {"model": dict[str, Any]}})
+)
 async def run(
     body: LabBody, who: Learner, context: AppContext, accept_encoding: Annotated[str, Header()] = ""
 ) -> Response:

@@ -2,7 +2,7 @@
 
 import base64
 import binascii
-from typing import Annotated, Any
+from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import Query, Response
@@ -10,6 +10,8 @@ from pydantic import BaseModel, Field
 
 from grader.api.admission import PREFIX
 from grader.errors import Unprocessable
+
+Item = TypeVar("Item")
 
 LIMIT, LIMIT_MAX = 50, 100
 NO_NUL = r"^[^\x00]*$"
@@ -32,10 +34,10 @@ class PageQuery(BaseModel):
         return None if self.cursor is None else read_cursor(self.cursor)
 
 
-class Page(BaseModel):
+class Page(BaseModel, Generic[Item]):
     """One page of a list; `next_cursor` is None on the last page."""
 
-    items: list[dict[str, Any]]
+    items: list[Item]
     next_cursor: str | None
 
 

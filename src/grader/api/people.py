@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from grader.api.context import AppContext, Context, Instructor
 from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
 from grader.api.problems import documented
+from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses import invitations, people, tokens
 from grader.courses.invitations import Invitation
 from grader.errors import NotFound, Unprocessable
@@ -71,7 +72,7 @@ class TokenBody(BaseModel):
     days: float | None = Field(default=None, gt=0, le=DAYS_MAX)
 
 
-@router.get("/members", response_model=Page, responses=documented(401, 403, 422, 429))
+@router.get("/members", response_model=Page[MemberView], responses=documented(401, 403, 422, 429))
 def list_members(query: ListParams, who: Instructor, context: AppContext, response: Response) -> dict[str, Any]:
     """Lists the members of the course in the order of their ids."""
     page = query.page
@@ -80,7 +81,9 @@ def list_members(query: ListParams, who: Instructor, context: AppContext, respon
     return page_of([member_view(member) for member in found], page, "/members", response)
 
 
-@router.patch("/members/{member_id}", responses=documented(401, 403, 404, 409, 413, 422, 429))
+@router.patch(
+    "/members/{member_id}", response_model=MemberView, responses=documented(401, 403, 404, 409, 413, 422, 429)
+)
 def change_role(member_id: str, body: RoleBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Changes a member's role; the member signs in again with a new link."""
     with context.database.write() as session:
@@ -94,7 +97,7 @@ def remove_member(member_id: str, who: Instructor, context: AppContext) -> None:
         people.remove(session, who, member_id)
 
 
-@router.get("/invitations", response_model=Page, responses=documented(401, 403, 429))
+@router.get("/invitations", response_model=Page[CredentialView], responses=documented(401, 403, 429))
 def list_invitations(who: Instructor, context: AppContext) -> dict[str, Any]:
     """Lists the links that were neither used nor revoked, newest first."""
     with context.database.read() as session:
@@ -102,7 +105,12 @@ def list_invitations(who: Instructor, context: AppContext) -> dict[str, Any]:
     return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
 
 
-@router.post("/invitations", status_code=201, responses=documented(401, 403, 404, 413, 422, 429))
+@router.post(
+    "/invitations",
+    status_code=201,
+    response_model=Page[NewInvitation],
+    responses=documented(401, 403, 404, 413, 422, 429),
+)
 def invite(body: InvitationBody, who: Instructor, context: AppContext, request: Request) -> dict[str, Any]:
     """Makes a single-use link for each name, or for one member. The links are shown this once."""
     if bool(body.names) == (body.member is not None):
@@ -126,7 +134,7 @@ def revoke_invitation(invitation_id: str, who: Instructor, context: AppContext) 
         invitations.revoke(session, who, invitation_id)
 
 
-@router.get("/tokens", response_model=Page, responses=documented(401, 403, 429))
+@router.get("/tokens", response_model=Page[CredentialView], responses=documented(401, 403, 429))
 def list_tokens(who: Instructor, context: AppContext) -> dict[str, Any]:
     """Lists the tokens that are valid, newest first; never their secrets."""
     with context.database.read() as session:
@@ -134,7 +142,7 @@ def list_tokens(who: Instructor, context: AppContext) -> dict[str, Any]:
     return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
 
 
-@router.post("/tokens", status_code=201, responses=documented(401, 403, 413, 422, 429))
+@router.post("/tokens", status_code=201, response_model=NewToken, responses=documented(401, 403, 413, 422, 429))
 def create_token(body: TokenBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Creates a token. It is shown this once."""
     lifetime = None if body.days is None else timedelta(days=body.days)
@@ -152,7 +160,7 @@ def revoke_token(token_id: str, who: Instructor, context: AppContext) -> None:
         tokens.revoke(session, token_id, who.course, who)
 
 
-@router.get("/course", responses=documented(401, 403, 429))
+@router.get("/course", response_model=CourseView, responses=documented(401, 403, 429))
 def show_course(who: Instructor, context: AppContext, request: Request) -> dict[str, Any]:
     """The course, and the link with which learners join it; null while it is closed to them."""
     with context.database.read() as session:
@@ -160,7 +168,7 @@ def show_course(who: Instructor, context: AppContext, request: Request) -> dict[
     return {"course": who.course, "join_url": None if link is None else join_url(context, request, link.code)}
 
 
-@router.put("/course/link", responses=documented(401, 403, 429))
+@router.put("/course/link", response_model=CourseView, responses=documented(401, 403, 429))
 def rotate_link(who: Instructor, context: AppContext, request: Request) -> dict[str, Any]:
     """Opens the course to everybody with the new link; an earlier one ends."""
     with context.database.write() as session:
@@ -175,7 +183,7 @@ def close_link(who: Instructor, context: AppContext) -> None:
         invitations.close_link(session, who)
 
 
-@router.get("/audit", response_model=Page, responses=documented(401, 403, 422, 429))
+@router.get("/audit", response_model=Page[AuditView], responses=documented(401, 403, 422, 429))
 def list_audit(query: ListParams, who: Instructor, context: AppContext, response: Response) -> dict[str, Any]:
     """Lists who did what in the course, newest first."""
     page = query.page

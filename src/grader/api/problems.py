@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
+import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
@@ -25,6 +26,7 @@ from grader.errors import (
     Unconditional,
     Unprocessable,
 )
+from grader.store.database import is_away
 
 MEDIA_TYPE = "application/problem+json"
 SCHEMA = {
@@ -35,11 +37,15 @@ SCHEMA = {
         "title": {"type": "string"},
         "status": {"type": "integer"},
         "detail": {"type": "string"},
+        "request_id": {"type": "string"},
         "errors": {"type": "array", "items": {"type": "object"}},
         "faults": {"type": "array", "items": {"type": "object"}},
     },
 }
 
+
+RETRY_S = 5
+"""When to try again while the service cannot serve [s]."""
 
 ERRORS_MAX = 20
 """Errors of one body that are listed."""
@@ -55,18 +61,19 @@ Responses = dict[int | str, dict[str, Any]]
 
 
 def documented(*statuses: int, more: Responses | None = None) -> Responses:
-    """The `responses` of a route for OpenAPI: a problem document for each status, and those in `more`."""
-    return (more or {}) | {
-        status: {"description": HTTPStatus(status).phrase, "content": {MEDIA_TYPE: {"schema": SCHEMA}}}
-        for status in statuses
-    }
+    """The `responses` of a route for OpenAPI: those in `more`, and statuses whose problems `openapi.py` describes."""
+    return (more or {}) | {status: {"description": HTTPStatus(status).phrase} for status in statuses}
 
 
 def problem(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> Response:
     """A problem document; `more` are its extension members."""
-    title = HTTPStatus(status).phrase
-    body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **more}
-    return ProblemResponse(body, status, headers)
+    named = structlog.contextvars.get_contextvars()  # the id of the request
+    return ProblemResponse(problem_body(status, detail, **more, **named), status, headers)
+
+
+def problem_body(status: int, detail: str, **more: Any) -> dict[str, Any]:
+    """The members of a problem document."""
+    return {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
 
 
 STATUS: dict[type[GraderError], int] = {
@@ -101,6 +108,13 @@ def problem_of(error: GraderError) -> Response:
             return problem(status, "The content has faults; what was loaded before stays.", faults=faults)
         case _:
             return problem(status, str(error))
+
+
+def problem_of_unexpected(error: Exception) -> Response:
+    """The problem document of an error that nobody raises on purpose: 503 if the database is away, else 500."""
+    if is_away(error):
+        return problem(503, "The service cannot reach or write its data now. Try again.", {"Retry-After": str(RETRY_S)})
+    return problem(500, "Something went wrong on our side.")
 
 
 def install(app: FastAPI) -> None:

@@ -5,7 +5,9 @@ from typing import Any
 from fastapi import APIRouter
 
 from grader.api.context import Anybody, AppContext, Context, Instructor
+from grader.api.paging import Page
 from grader.api.problems import documented
+from grader.api.views import LoadedContent, QuizSummary, QuizView
 from grader.courses.audit import Action, record
 from grader.courses.standing import progress_in, standing_of
 from grader.domain.quiz import CodeQuestion, PredictQuestion, Quiz
@@ -15,13 +17,13 @@ from grader.identity import Identity
 router = APIRouter()
 
 
-@router.get("/quizzes", responses=documented(401, 429))
+@router.get("/quizzes", response_model=Page[QuizSummary], responses=documented(401, 429))
 def list_quizzes(_who: Anybody, context: AppContext) -> dict[str, Any]:
     """Lists every quiz: its id, title, number of questions and points, and when it may be answered."""
     return {"items": [summary(quiz) for quiz in context.content.library.quizzes.values()], "next_cursor": None}
 
 
-@router.get("/quizzes/{quiz_id}", responses=documented(401, 404, 422, 429))
+@router.get("/quizzes/{quiz_id}", responses=documented(401, 404, 422, 429, more={200: {"model": QuizView}}))
 def show_quiz(quiz_id: str, who: Anybody, context: AppContext) -> dict[str, Any]:
     """Shows one quiz with its questions, how many attempts the learner has used on each, and what counts.
 
@@ -30,7 +32,7 @@ def show_quiz(quiz_id: str, who: Anybody, context: AppContext) -> dict[str, Any]
     return progress(quiz_id, who, context)
 
 
-@router.post("/content:reload", responses=documented(401, 403, 422, 429))
+@router.post("/content:reload", response_model=LoadedContent, responses=documented(401, 403, 422, 429))
 def reload_content(who: Instructor, context: AppContext) -> dict[str, Any]:
     """Loads the content folder again. With any fault, lists all of them and keeps what was loaded before."""
     context.content.reload()

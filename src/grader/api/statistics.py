@@ -10,6 +10,7 @@ from fastapi.responses import Response
 from grader.api.conditional import etag_of, unchanged
 from grader.api.context import AppContext, IfNoneMatch, Instructor
 from grader.api.problems import documented
+from grader.api.views import StatisticsView
 from grader.courses.statistics import QuestionStatistics, Row, statistics_of
 from grader.domain.quiz import NumericQuestion, Quiz
 from grader.domain.verdict import Status
@@ -20,7 +21,7 @@ router = APIRouter()
 
 @router.get(
     "/quizzes/{quiz_id}/statistics",
-    responses=documented(401, 403, 404, 422, 429, more={304: {"description": "Not modified"}}),
+    responses=documented(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}}),
 )
 def show_statistics(quiz_id: str, who: Instructor, context: AppContext, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""

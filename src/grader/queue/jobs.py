@@ -33,6 +33,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.sql.functions import FunctionElement
 
 from grader.store.signals import announce
+from grader.store.tables import age_s
 
 GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune")
 """In order of priority."""
@@ -156,6 +157,29 @@ def release(session: Session, leases: list[str]) -> None:
 def waiting(session: Session) -> int:
     """The number of jobs that are not done; those in progress count."""
     return session.scalar(select(func.count()).select_from(JobRow)) or 0
+
+
+@dataclass(frozen=True)
+class TopicState:
+    """The jobs of one topic: how many wait and run, and how long the oldest one waits [s], if it says."""
+
+    waiting: int = 0
+    running: int = 0
+    oldest_s: float | None = None
+
+
+def state(session: Session) -> dict[str, TopicState]:
+    """The state of the queue by topic. It reads the entries of waiting jobs in an index, and no table."""
+    waits = select(JobRow.priority, func.count(), func.min(JobRow.id)).where(WAITS).group_by(JobRow.priority)
+    runs = select(JobRow.topic, func.count()).where(JobRow.owner.is_not(None)).group_by(JobRow.topic)
+    waiting = {TOPICS[priority]: (count, first) for priority, count, first in session.execute(waits)}
+    running = dict(session.execute(runs).all())
+    first_ids = [first for _, first in waiting.values()]
+    oldest = dict(session.execute(select(JobRow.topic, JobRow.subject).where(JobRow.id.in_(first_ids))).all())
+    return {
+        topic: TopicState(waiting.get(topic, (0,))[0], running.get(topic, 0), age_s(oldest.get(topic, "")))
+        for topic in TOPICS
+    }
 
 
 def share_number(share: str) -> int:

@@ -18,8 +18,25 @@ from grader.store.database import Database
 LOCKS = 7_105_115
 """The first key of the advisory locks of owners; the number is arbitrary."""
 
+LIVE = 7_105_118
+"""The first key of the lock that all owners share, so that they can be counted; the second is their schema."""
+
 KEEPALIVE = {"tcp_keepalives_idle": 10, "tcp_keepalives_interval": 5, "tcp_keepalives_count": 3}
 """The server notices after 25 s that the machine of an owner is gone [s, s, probes]."""
+
+
+SCHEMA = func.hashtext(func.current_schema())
+
+WORKERS_ALIVE = text(
+    "SELECT count(*) FROM pg_locks JOIN pg_database ON pg_database.oid = pg_locks.database "
+    "WHERE locktype = 'advisory' AND granted AND datname = current_database() AND classid = :live AND objsubid = 2 "
+    "AND objid = (hashtext(current_schema())::bigint & 4294967295)::oid"
+)
+
+
+def workers_alive(session: Session) -> int:
+    """The number of owners on this PostgreSQL database and schema whose sessions live."""
+    return session.scalar(WORKERS_ALIVE, {"live": LIVE}) or 0
 
 
 class Owner(Protocol):
@@ -98,6 +115,8 @@ class LockedOwner:
         # False while the server has not noticed the end of our last session, whose lock still holds.
         if not connection.scalar(select(func.pg_try_advisory_lock(LOCKS, self.id))):
             self.close()
+            return
+        connection.execute(select(func.pg_advisory_lock_shared(LIVE, SCHEMA)))
 
     def _has_ended(self, session: Session, owner: int) -> bool:
         return bool(session.scalar(select(func.pg_try_advisory_xact_lock(LOCKS, owner))))

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import structlog
-from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.orm import Session
 
+from grader.metrics import JOBS_FAILED, RUNNING_S, WAITING_S
 from grader.queue import jobs
 from grader.queue.jobs import Claim
-from grader.queue.owners import Owner, owner_of
-from grader.store.database import Database
+from grader.queue.owners import Owner, owner_of, workers_alive
+from grader.store.database import AWAY, Database
+from grader.store.tables import age_s
 
 LOOK_S = 1.0
 """Pause between two looks into the queue where nothing is announced: for delayed jobs and lost signals [s]."""
@@ -24,9 +25,6 @@ KEEP_S = 2.0
 
 GRACE_S = 5.0
 """How long a stopping worker waits for the jobs in progress [s]."""
-
-AWAY = (OperationalError, InterfaceError)
-"""What SQLAlchemy raises while a database is away, locked or full."""
 
 log = structlog.get_logger()
 
@@ -124,6 +122,10 @@ class Worker:
         except Exception:
             log.exception("a job in progress could not be put back; its owner's end releases it")
 
+    def alive_on(self, session: Session) -> int:
+        """The number of live workers on the database, in this and all other processes."""
+        return int(self.alive) if self.database.is_sqlite else workers_alive(session)
+
     @property
     def alive(self) -> bool:
         """Whether every thread runs."""
@@ -140,7 +142,13 @@ class Worker:
                 # Before the commit: what the database calls ours and is not held here counts as lost.
                 self._held[claimed.lease] = claimed
                 started = self.tasks[claimed.topic].start(session, claimed.subject)
-            self._settle(claimed, self._outcome(claimed, started))
+            if claimed.tries == 1 and (waited_s := age_s(claimed.subject)) is not None:
+                WAITING_S.labels(claimed.topic).observe(waited_s)
+            with RUNNING_S.labels(claimed.topic).time():
+                outcome = self._outcome(claimed, started)
+            if outcome.again:
+                JOBS_FAILED.labels(claimed.topic).inc()
+            self._settle(claimed, outcome)
         finally:
             if claimed is not None:
                 self._held.pop(claimed.lease, None)

@@ -1,13 +1,18 @@
 """One database, SQLite or PostgreSQL: transactions for reading and for writing, and its migrations."""
 
 import os
+import shutil
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+import psycopg
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
@@ -16,6 +21,12 @@ from grader.store.signals import Signals
 
 BUSY_S = 30.0
 """How long SQLite waits for the lock of another process [s]."""
+
+AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
+"""What SQLAlchemy raises while a database is away, locked, full or read-only."""
+
+PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
+"""How long PostgreSQL may not answer before it counts as away: a connection [s], what was sent over one [ms]."""
 
 MIGRATION_LOCK = 7_105_114_101
 """The PostgreSQL advisory lock for migrations; the number is arbitrary."""
@@ -32,10 +43,9 @@ class Database:
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         if self.is_sqlite and parsed.database:
             _create_private(Path(parsed.database))
-        connect_args: dict[str, Any] = {"timeout": BUSY_S} if self.is_sqlite else {}
         self.engine = create_engine(
             parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_pre_ping=not self.is_sqlite,
-            connect_args=connect_args,
+            connect_args=patience_with(parsed), hide_parameters=True,
         )  # fmt: skip
         if self.is_sqlite:
             _set_up_sqlite(self.engine)
@@ -73,10 +83,16 @@ class Database:
         """As `lock`, for what depends on all answers of one learner: attempts and results."""
         self.lock(session, f"{course}\n{learner}")
 
-    def ping(self) -> None:
-        """Raises if the database does not answer."""
-        with self.engine.connect() as connection:
-            connection.execute(text("SELECT 1"))
+    @property
+    def free_bytes(self) -> int | None:
+        """Free bytes on the disk of a SQLite file; None on PostgreSQL, whose own machine has it."""
+        file = self.engine.url.database
+        return shutil.disk_usage(Path(file).parent).free if self.is_sqlite and file else None
+
+    def check(self) -> None:
+        """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
+        with self.write() as session:
+            session.execute(text("UPDATE alembic_version SET version_num = version_num"))
 
     def migrate(self, revision: str | None = None) -> None:
         """Brings the tables to a revision, the newest if None; safe to call from several processes at once.
@@ -105,6 +121,27 @@ class Database:
         """Closes every connection."""
         self.signals.close()
         self.engine.dispose()
+
+
+def patience_with(url: URL) -> dict[str, Any]:
+    """The driver's arguments that say how long it waits; what the URL says itself stays."""
+    if url.get_backend_name() == "sqlite":
+        return {"timeout": BUSY_S}
+    return {name: value for name, value in PATIENCE.items() if name not in url.query}
+
+
+def is_away(error: BaseException) -> bool:
+    """Whether an error means that the database cannot serve now, and no fault of a statement: 503, not 500."""
+    cause = error.orig if isinstance(error, DBAPIError) else None
+    if isinstance(cause, sqlite3.OperationalError) and cause.sqlite_errorcode == sqlite3.SQLITE_ERROR:
+        return False
+    return isinstance(error, AWAY) or isinstance(cause, psycopg.errors.ReadOnlySqlTransaction)
+
+
+def driver_error(error: Exception) -> str:
+    """The name of the driver's error, such as SQLITE_FULL or DiskFull: its text may hold names of hosts."""
+    cause = getattr(error, "orig", None) or error
+    return str(getattr(cause, "sqlite_errorname", type(cause).__name__))
 
 
 @contextmanager

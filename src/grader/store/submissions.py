@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
+from grader.metrics import VERDICTS
 from grader.store.signals import announce
 from grader.store.tables import Event, IdempotencyKey, Submission, VerdictRow, insert_row, now
 
@@ -153,6 +154,7 @@ def _settle(submission: Submission, verdict: Verdict) -> None:
     submission.status = NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED
     submission.uses_attempt, submission.outcome = verdict.status.uses_attempt, verdict.status.value
     submission.revision += 1
+    VERDICTS.labels(verdict.status.value).inc()
 
 
 def _verdict_row(submission: Submission, verdict: Verdict, cause: str) -> VerdictRow:

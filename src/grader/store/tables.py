@@ -14,6 +14,7 @@ installation_secrets       keys of the installation, never shown
 """
 
 import secrets
+import string
 from datetime import UTC, datetime
 
 from sqlalchemy import (
@@ -45,6 +46,13 @@ def now() -> datetime:
 def new_id() -> str:
     """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits."""
     return f"{int(now().timestamp() * 1000):012x}{secrets.token_hex(10)}"
+
+
+def age_s(new_id_: str) -> float | None:
+    """The time since `new_id` made an id [s], at least 0; None for another text."""
+    if len(new_id_) != 32 or not all(digit in string.hexdigits for digit in new_id_):
+        return None
+    return max(0.0, now().timestamp() - int(new_id_[:12], 16) / 1000)
 
 
 def new_member_id() -> str:

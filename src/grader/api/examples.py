@@ -1,0 +1,159 @@
+"""An example for every response of the API: what OpenAPI shows, and what a test compares with the schemas.
+
+A new route needs one for each of its successes; its refusals have theirs already, by status.
+"""
+
+from typing import Any
+
+LEARNER, TEACHER, SUBMISSION = ("7c9a0d3e41b52f68a7d0c4e19b3f5a26", "ba9fc2466f276dff59d0838ebcd1d8dd",
+                                "01a1ff35e07f077699dac398f9ec199e")  # fmt: skip
+AT, LATER = "2026-10-05T09:30:00Z", "2026-10-19T09:30:00Z"
+DIGEST = "9eadd8e1fc42997e6009e32bdfe39827597594d125664a67012e8fc36eac3acb"
+
+PROBLEMS: dict[int, dict[str, Any]] = {
+    401: {"detail": "Send a valid token as `Authorization: Bearer ...`, or sign in."},
+    403: {"detail": "This is for the role instructor; yours is student."},
+    404: {"detail": "There is no such submission."},
+    409: {"detail": "No attempt is left."},
+    412: {"detail": "The submission has changed since you saw it; look at it again."},
+    413: {"detail": "At most 2048 KB are taken."},
+    422: {
+        "detail": "body.quiz: Field required",
+        "errors": [{"at": ["body", "quiz"], "why": "Field required"}],
+    },
+    428: {"detail": "Send If-Match with the ETag of the submission that you review."},
+    429: {"detail": "Too many requests at once."},
+    503: {"detail": "The service cannot reach or write its data now. Try again."},
+}
+"""By status, what a problem says."""
+
+FINDING = {
+    "id": "number", "title": "Your number", "passed": False, "points": 0.0, "max_points": 1.0,
+    "message": "5000 ms is not right.", "measured": 5000.0, "expected": None,
+}  # fmt: skip
+VERDICT = {
+    "status": "incorrect", "points": 0.0, "max_points": 1.0, "findings": [FINDING],
+    "diagnosis": "Your number would be right in milliseconds (ms), but you wrote seconds (s).",
+    "read_as": "5000 ms", "explain": None, "evidence": {"value": 5000.0, "unit": "ms"}, "stdout": "", "stderr": "",
+    "timing_ms": {"total": 1.2},
+    "environment": {"mujoco": "3.14.0", "numpy": "2.4.6", "python": "3.12.3", "machine": "Linux x86_64"},
+    "content_digest": DIGEST, "submission_digest": "fca799690e9a08a6c94669547ff249552476c145550d0b7198ccb707e0048e26",
+}  # fmt: skip
+LISTED = {
+    "id": SUBMISSION, "quiz": "1.3-check", "question": "q2", "learner": LEARNER, "user": "ada", "status": "graded",
+    "attempt": 1, "created_at": AT, "revision": 1, "verdict": VERDICT, "withheld": None,
+}  # fmt: skip
+GRADED = LISTED | {"answer": "5 s", "seed": None}
+QUEUED = GRADED | {
+    "quiz": "1.3-exercises", "question": "rk4-step", "status": "queued", "revision": 0, "verdict": None,
+    "answer": {"source": "def rk4_step(model, data): ..."},
+}  # fmt: skip
+WAITING = LISTED | {"question": "q6", "status": "needs_review", "verdict": VERDICT | {"status": "needs_review"}}
+CLAIM = {"by": "tina", "expires_at": "2026-10-05T09:45:00Z"}
+
+QUESTION = {
+    "id": "q2", "kind": "numeric", "label": None, "title": None, "q": "How long is the step?", "points": 1.0,
+    "attempts": 2, "unit": "ms", "attempts_used": 1, "attempts_left": 1, "may_answer": True, "multiplier": 1.0,
+    "due": None, "closes": None, "result": None, "notice": "1 of 2 attempts left; the best one counts.",
+}  # fmt: skip
+QUIZ = {
+    "id": "1.3-check", "title": "Knowledge check",
+    "policy": {"attempts": None, "opens": None, "due": None, "late": None, "counts": "best", "feedback": "immediate",
+               "solutions": "when_right_or_spent"},
+    "questions": [QUESTION], "labs": [],
+}  # fmt: skip
+SUMMARY = {"id": "1.3-check", "title": "Knowledge check", "questions": 7, "points": 7.0, "opens": None, "due": LATER}
+
+EXTENSION = {"learner": LEARNER, "user": "ada", "due": LATER, "until": None, "attempts": 1, "granted_by": "tina"}
+MEMBER = {"id": LEARNER, "name": "ada", "role": "student", "way_in": "name", "created_at": AT}
+INVITATION = {
+    "id": "a47870f6d857398a", "name": "ada", "member": LEARNER, "role": "student",
+    "url": "https://grader.example/signin?code=gri_a47870f6d857398a_...", "expires_at": LATER,
+}  # fmt: skip
+CREDENTIAL = {
+    "id": "c578da88891b2057", "name": "ada", "member": LEARNER, "role": "student", "scopes": None, "created_at": AT,
+    "created_by": "tina", "expires_at": LATER, "last_used_at": None,
+}  # fmt: skip
+COURSE = {"course": "robots", "join_url": "https://grader.example/join?code=gWKqrpy2khsLc4fQW9fdYQ"}
+AUDIT = {
+    "id": "7", "at": AT, "actor": TEACHER, "name": "tina", "action": "token created", "subject": "lms",
+    "detail": {"role": "service", "scopes": ["results"]},
+}  # fmt: skip
+RESULT = {
+    "user": "ada", "submission_id": SUBMISSION, "learner": LEARNER, "quiz": "1.3-check", "question": "q2", "attempt": 1,
+    "points": 0.0, "max_points": 1.0, "is_late": False, "is_final": True, "revision": 1, "created_at": AT,
+}  # fmt: skip
+ESTIMATE = {"value": 0.62, "low": 0.49, "high": 0.74, "n": 55}
+STATISTICS = {
+    "quiz": "1.3-check", "learners": 55,
+    "questions": [{"question": "q2", "difficulty": ESTIMATE, "right_at_once": ESTIMATE, "discrimination": ESTIMATE,
+                   "options": [], "clusters": [{"value": 5000.0, "low": 5000.0, "high": 5000.0, "learners": 9}],
+                   "mistakes": [{"diagnosis": VERDICT["diagnosis"], "learners": 9}]}],
+}  # fmt: skip
+LAB_RUN = {
+    "duration": 0.02, "steps": 2, "controls": {"step": 0.01}, "times": [0.0, 0.02],
+    "geoms": [{"type": "sphere", "size": [0.1, 0.0, 0.0], "rgba": [0.5, 0.5, 0.5, 1.0]}],
+    "frames": [[[1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]], [[0.98, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]],
+    "readouts": [{"label": "angle", "unit": "rad", "texts": ["1.000", "0.980"], "values": [1.0, 0.98],
+                  "final": {"text": "0.980", "value": 0.98}}],
+    "plots": [], "trail": None, "warnings": [{"kind": "BADQACC", "time": 0.02}], "stable": False,
+    "timing_ms": {"simulate": 0.4},
+}  # fmt: skip
+
+CHECKS = {
+    "database": {"ok": True, "backend": "sqlite"},
+    "content": {"ok": True, "quizzes": {"1.3-check": DIGEST}},
+    "jail": {"ok": True, "tier": "T1", "self_test": "passed", "integrators": "removable", "workers": 2},
+    "worker": {"ok": True, "alive": 1},
+}
+NO_WORKER = "No worker lives: set GRADER_WORKERS to 1 or more, or start `grader worker` on PostgreSQL."
+METRICS = """\
+# HELP grader_queue_jobs Jobs that are not done.
+# TYPE grader_queue_jobs gauge
+grader_queue_jobs{state="waiting",topic="grade"} 3.0
+"""
+GRADEBOOK = "user,name,email,1.3-check/q1,1.3-check/q2,points,max_points\r\nada,,,1,0,1,2\r\n"
+EVENT = {"event": "running", "id": "2", "data": f'{{"id": "{SUBMISSION}", "status": "running"}}'}
+
+
+def page(item: dict[str, Any], cursor: str | None = None) -> dict[str, Any]:
+    """A page of a list with one item."""
+    return {"items": [item], "next_cursor": cursor}
+
+
+EXAMPLES: dict[str, dict[int, Any]] = {
+    "GET /quizzes": {200: page(SUMMARY)},
+    "GET /quizzes/{quiz_id}": {200: QUIZ},
+    "POST /content:reload": {200: {"quizzes": [{"id": "1.3-check", "digest": DIGEST}]}},
+    "POST /submissions": {201: GRADED, 202: QUEUED},
+    "GET /submissions": {200: page(LISTED, "YXQ6MDFhMWZmMzVlMDdm")},
+    "GET /submissions/{submission_id}": {200: GRADED},
+    "GET /submissions/{submission_id}/events": {200: EVENT},
+    "POST /answers:validate": {200: {"valid": True, "read_as": "5000 ms", "message": None}},
+    "POST /labs:run": {200: LAB_RUN},
+    "GET /reviews": {200: page(WAITING | {"seed": None, "claim": CLAIM})},
+    "POST /reviews:claim": {200: WAITING | {"answer": "because", "seed": None, "claim": CLAIM, "reference": None}},
+    "PUT /submissions/{submission_id}/review": {200: GRADED | {"revision": 2}},
+    "GET /members": {200: page(MEMBER)},
+    "PATCH /members/{member_id}": {200: MEMBER},
+    "GET /invitations": {200: page(CREDENTIAL)},
+    "POST /invitations": {201: page(INVITATION)},
+    "GET /tokens": {200: page(CREDENTIAL)},
+    "POST /tokens": {201: {"token": "grt_c578da88891b2057_..."}},
+    "GET /course": {200: COURSE},
+    "PUT /course/link": {200: COURSE},
+    "GET /audit": {200: page(AUDIT)},
+    "GET /results": {200: page(RESULT, "YXQ6NA")},
+    "GET /gradebook.csv": {200: GRADEBOOK},
+    "GET /quizzes/{quiz_id}/statistics": {200: STATISTICS},
+    "GET /quizzes/{quiz_id}/extensions": {200: page(EXTENSION | {"created_at": AT})},
+    "PUT /quizzes/{quiz_id}/extensions": {200: EXTENSION},
+    "POST /quizzes/{quiz_id}/results:recount": {200: {"recounted": 55}},
+    "GET /healthz": {200: {"status": "ok"}},
+    "GET /readyz": {
+        200: {"status": "ready", "checks": CHECKS},
+        503: {"detail": f"worker: {NO_WORKER}", "checks": CHECKS | {"worker": {"ok": False, "why": NO_WORKER}}},
+    },
+    "GET /metrics": {200: METRICS},
+}
+"""By method and path (below /api/v1) and status; of a problem, only the members that differ from `PROBLEMS`."""

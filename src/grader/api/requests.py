@@ -1,0 +1,86 @@
+"""What is told of every request: its id, one line in the log, and its place in the metrics."""
+
+import re
+import secrets
+import time
+from typing import Any
+
+import structlog
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from grader.api.admission import PREFIX, is_api
+from grader.metrics import REQUEST_S, REQUESTS
+
+log = structlog.get_logger()
+
+REQUEST_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{7,63}")
+"""An `X-Request-ID` of a caller that is taken over; for any other text a new one is made."""
+
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+
+
+class RequestsMiddleware:
+    """ASGI middleware. Names every request by an id that its response, its problems and its log lines bear."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves the request, and tells how it went."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        request_id = given if REQUEST_ID.fullmatch(given) else secrets.token_hex(16)
+        response = NamedResponse(scope, send, request_id)
+        with structlog.contextvars.bound_contextvars(request_id=request_id):
+            try:
+                await self.app(scope, receive, response.send)
+            finally:
+                response.tell()
+
+
+class NamedResponse:
+    """Sends a response with the id of its request, and tells how it went before its last part is out."""
+
+    def __init__(self, scope: Scope, send: Send, request_id: str) -> None:
+        self._scope, self._send, self._id = scope, send, request_id
+        self._began, self._status, self._is_told = time.perf_counter(), 0, False
+
+    async def send(self, message: Message) -> None:
+        """Sends one part."""
+        if message["type"] == "http.response.start":
+            self._status = message["status"]
+            MutableHeaders(scope=message)["X-Request-ID"] = self._id
+        elif not message.get("more_body", False):
+            self.tell()
+        await self._send(message)
+
+    def tell(self) -> None:
+        """Counts and logs the request, once."""
+        if not self._is_told:
+            self._is_told = True
+            tell(self._scope, self._status, time.perf_counter() - self._began)
+
+
+def tell(scope: Scope, status: int, seconds: float) -> None:
+    """Counts and logs a request. Status 0: the client left before it got one."""
+    route, method = template_of(scope), scope["method"] if scope["method"] in METHODS else "other"
+    REQUESTS.labels(method, route, str(status)).inc()
+    REQUEST_S.labels(route).observe(seconds)
+    state: dict[str, Any] = scope.get("state", {})
+    identity = state.get("identity")
+    told = {"method": method, "route": route, "status": status, "ms": round(seconds * 1000, 1)}
+    if identity is not None:
+        told["user"] = identity.id
+    if why := state.get("why"):
+        told["why"] = why
+    log.info("request", **told)
+
+
+def template_of(scope: Scope) -> str:
+    """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
+    path: str = getattr(scope.get("route"), "path", "-")
+    is_below = is_api(scope) and path != "-" and not path.startswith(PREFIX)
+    return f"{PREFIX}{path}" if is_below else path

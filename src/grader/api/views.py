@@ -1,0 +1,173 @@
+"""The shapes of what the routes answer, where no other module has them. Fields that are null say so."""
+
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from grader.identity import Role, Scope
+
+
+class QuizSummary(BaseModel):
+    """A quiz as an item of the list."""
+
+    id: str
+    title: str
+    questions: int
+    points: float
+    opens: datetime | None
+    due: datetime | None
+
+
+class QuestionView(BaseModel):
+    """A question as a learner sees it; each kind has further fields, such as `options` or `unit`."""
+
+    model_config = ConfigDict(extra="allow")
+
+    id: str
+    kind: Literal["mcq", "debug", "predict", "numeric", "open", "code"]
+    label: str | None
+    title: str | None
+    q: str
+    points: float
+    attempts: int | None
+
+
+class QuizView(BaseModel):
+    """A quiz as a learner sees it."""
+
+    id: str
+    title: str
+    policy: dict[str, Any]
+    questions: list[QuestionView]
+    labs: list[dict[str, Any]]
+
+
+class LoadedQuiz(BaseModel):
+    """A quiz that was loaded, with the digest of its content."""
+
+    id: str
+    digest: str
+
+
+class LoadedContent(BaseModel):
+    """The content that was loaded."""
+
+    quizzes: list[LoadedQuiz]
+
+
+class ExtensionView(BaseModel):
+    """An extension for one learner."""
+
+    learner: str
+    user: str
+    due: datetime | None
+    until: datetime | None
+    attempts: int
+    granted_by: str
+
+
+class GivenExtension(ExtensionView):
+    """An extension, and when it was given."""
+
+    created_at: datetime
+
+
+class MemberView(BaseModel):
+    """A member of the course. `way_in` says how the member is found again."""
+
+    id: str
+    name: str
+    role: Role
+    way_in: Literal["name", "oidc", "browser"]
+    created_at: datetime
+
+
+class NewInvitation(BaseModel):
+    """A new invitation with its link."""
+
+    id: str
+    name: str
+    member: str
+    role: Role
+    url: str
+    expires_at: datetime
+
+
+class CredentialView(BaseModel):
+    """A token or a link without its secret. `scopes` are null for all that the role may."""
+
+    id: str
+    name: str
+    member: str
+    role: Role
+    scopes: list[Scope] | None
+    created_at: datetime
+    created_by: str | None
+    expires_at: datetime | None
+    last_used_at: datetime | None
+
+
+class NewToken(BaseModel):
+    """A new token: the only time that it is shown."""
+
+    token: str
+
+
+class CourseView(BaseModel):
+    """The course, and the link with which learners join it; null while it is closed to them."""
+
+    course: str
+    join_url: str | None
+
+
+class AuditView(BaseModel):
+    """Who did what in the course."""
+
+    id: str
+    at: datetime
+    actor: str | None
+    name: str | None
+    action: str
+    subject: str
+    detail: dict[str, Any]
+
+
+class ResultView(BaseModel):
+    """A row of the feed: what counts for a learner at a question from here on."""
+
+    user: str
+    submission_id: str
+    learner: str
+    quiz: str
+    question: str
+    attempt: int | None
+    points: float
+    max_points: float
+    is_late: bool
+    is_final: bool
+    revision: int
+    created_at: datetime
+
+
+class StatisticsView(BaseModel):
+    """The statistics of a quiz; the numbers are of learners."""
+
+    quiz: str
+    learners: int
+    questions: list[dict[str, Any]]
+
+
+class Check(BaseModel):
+    """What one check of readiness found."""
+
+    model_config = ConfigDict(extra="allow")
+
+    ok: bool
+
+
+class Ready(BaseModel):
+    """What all checks found."""
+
+    status: Literal["ready"]
+    checks: dict[str, Check]

@@ -1,0 +1,59 @@
+"""Logs: one line per event on stderr, since stdout is for documents; as JSON, or as text for a person.
+
+Answers, tokens, sources and queries are never logged: a request is named by the template of its route, tracebacks do
+not show the values of variables, and of an error that quotes its input only the type is told.
+"""
+
+import json
+import logging
+import sys
+import traceback
+from typing import Any
+
+import structlog
+
+
+def is_json(log_format: str) -> bool:
+    """Whether `log_format` (json, text or auto) means JSON here; auto does unless stderr is a terminal."""
+    return log_format == "json" or (log_format == "auto" and not sys.stderr.isatty())
+
+
+def logs_json() -> bool:
+    """Whether this process writes its log as JSON."""
+    return isinstance(structlog.get_config()["processors"][-1], structlog.processors.JSONRenderer)
+
+
+def log_to_stderr(*, as_json: bool = False) -> None:
+    """Configures the logs of this process, those of uvicorn included."""
+    steps: list[Any] = [
+        structlog.contextvars.merge_contextvars,
+        structlog.processors.add_log_level,
+        structlog.processors.TimeStamper(fmt="iso"),
+        structlog.processors.ExceptionRenderer(exception_text),
+    ]
+    encode = json.JSONEncoder(default=str).encode  # made once: `json.dumps` makes one for every line
+    to_json = structlog.processors.JSONRenderer(serializer=lambda line, **_: encode(line))
+    renderer: Any = to_json if as_json else structlog.dev.ConsoleRenderer(colors=False)
+    structlog.configure(
+        processors=[*steps, renderer],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=lambda *_: structlog.WriteLogger(sys.stderr),
+    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(structlog.stdlib.ProcessorFormatter(renderer, foreign_pre_chain=steps))
+    uvicorn = logging.getLogger("uvicorn")
+    uvicorn.handlers, uvicorn.propagate = [handler], False
+
+
+def exception_text(exc_info: Any) -> str:
+    """The tracebacks of an exception and of its causes, the first cause first."""
+    told: list[str] = []
+    seen: set[int] = set()
+    error: BaseException | None = exc_info[1]
+    while error is not None and id(error) not in seen:
+        seen.add(id(error))
+        # The messages of validation errors, pydantic's and others', hold what was validated: an answer, perhaps.
+        message = "(its input is not shown)" if hasattr(error, "errors") else str(error)
+        told.append("".join(traceback.format_tb(error.__traceback__)) + f"{type(error).__name__}: {message}")
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
+    return "\n\nled to\n\n".join(reversed(told))

@@ -1,0 +1,113 @@
+"""The service seen from outside: what must work for it to be ready, and its state as Prometheus metrics.
+
+Counters and times are each process's own (`metrics.py`). The state of the queue and the number of workers are those of
+the database, and so the same in every process.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from prometheus_client import REGISTRY, CollectorRegistry, generate_latest
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+from sqlalchemy.orm import Session
+
+from grader.content import Content
+from grader.errors import JailFault, NotReady
+from grader.grading_process import Graders
+from grader.queue import jobs
+from grader.queue.worker import Worker
+from grader.store.database import Database, is_away
+
+FREE_BYTES_MIN = 16 << 20
+"""Less room than this on the disk of a SQLite database counts as none: the largest answers take megabytes."""
+
+AWAY = "The database is away, full or read-only."
+
+
+@dataclass(frozen=True, eq=False)  # a registry keeps it by identity
+class Monitor(Collector):
+    """The parts of one server or worker that are looked at. The checks raise NotReady."""
+
+    database: Database
+    content: Content
+    graders: Graders
+    worker: Worker
+
+    def check_database(self) -> dict[str, Any]:
+        """Writes to the database, and looks for room: a small write succeeds for a while on a disk that is full."""
+        free = self.database.free_bytes
+        if free is not None and free < FREE_BYTES_MIN:
+            raise NotReady(f"The disk of the database is full: less than {FREE_BYTES_MIN >> 20} MB are free.")
+        try:
+            self.database.check()
+        except Exception as error:
+            if is_away(error):
+                raise NotReady(AWAY) from error
+            raise
+        return {"backend": self.database.backend}
+
+    def check_content(self) -> dict[str, Any]:
+        """The quizzes that are loaded, with their digests."""
+        library = self.content.library
+        return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
+
+    def check_jail(self) -> dict[str, Any]:
+        """The jail's tier and its self-test, as the grading processes beside this process told them."""
+        try:
+            self.graders.revive()
+        except JailFault as fault:
+            raise NotReady("No grading process can be started; the log says why.") from fault
+        return {**self.graders.jail, "workers": self.graders.alive}
+
+    def check_worker(self) -> dict[str, Any]:
+        """The workers of the database, here or in `grader worker`: there must be one."""
+        try:
+            with self.database.read() as session:
+                alive = self.worker.alive_on(session)
+        except Exception as error:
+            if is_away(error):
+                raise NotReady(AWAY) from error
+            raise
+        if not alive:
+            raise NotReady("No worker lives: set GRADER_WORKERS to 1 or more, or start `grader worker` on PostgreSQL.")
+        return {"alive": alive}
+
+    def collect(self) -> Iterator[GaugeMetricFamily]:
+        """The state of the database, the queue and the jail as it is now, for the Prometheus client."""
+        try:
+            with self.database.read() as session:
+                families = list(queue_families(session, self.worker))
+        except Exception as error:
+            if not is_away(error):
+                raise
+            families = []
+        yield GaugeMetricFamily("grader_database_up", "Whether the database answers.", float(bool(families)))
+        yield from families
+        graders = self.graders
+        yield GaugeMetricFamily("grader_grading_processes", "Grading processes that run.", graders.alive)
+        yield GaugeMetricFamily("grader_grading_processes_busy", "Those with a script in progress.", graders.busy)
+        if graders.jail:
+            names = ("tier", "integrators")
+            jail = GaugeMetricFamily("grader_jail_info", "What the jail told at its start; always 1.", labels=names)
+            jail.add_metric([str(graders.jail[name]) for name in names], 1)
+            yield jail
+
+    def exposition(self) -> bytes:
+        """All metrics of this process in Prometheus' text format."""
+        own = CollectorRegistry()
+        own.register(self)
+        return generate_latest(REGISTRY) + generate_latest(own)
+
+
+def queue_families(session: Session, worker: Worker) -> Iterator[GaugeMetricFamily]:
+    """The state of the queue and of the workers, read at once."""
+    counted = GaugeMetricFamily("grader_queue_jobs", "Jobs that are not done.", labels=("topic", "state"))
+    oldest = GaugeMetricFamily("grader_queue_oldest_seconds", "Age of the oldest waiting job.", labels=("topic",))
+    for topic, state in jobs.state(session).items():
+        counted.add_metric((topic, "waiting"), state.waiting)
+        counted.add_metric((topic, "running"), state.running)
+        oldest.add_metric((topic,), state.oldest_s or 0.0)
+    yield from (counted, oldest)
+    yield GaugeMetricFamily("grader_workers", "Live workers on the database.", worker.alive_on(session))

@@ -1,0 +1,139 @@
+"""The database is away or the disk is full: 503 with Retry-After, one line in the log, and all is well afterwards."""
+
+import json
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psycopg
+import pytest
+from sqlalchemy import event, make_url, text
+
+from databases import database_url
+from grader.settings import Settings
+from outages import Cable, cable_to
+from sites import Site, open_site
+
+API = "/api/v1"
+ANSWER = {"quiz": "small", "question": "q1", "answer": 1}
+
+Cabled = tuple[Cable, Site]
+
+
+@pytest.fixture
+def cabled(content: Path, tmp_path: Path) -> Iterator[Cabled]:
+    with (
+        database_url("postgresql", tmp_path) as url,
+        cable_to(url) as (cable, cabled_url),
+        open_site(Settings(content=content, database_url=cabled_url, workers=0)) as site,
+    ):
+        yield cable, site
+
+
+def refused(response: httpx.Response) -> dict[str, Any]:
+    """The problem of a 503, whose parts are those that every one has."""
+    assert (response.status_code, response.headers["content-type"]) == (503, "application/problem+json")
+    assert int(response.headers["retry-after"]) > 0
+    problem: dict[str, Any] = response.json()
+    assert problem["request_id"] == response.headers["x-request-id"]
+    return problem
+
+
+def lines_of(told: str) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in told.splitlines()]
+
+
+@pytest.mark.postgres
+def test_a_lost_postgresql_is_503_until_it_is_back(cabled: Cabled, capsys: pytest.CaptureFixture[str]) -> None:
+    cable, site = cabled
+    ann = site.client("ann")
+    assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
+    cable.cut()
+    capsys.readouterr()
+    for response in (ann.post(f"{API}/submissions", json=ANSWER), ann.get(f"{API}/quizzes/small"), ann.get("/healthz")):
+        if response.request.url.path != "/healthz":
+            assert "postgres" not in str(refused(response))
+    told = capsys.readouterr().err
+    assert [line["why"] for line in lines_of(told) if line.get("status") == 503] == ["database: OperationalError"] * 2
+    assert len(told.splitlines()) == 3, told
+    cable.mend()
+    assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
+    assert len(ann.get(f"{API}/submissions").json()["items"]) == 2
+
+
+@pytest.mark.postgres
+def test_readiness_and_metrics_follow_a_lost_postgresql(cabled: Cabled) -> None:
+    cable, site = cabled
+    nobody = site.anonymous()
+    assert refused(nobody.get("/readyz"))["checks"]["database"]["ok"]
+    assert "grader_database_up 1.0" in nobody.get("/metrics").text
+    cable.cut()
+    time.sleep(1.1)  # findings are kept for a second
+    assert refused(nobody.get("/readyz"))["checks"]["database"] == {
+        "ok": False, "why": "The database is away, full or read-only.",
+    }  # fmt: skip
+    shown = nobody.get("/metrics").text
+    assert "grader_database_up 0.0" in shown
+    assert "grader_queue_jobs" not in shown
+    assert nobody.get("/healthz").status_code == 200
+    cable.mend()
+    time.sleep(1.1)
+    assert nobody.get("/readyz").json()["checks"]["database"]["ok"]
+
+
+@pytest.mark.postgres
+def test_sessions_that_the_server_ends_are_opened_again(content: Path, tmp_path: Path) -> None:
+    with database_url("postgresql", tmp_path) as plain:
+        name = f"outage-{secrets.token_hex(6)}"
+        url = make_url(plain).update_query_dict({"application_name": name}).render_as_string(hide_password=False)
+        with open_site(Settings(content=content, database_url=url, workers=0)) as site:
+            ann = site.client("ann")
+            assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
+            end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = %s"
+            with psycopg.connect(plain, autocommit=True) as other:
+                assert other.execute(end, (name,)).fetchall()
+            assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
+
+
+@contextmanager
+def full(site: Site) -> Iterator[None]:
+    """Lets the SQLite file grow no more, which SQLite reports as it does a full disk."""
+    engine = site.app.state.context.database.engine
+
+    def limit(connection: Any, _record: Any) -> None:
+        connection.execute("PRAGMA max_page_count = 1")  # means: as many as the file has
+
+    event.listen(engine, "connect", limit)
+    engine.dispose()  # the limit is each connection's own
+    yield
+    event.remove(engine, "connect", limit)
+    engine.dispose()
+
+
+def test_a_full_sqlite_file_is_503_until_there_is_room(
+    open_site_with: Callable[..., Site], capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = open_site_with()
+    ann = site.client("ann")
+    long = {"quiz": "small", "question": "q4", "answer": "because " * 1000}
+    with full(site):
+        while ann.post(f"{API}/submissions", json=long).status_code == 201:
+            pass  # into the pages that are free within the file
+        capsys.readouterr()
+        refused(ann.post(f"{API}/submissions", json=long))
+        (line,) = lines_of(capsys.readouterr().err)
+        assert (line["status"], line["why"]) == (503, "database: SQLITE_FULL")
+        assert ann.get(f"{API}/submissions").status_code == 200
+    assert ann.post(f"{API}/submissions", json=long).status_code == 201
+
+
+def test_a_fault_of_a_statement_is_no_outage(open_site_with: Callable[..., Site]) -> None:
+    site = open_site_with()
+    ann = site.client("ann")
+    with site.app.state.context.database.write() as session:
+        session.execute(text("ALTER TABLE submissions RENAME COLUMN quiz TO other"))
+    assert ann.get(f"{API}/submissions").status_code == 500
