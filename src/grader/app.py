@@ -23,6 +23,8 @@ from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
 from grader.content import Content
 from grader.courses import people, results
+from grader.courses.pseudonyms import Blinding
+from grader.courses.recomputing import Recomputing
 from grader.courses.sign_in import create_sign_in_code
 from grader.courses.tokens import create_token, revoke_all
 from grader.domain.policy import Extension
@@ -32,7 +34,7 @@ from grader.library import load
 from grader.queue.worker import Worker
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
-from grader.store.installation import hidden_case_secret
+from grader.store.installation import blind_review_secret, hidden_case_secret
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -58,7 +60,8 @@ def create_app(settings: Settings) -> FastAPI:
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     checks: dict[str, Check] = {"database": lambda: check_database(database), "content": lambda: check_content(content)}
     public_origin = settings.public_origin and settings.origin
-    context = Context(database, content, settings.queue_per_user, labs, checks, public_origin)
+    blinding = Blinding(blind_review_secret(database))
+    context = Context(database, content, settings.queue_per_user, labs, blinding, checks, public_origin)
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
         title="MuJoCo grader",
@@ -100,11 +103,17 @@ def provider_of(settings: Settings) -> Provider | None:
 
 
 def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: Context) -> Any:
-    """The app's lifespan: it starts the grading processes and the embedded worker, and ends them and the lab runs."""
+    """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
+
+    It ends them and the lab runs.
+    """
+    recomputing = Recomputing(lambda: context.desk)
+    context.content.after_reload(recomputing.wake)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         try:
+            recomputing.start()
             if settings.workers:
                 await run_in_threadpool(graders.start)
                 context.checks["jail"] = lambda: check_jail(graders)
@@ -112,6 +121,7 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
                 worker.start()
             yield
         finally:
+            await run_in_threadpool(recomputing.stop)
             await run_in_threadpool(worker.stop)
             await run_in_threadpool(graders.close)
             context.labs.close()

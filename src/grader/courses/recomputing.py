@@ -2,11 +2,13 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import structlog
 
-from grader.courses.reviews import Desk, follow_rubric
+from grader.courses.desk import Desk
+from grader.courses.reviews import follow_rubric
 from grader.courses.rubric import fingerprint
 from grader.domain.quiz import Reviewable
 from grader.errors import NotFound
@@ -19,23 +21,22 @@ AGAIN_S = 10.0
 log = structlog.get_logger()
 
 
-def recompute(desk: Desk, quiz: str, question: str, who: Identity | None = None) -> int:
-    """Computes the marks of a question again, each in a transaction of its own. Returns how many verdicts changed.
+def outdated(desk: Desk, quiz: str, question: str, course: str | None = None) -> list[str]:
+    """The ids of submissions whose marks were computed with another rubric, in one course or in all.
 
-    `who` asked for it, for their course; None is for the service itself, in all courses. Once a question has no
-    rubric, its reviews stay as they are. Idempotent. Raises NotFound.
+    Once a question has no rubric, its reviews stay as they are. Raises NotFound.
     """
     asked = desk.library.question(quiz, question)
     if not isinstance(asked, Reviewable) or not asked.rubric:
-        return 0
+        return []
     with desk.database.read() as session:
-        course = None if who is None else who.course
-        waiting = reviews.of_other_rubric(session, quiz, question, fingerprint(asked), course)
-    changed = 0
-    for submission_id in waiting:
-        with desk.database.write() as session:
-            changed += follow_rubric(desk, session, submission_id, who)
-    return changed
+        return reviews.of_other_rubric(session, quiz, question, fingerprint(asked), course)
+
+
+def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bool:
+    """Computes the marks of one submission again, in a transaction of its own. Returns whether its verdict changed."""
+    with desk.database.write() as session:
+        return follow_rubric(desk, session, submission_id, who)
 
 
 @dataclass
@@ -58,7 +59,7 @@ class Recomputing:
         self._news.set()
 
     def stop(self) -> None:
-        """Ends the thread after the question that it is at."""
+        """Ends the thread after the submission that it is at."""
         self._stop.set()
         self._news.set()
         if self._thread is not None:
@@ -79,11 +80,14 @@ class Recomputing:
         with desk.database.read() as session:
             questions = reviews.with_rubric(session)
         for quiz, question in questions:
+            with suppress(NotFound):  # the content has lost it
+                self._recompute_question(desk, quiz, question)
+
+    def _recompute_question(self, desk: Desk, quiz: str, question: str) -> None:
+        changed = 0
+        for submission_id in outdated(desk, quiz, question):
             if self._stop.is_set():
                 return
-            try:
-                changed = recompute(desk, quiz, question)
-            except NotFound:
-                continue  # the content has lost it
-            if changed:
-                log.info("reviews recomputed", quiz=quiz, question=question, changed=changed)
+            changed += recompute(desk, submission_id)
+        if changed:
+            log.info("reviews recomputed", quiz=quiz, question=question, changed=changed)

@@ -1,25 +1,21 @@
 """Reviewing: claims with heartbeats, first and second marks, and points that follow a changed rubric."""
 
 import json
-from dataclasses import dataclass
 from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
 from grader.courses import results
 from grader.courses.audit import Action, record
-from grader.courses.blinding import Blinding, is_anonymous
+from grader.courses.desk import Desk
 from grader.courses.rubric import Mark, fingerprint, items_of, marked, recomputed, rubric_points
 from grader.domain.quiz import Question, Reviewable
-from grader.domain.rubric import SecondMarking
 from grader.domain.verdict import Verdict
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.identity import Identity
-from grader.library import Library
 from grader.store import reviews, submissions
-from grader.store.database import Database
 from grader.store.reviews import AGREED, DECIDED, DIFFERS, NONE, WAITING, Queue
-from grader.store.submissions import AT_REST, SubmissionFilter
+from grader.store.submissions import AT_REST, GRADED, SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
 CLAIM = timedelta(minutes=15)
@@ -29,50 +25,16 @@ FOLLOWING = "a change of the rubric"
 """Who recomputes points in the audit log, where nobody asked for it."""
 
 
-@dataclass(frozen=True)
-class Desk:
-    """What reviewing works with: the database, the content as it is now, and what keeps reviewers blind."""
-
-    database: Database
-    library: Library
-    blinding: Blinding
-
-    def lock(self, session: Session, course: str) -> None:
-        """Lets only one transaction at a time claim, mark or recompute in a course."""
-        self.database.lock(session, f"reviews\n{course}")
-
-    def newest(self, session: Session, submission: Submission) -> Verdict:
-        """The newest verdict, which no other transaction can replace before this one ends."""
-        self.database.lock_learner(session, submission.course, submission.learner)
-        session.refresh(submission)
-        return Verdict.model_validate(submissions.verdicts(session, [submission])[submission.id])
-
-    def question(self, submission: Submission) -> Question | None:
-        """The question as it is now; None if the content has lost it."""
-        try:
-            return self.library.question(submission.quiz, submission.question)
-        except NotFound:
-            return None
-
-    def second_marking(self, submission: Submission) -> SecondMarking:
-        """The rule for second marks of the submission's quiz; by default no answer is marked twice."""
-        quiz = self.library.quizzes.get(submission.quiz)
-        return (quiz and quiz.second_marking) or SecondMarking(share=0.0)
-
-
-def queue_of(library: Library, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
+def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
     """The submissions that wait. A search by name finds nothing in anonymous quizzes."""
-    averaged = {quiz.id for quiz in library.quizzes.values() if quiz.policy.counts == "average"}
+    averaged = {quiz.id for quiz in desk.library.quizzes.values() if quiz.policy.counts == "average"}
     if wanted.user is None:
         return Queue(wanted, averaged, second_for)
-    return Queue(wanted, averaged, second_for, {name for name in library.quizzes if not is_anonymous(library, name)})
+    return Queue(wanted, averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)})
 
 
 def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:
-    """Claims a submission, or prolongs the reviewer's own claim on it. Raises Conflict.
-
-    The caller holds the desk's lock.
-    """
+    """Claims a submission, or prolongs the reviewer's own claim on it. Raises Conflict. The caller holds the lock."""
     clock = now()
     free_for(session, submission, who)
     if second:
@@ -119,7 +81,7 @@ def free_for(session: Session, submission: Submission, who: Identity) -> None:
 def awaiting_second(session: Session, submission: Submission, who: Identity) -> Review:
     """The review that waits for a second mark by this reviewer. Raises Conflict."""
     review = reviews.review_of(session, submission.id)
-    if review is None or review.second != WAITING:
+    if review is None or review.second != WAITING or submission.status != GRADED:
         raise Conflict("This submission does not wait for a second mark.")
     if review.reviewer == who.id:
         raise Conflict("The first mark is yours: another reviewer gives the second.")
@@ -129,25 +91,22 @@ def awaiting_second(session: Session, submission: Submission, who: Identity) -> 
 def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
     """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable.
 
-    On an answer with two marks it is the third decision. The caller holds the desk's lock.
+    On an answer with two marks it is the third decision. The caller holds the submission.
     """
     free_for(session, submission, who)
-    earlier, question = desk.newest(session, submission), desk.question(submission)
-    verdict = checked(earlier, question, mark)
-    results.append_verdict(
-        desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user
-    )
-    keep_mark(desk, session, who, submission, mark, verdict.points)
-    points = {"before": earlier.points, "after": verdict.points}
-    record(session, who, who.course, Action.REVIEWED, submission.id, **points)
+    earlier = newest(session, submission)
+    verdict = checked(earlier, desk.question(submission), mark)
+    results.append_verdict(desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user)
+    review = review_after(desk, session, submission)
+    review.reviewer, review.name, review.points = who.id, who.user, verdict.points
+    review.rubric = followed(desk.question(submission), mark)
+    record(session, who, who.course, Action.REVIEWED, submission.id, before=earlier.points, after=verdict.points)
     reviews.drop_claim(session, submission.id)
     return verdict
 
 
-def keep_mark(
-    desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark, points: float
-) -> None:
-    """Notes who decided and by which rubric; after the first mark, draws whether there is a second."""
+def review_after(desk: Desk, session: Session, submission: Submission) -> Review:
+    """The review of a submission after one more decision: the first draws whether there is a second mark."""
     review = reviews.review_of(session, submission.id)
     if review is None:
         drawn = desk.blinding.is_drawn(submission, desk.second_marking(submission).share)
@@ -156,14 +115,13 @@ def keep_mark(
         session.add(review)
     elif review.second in (AGREED, DIFFERS):
         review.second = DECIDED
-    review.reviewer, review.name, review.points = who.id, who.user, points
-    review.rubric = followed(desk.question(submission), mark)
+    return review
 
 
 def mark_second(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Review:
     """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable.
 
-    The caller holds the desk's lock.
+    The caller holds the submission.
     """
     free_for(session, submission, who)
     review = awaiting_second(session, submission, who)
@@ -186,19 +144,27 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
     `who` asked for it; None is for the service itself. Does nothing the second time.
     """
     submission = session.get_one(Submission, submission_id)
-    desk.lock(session, submission.course)
-    review, question = session.get_one(Review, submission_id, populate_existing=True), desk.question(submission)
+    desk.hold(session, submission)
+    review, question = session.get_one(Review, submission_id), desk.question(submission)
     if not isinstance(question, Reviewable) or review.rubric in (None, fingerprint(question)):
         return False
-    earlier = desk.newest(session, submission)
+    earlier = newest(session, submission)
     verdict = recomputed(earlier, question)
     if verdict is not earlier:
         results.append_verdict(
             desk.database, desk.library, session, submission, verdict, cause="rubric", reviewer=review.name
         )
         review.points = verdict.points
-        points = {"before": earlier.points, "after": verdict.points}
-        record(session, who, submission.course, Action.RECOMPUTED, submission.id, unsigned=FOLLOWING, **points)
+        record(
+            session,
+            who,
+            submission.course,
+            Action.RECOMPUTED,
+            submission.id,
+            unsigned=FOLLOWING,
+            before=earlier.points,
+            after=verdict.points,
+        )
     if review.second_ticked is not None:
         kept = {item.id for item in question.rubric}.intersection(json.loads(review.second_ticked))
         review.second_points = rubric_points(items_of(question, kept), question.points)
@@ -206,6 +172,11 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
         review.second = compared(desk, submission, review)
     review.rubric = fingerprint(question)
     return verdict is not earlier
+
+
+def newest(session: Session, submission: Submission) -> Verdict:
+    """The newest verdict on a submission that is at rest."""
+    return Verdict.model_validate(submissions.verdicts(session, [submission])[submission.id])
 
 
 def checked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:

@@ -45,7 +45,7 @@ class Queue:
 
 
 def page(session: Session, queue: Queue, after: str | None, limit: int, clock: datetime) -> Sequence[Waiting]:
-    """At most `limit` submissions of the queue with the claims on them, oldest first, beginning after the id `after`."""
+    """At most `limit` submissions of the queue with the claims on them, oldest first, after the id `after`."""
     oldest_first = _queued(queue, clock).add_columns(ReviewClaim).limit(limit)
     if after is not None:
         oldest_first = oldest_first.where(Submission.id > after)
@@ -55,7 +55,7 @@ def page(session: Session, queue: Queue, after: str | None, limit: int, clock: d
 def oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) -> Submission | None:
     """The oldest submission without a claim, else the oldest that this reviewer has claimed."""
     longest = _queued(queue, clock).limit(1)
-    free = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
+    free: Submission | None = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
     return free or session.scalar(longest.where(ReviewClaim.reviewer == reviewer))
 
 
@@ -121,7 +121,7 @@ def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str
     return list(session.scalars(rows.order_by(Review.submission_id)))
 
 
-def _queued(queue: Queue, clock: datetime) -> Select[tuple[Submission]]:
+def _queued(queue: Queue, clock: datetime) -> Select[Any]:
     """The queue, oldest first, joined to the claims that hold."""
     holds = (ReviewClaim.submission_id == Submission.id) & (ReviewClaim.expires_at > clock)
     return select(Submission).outerjoin(ReviewClaim, holds).where(*queue.conditions()).order_by(Submission.id)
