@@ -7,8 +7,8 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.courses import reviews
 from grader.api.admission import PREFIX as API
+from grader.courses import reviews
 from sites import Site
 
 
