@@ -11,7 +11,7 @@ from grader import expressions as fields
 from grader.certify import certify_question
 from grader.domain import lab, quiz
 from grader.domain.policy import Late, Policy
-from grader.domain.rubric import RubricItem
+from grader.domain.rubric import RubricItem, SecondMarking
 from grader.domain.run import Limits
 from grader.domain.verify import ServoJoint, Verify
 from grader.exercises import Case, Number, installed_kinds
@@ -30,7 +30,7 @@ LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.S
 CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number, Case]
 CHECKS += [values.ValuesParameters, values.ValuesCase, values.Function, values.Result, values.Residual, values.Start]
 CHECKS += [values.Array, values.Integer, values.WrongProgram]
-RULES: list[type[BaseModel]] = [Policy, Late, RubricItem]
+RULES: list[type[BaseModel]] = [Policy, Late, RubricItem, SecondMarking, quiz.Quiz]
 PARTS: list[type[BaseModel]] = [
     *WAYS,
     ServoJoint,

@@ -176,6 +176,7 @@ def test_reviewers_see_a_pseudonym_in_place_of_the_name(site: Site) -> None:
         tina.get(f"{API}/submissions"),
         tina.get(f"{API}/submissions/{first}"),
         tina.get(f"{API}/submissions/{first}/events"),
+        tina.get(f"{API}/submissions/{first}/review"),
         decide(tina, first, points=1),
     ]
     for page in pages:
@@ -268,6 +269,7 @@ def test_a_second_reviewer_marks_blind_and_a_third_decision_settles(site: Site) 
     assert (held.status_code, held.json()["verdict"]["status"]) == (200, "needs_review")
     paths = ("/submissions", f"/submissions/{made}", f"/submissions/{made}/events", "/reviews?second=true")
     seen = "".join(tom.get(API + path).text for path in paths)
+    assert "FIRST" not in tom.get(f"{API}/submissions/{made}/review").text
     assert "FIRST" not in seen + held.text
     assert "damping" not in seen
     assert "FIRST" in tina.get(f"{API}/submissions/{made}").text

@@ -202,6 +202,20 @@ def recompute(body: QuestionBody, who: Instructor, context: AppContext) -> dict[
     return {"changed": sum(recomputing.recompute(desk, one, who) for one in waiting)}
 
 
+@router.get(
+    "/submissions/{submission_id}/review", response_model=ReviewView, responses=documented(401, 403, 404, 422, 429)
+)
+def show_for_review(submission_id: str, who: Instructor, context: AppContext, response: Response) -> dict[str, Any]:
+    """Shows a submission as its reviewer sees it, without claiming it."""
+    with context.database.read() as session:
+        submission = visible(session, submission_id, who)
+        (shown,) = views(session, context, who, [submission], with_answer=True)
+        shown |= helps(session, context, submission)
+        claim = stored.claim_on(session, submission.id, now())
+    response.headers["ETag"] = etag_of(submission)
+    return {**shown, "claim": claim_view(claim)}
+
+
 @router.put("/submissions/{submission_id}/review", response_model=SubmissionView, responses=DECIDING)
 def review(
     submission_id: str,
