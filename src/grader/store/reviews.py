@@ -22,8 +22,8 @@ Waiting = tuple[Submission, ReviewClaim | None]
 class Queue:
     """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer.
 
-    A submission does not wait while a newer attempt at its question replaces it, but in the quizzes `averaged`, where
-    all attempts count. `quizzes` are the only ones to look into, if not None.
+    A submission does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes
+    `averaged`, where all attempts count. `quizzes` are the only ones to look into, if not None.
     """
 
     wanted: SubmissionFilter
@@ -33,12 +33,13 @@ class Queue:
 
     def conditions(self) -> list[ColumnElement[bool]]:
         """The queue as SQL conditions on submissions."""
-        status = NEEDS_REVIEW if self.second_for is None else GRADED
-        found = [*self.wanted.conditions(), Submission.status == status, _counts(self.averaged)]
-        if self.second_for is not None:
+        found = self.wanted.conditions()
+        if self.second_for is None:
+            found += [Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
+        else:
             # The course stands here too, so that the index of reviews finds the few that wait.
             waits = (Review.course == self.wanted.course, Review.second == WAITING, Review.reviewer != self.second_for)
-            found.append(Submission.id.in_(select(Review.submission_id).where(*waits)))
+            found += [Submission.status == GRADED, Submission.id.in_(select(Review.submission_id).where(*waits))]
         if self.quizzes is not None:
             found.append(Submission.quiz.in_(self.quizzes))
         return found
