@@ -84,7 +84,7 @@ class ReviewBody(BaseModel):
 
     points: float | None = Field(default=None, ge=0, strict=True)
     rubric: list[Annotated[str, Field(max_length=64)]] | None = Field(default=None, max_length=ITEMS_MAX)
-    comment: str = Field(default="", max_length=COMMENT_CHARACTERS_MAX)
+    comment: str = Field(default="", max_length=COMMENT_CHARACTERS_MAX, pattern=NO_NUL)
 
     @model_validator(mode="after")
     def _points_or_items(self) -> Self:
