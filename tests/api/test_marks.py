@@ -111,7 +111,8 @@ def test_ticked_items_give_points_and_the_learner_sees_their_titles(site: Site) 
 @pytest.mark.parametrize(
     "body",
     [{}, {"comment": "x"}, {"rubric": ["unit"]}, {"rubric": "units"}, {"rubric": ["x" * 65]}, {"rubric": [1]},
-     {"rubric": ["units"] * 101}, {"rubric": [], "points": 5}, {"points": 1, "comment": "x" * 10_001}],
+     {"rubric": ["units"] * 101}, {"rubric": [], "points": 5}, {"points": 1, "comment": "x" * 10_001},
+     {"points": 1, "comment": "a\x00b"}],
 )  # fmt: skip
 def test_a_mark_that_means_nothing_is_422(site: Site, body: dict[str, Any]) -> None:
     made, tina = hand_in(site.client("ann")), site.client("tina", "instructor")
