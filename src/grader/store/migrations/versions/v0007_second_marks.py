@@ -60,3 +60,15 @@ def create_saved_comments() -> None:
         sa.Column("saved_at", TIME, nullable=False),
     )
     op.create_index("ix_saved_comments_question", "saved_comments", ["course", "quiz", "question", "id"])
+
+
+def downgrade() -> None:
+    """Removes second marks and saved comments; verdicts stay. Claims are dropped: they last minutes."""
+    for table in ("saved_comments", "reviews", "review_claims"):
+        op.drop_table(table)
+    op.create_table(
+        "review_claims",
+        sa.Column("submission_id", ID, sa.ForeignKey("submissions.id"), primary_key=True),
+        sa.Column("reviewer", sa.String(200), nullable=False),
+        sa.Column("expires_at", TIME, nullable=False),
+    )
