@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from grader.certify import certify_question
 from grader.domain import lab, quiz
 from grader.domain.policy import Late, Policy
-from grader.domain.rubric import RubricItem
+from grader.domain.rubric import RubricItem, SecondMarking
 from grader.domain.run import Limits
 from grader.domain.verify import ServoJoint, Verify
 from grader.exercises import Case, Number, installed_kinds
@@ -30,7 +30,7 @@ LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.S
 CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number, Case]
 CHECKS += [values.ValuesParameters, values.ValuesCase, values.Function, values.Result, values.Residual, values.Start]
 CHECKS += [values.Array, values.Integer, values.WrongProgram]
-RULES: list[type[BaseModel]] = [Policy, Late, RubricItem]
+RULES: list[type[BaseModel]] = [Policy, Late, RubricItem, SecondMarking]
 PARTS: list[type[BaseModel]] = [
     *WAYS,
     ServoJoint,
@@ -48,6 +48,10 @@ PARTS: list[type[BaseModel]] = [
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_every_key_is_named(part: type[BaseModel]) -> None:
     assert set(part.model_fields) - {"type"} <= NAMED
+
+
+def test_every_rule_of_a_quiz_is_named() -> None:
+    assert set(quiz.Quiz.model_fields) - {"id", "title", "questions", "labs"} <= NAMED
 
 
 @pytest.mark.parametrize("key", ["counts", "feedback", "solutions"])

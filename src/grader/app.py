@@ -27,6 +27,8 @@ from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
 from grader.content import Content
 from grader.courses import people, results
+from grader.courses.pseudonyms import Blinding
+from grader.courses.recomputing import Recomputing
 from grader.courses.sign_in import create_sign_in_code
 from grader.courses.tokens import create_token, revoke_all
 from grader.domain.policy import Extension
@@ -38,7 +40,7 @@ from grader.monitoring import Monitor
 from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store.database import Database
-from grader.store.installation import hidden_case_secret
+from grader.store.installation import blind_review_secret, hidden_case_secret
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -68,8 +70,9 @@ def create_app(settings: Settings) -> FastAPI:
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     monitor = Monitor(database, content, graders, worker)
     public_origin = settings.public_origin and settings.origin
+    blinding = Blinding(blind_review_secret(database))
     context = Context(
-        database, content, settings.queue_per_user, labs, readiness_of(settings, monitor), monitor.exposition,
+        database, content, settings.queue_per_user, labs, blinding, readiness_of(settings, monitor), monitor.exposition,
         settings.metrics_token, public_origin,
     )  # fmt: skip
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
@@ -125,16 +128,23 @@ def readiness_of(settings: Settings, monitor: Monitor) -> Readiness:
 
 
 def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: Context) -> Any:
-    """The app's lifespan: it starts the grading processes and the embedded worker, and ends them and the lab runs."""
+    """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
+
+    It ends them and the lab runs.
+    """
+    recomputing = Recomputing(lambda: context.desk)
+    context.content.after_reload(recomputing.wake)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         try:
+            recomputing.start()
             if settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()
             yield
         finally:
+            await run_in_threadpool(recomputing.stop)
             await run_in_threadpool(worker.stop)
             await run_in_threadpool(graders.close)
             context.labs.close()

@@ -22,6 +22,7 @@ class Content:
         """Loads the folder; `secret` keys the seeds of hidden cases. Raises ContentError."""
         self._root = root
         self._reloading = Lock()
+        self._listeners: list[Callable[[], None]] = []
         self.pipeline = Pipeline(load(root), secret=secret)
 
     @property
@@ -33,10 +34,16 @@ class Content:
         """Runs scripts with `run`, the jail's, from now on."""
         self.pipeline = replace(self.pipeline, run=run)
 
+    def after_reload(self, listener: Callable[[], None]) -> None:
+        """Calls `listener` whenever the folder was loaded again."""
+        self._listeners.append(listener)
+
     def reload(self) -> None:
         """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
         with self._reloading:
             self.pipeline = replace(self.pipeline, library=load(self._root))
+        for listener in self._listeners:
+            listener()
         log.info("content loaded", quizzes=len(self.library.quizzes))
 
     def reload_or_log(self) -> None:

@@ -13,6 +13,8 @@ from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
 from grader.api.readiness import Readiness
 from grader.content import Content
+from grader.courses.desk import Desk
+from grader.courses.pseudonyms import Blinding
 from grader.identity import Identity, Role
 from grader.store.database import Database
 
@@ -28,6 +30,7 @@ class Context:
     content: Content
     queue_per_user: int
     labs: LabRuns
+    blinding: Blinding
     readiness: Readiness
     exposition: Callable[[], bytes]
     """Makes the document of /metrics."""
@@ -35,6 +38,11 @@ class Context:
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
+
+    @property
+    def desk(self) -> Desk:
+        """What reviewing works with, on the content as it is now."""
+        return Desk(self.database, self.content.library, self.blinding)
 
 
 def context_in(app: FastAPI) -> Context:

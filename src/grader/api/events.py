@@ -10,11 +10,13 @@ from fastapi import APIRouter, Depends, Header, HTTPException
 from fastapi.concurrency import run_in_threadpool
 from fastapi.encoders import jsonable_encoder
 from fastapi.sse import EventSourceResponse, ServerSentEvent
+from sqlalchemy.orm import Session
 
 from grader.api.context import AppContext, Context, Learner
 from grader.api.problems import documented
-from grader.api.submissions import view_for, visible
-from grader.courses.standing import standing_of
+from grader.api.submissions import seen_by, view_for, visible
+from grader.courses.policy import Shown
+from grader.courses.standing import Standing, standing_of
 from grader.identity import Identity
 from grader.store import submissions
 from grader.store.database import AWAY
@@ -45,7 +47,8 @@ def listen(
         submission = visible(session, submission_id, who)
         over = submission.status in submissions.AT_REST
         last = min(last, submissions.last_event(session, submission_id))
-        if over and not submissions.events_after(session, submission_id, last):
+        standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
+        if over and not events_shown(session, standing, submission, last):
             raise HTTPException(204)
     return Listener(context, who, submission_id, last)
 
@@ -86,11 +89,21 @@ def read_events(listener: Listener, last: int) -> tuple[list[Event], dict[str, A
     with listener.context.database.read() as session:
         submission = session.get_one(Submission, listener.submission_id)
         over = submission.status in submissions.AT_REST
-        events = list(submissions.events_after(session, submission.id, last))
-        verdict = submissions.verdicts(session, [submission]).get(submission.id) if over else None
         standing = standing_of(session, library, listener.who, (submission.quiz, submission.question))
-        shown = jsonable_encoder(view_for(standing, submission, verdict, with_answer=False))
-    return events, shown, over
+        events = events_shown(session, standing, submission, last)
+        blind = seen_by(session, listener.context, listener.who, [submission])
+        verdict = blind.verdicts.get(submission.id) if over else None
+        shown = view_for(standing, submission, verdict, blind.names.get(submission.id), with_answer=False)
+    return events, jsonable_encoder(shown), over
+
+
+def events_shown(session: Session, standing: Standing, submission: Submission, last: int) -> list[Event]:
+    """The events after number `last` that the user may see: before the feedback, none after the first verdict."""
+    if standing.decision(submission.quiz, submission.question).shown is not Shown.RECEIPT:
+        return list(submissions.events_after(session, submission.id, last))
+    events = submissions.events_after(session, submission.id, 0)
+    first = next((event.number for event in events if event.name in submissions.AT_REST), len(events))
+    return [event for event in events if last < event.number <= first]
 
 
 def event_name(event: Event, shown: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from grader.api import (
     quizzes,
     results,
     reviews,
+    saved_comments,
     statistics,
     submissions,
 )
@@ -23,6 +24,7 @@ v1.include_router(quizzes.router)
 v1.include_router(submissions.router)
 v1.include_router(events.router)
 v1.include_router(reviews.router)
+v1.include_router(saved_comments.router)
 v1.include_router(labs.router)
 v1.include_router(people.router)
 v1.include_router(results.router)

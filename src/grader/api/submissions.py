@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -10,10 +11,11 @@ from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from grader.api.admission import PREFIX
-from grader.api.context import AppContext, Learner
+from grader.api.context import AppContext, Context, Learner
 from grader.api.intake import AnswerBody, accept
 from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
+from grader.courses.blinding import Blinded, blinded
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
 from grader.domain.verdict import Status, Verdict
@@ -29,13 +31,14 @@ router = APIRouter()
 class SubmissionView(BaseModel):
     """A submission. `withheld` says when the feedback comes, where it may not be seen yet.
 
-    Lists leave out `answer`; only instructors see `seed`, which draws the hidden cases.
+    Lists leave out `answer`; only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is
+    a pseudonym for instructors while the answer waits for a reviewer, and `learner` is None.
     """
 
     id: str
     quiz: str
     question: str
-    learner: str
+    learner: str | None
     user: str
     status: Literal["queued", "running", "graded", "needs_review"]
     attempt: int
@@ -72,8 +75,9 @@ def create_submission(
     receipt = accept(context, who, body, idempotency_key)
     response.status_code = receipt.http_status
     response.headers["Location"] = f"{PREFIX}/submissions/{receipt.submission.id}"
-    response.headers["ETag"] = etag_for(receipt.standing, receipt.submission)
-    return view_for(receipt.standing, receipt.submission, receipt.verdict)
+    shown = view_for(receipt.standing, receipt.submission, receipt.verdict)
+    response.headers["ETag"] = etag_for(receipt.standing, receipt.submission, shown)
+    return shown
 
 
 @router.get("/submissions", response_model=Page, responses=documented(401, 403, 422, 429))
@@ -83,9 +87,10 @@ def list_submissions(query: PageParams, who: Learner, context: AppContext, respo
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, learner)
     with context.database.read() as session:
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
-        verdicts = submissions.verdicts(session, rows)
         standing = standing_of(session, context.content.library, who)
-    items = [view_for(standing, row, verdicts.get(row.id), with_answer=False) for row in rows]
+        shown = seen_by(session, context, who, rows)
+    names = {} if query.user or query.learner else shown.names  # who asks for a learner by name knows whose it is
+    items = [view_for(standing, row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False) for row in rows]
     return page_of(items, query, "/submissions", response)
 
 
@@ -98,10 +103,11 @@ def show_submission(submission_id: str, who: Learner, context: AppContext, respo
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
-        verdict = submissions.verdicts(session, [submission]).get(submission.id)
+        blind = seen_by(session, context, who, [submission])
         standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
-    response.headers["ETag"] = etag_for(standing, submission)
-    return view_for(standing, submission, verdict)
+    shown = view_for(standing, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
+    response.headers["ETag"] = etag_for(standing, submission, shown)
+    return shown
 
 
 @router.post("/answers:validate", responses=documented(401, 403, 404, 409, 413, 422, 429))
@@ -124,30 +130,55 @@ def visible(session: Session, submission_id: str, who: Identity) -> Submission:
     return submission
 
 
+def seen_by(session: Session, context: Context, who: Identity, rows: Sequence[Submission]) -> Blinded:
+    """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
+    verdicts = submissions.verdicts(session, rows)
+    return blinded(context.desk, session, who, rows, verdicts)
+
+
 def view_for(
-    standing: Standing, submission: Submission, verdict: Any | None, *, with_answer: bool = True
+    standing: Standing,
+    submission: Submission,
+    verdict: Any | None,
+    pseudonym: str | None = None,
+    *,
+    with_answer: bool = True,
 ) -> dict[str, Any]:
-    """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only."""
+    """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only.
+
+    Before the feedback, later revisions do not show.
+    """
     decision = standing.decision(submission.quiz, submission.question)
     shown = view(
         submission,
         shown_verdict(verdict, decision),
+        pseudonym,
         with_answer=with_answer,
         with_seed=standing.role == Role.INSTRUCTOR,
     )
+    if decision.shown is Shown.RECEIPT:
+        shown["revision"] = min(1, submission.revision)
     return shown | {"withheld": decision.withheld}
 
 
 def view(
-    submission: Submission, verdict: Any | None, *, with_answer: bool = True, with_seed: bool = False
+    submission: Submission,
+    verdict: Any | None,
+    pseudonym: str | None = None,
+    *,
+    with_answer: bool = True,
+    with_seed: bool = False,
 ) -> dict[str, Any]:
-    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says."""
+    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says.
+
+    A `pseudonym` stands for the learner's name and id.
+    """
     shown = {
         "id": submission.id,
         "quiz": submission.quiz,
         "question": submission.question,
-        "learner": submission.learner,
-        "user": submission.user,
+        "learner": submission.learner if pseudonym is None else None,
+        "user": pseudonym or submission.user,
         "status": status_with(submission, verdict),
         "attempt": submission.attempt,
         "created_at": submission.created_at,
@@ -169,13 +200,19 @@ def status_with(submission: Submission, verdict: Any | None) -> str:
     return submissions.NEEDS_REVIEW if waits else submissions.GRADED
 
 
-def etag_for(standing: Standing, submission: Submission) -> str:
-    """As `etag_of`, extended for a learner: it also changes when the policy shows more or less of the verdict."""
-    decision = standing.decision(submission.quiz, submission.question)
-    if standing.role != Role.STUDENT or decision.shown is Shown.FEEDBACK:
+def etag_for(standing: Standing, submission: Submission, shown: dict[str, Any]) -> str:
+    """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less.
+
+    Before the feedback it depends on what is shown alone, so that it does not tell of a later verdict.
+    """
+    level = standing.decision(submission.quiz, submission.question).shown
+    if standing.role != Role.STUDENT or level is Shown.FEEDBACK:
         return etag_of(submission)
-    shown = zlib.crc32(f"{decision.shown} {decision.withheld}".encode())
-    return f'{etag_of(submission)[:-1]}-{shown:08x}"'
+    if level is Shown.RECEIPT:
+        verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it
+        told = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
+        return f'"{submission.id[-8:]}-r{zlib.crc32(told.encode()):08x}"'
+    return f'{etag_of(submission)[:-1]}-{zlib.crc32(f"{level}".encode()):08x}"'
 
 
 def is_current(submission: Submission, if_match: str) -> bool:

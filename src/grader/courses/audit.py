@@ -28,6 +28,13 @@ class Action(StrEnum):
     LINK_ROTATED = "course link rotated"
     LINK_CLOSED = "course link closed"
     REVIEWED = "reviewed"
+    CLAIMED = "review claimed"
+    RELEASED = "review released"
+    MARKED_SECOND = "marked a second time"
+    RECOMPUTED = "review recomputed"
+    COMMENT_SAVED = "comment saved"
+    COMMENT_CHANGED = "comment changed"
+    COMMENT_DELETED = "comment deleted"
     EXTENDED = "extension changed"
     PUBLISHED = "feedback published"
     WITHDRAWN = "feedback withheld"
@@ -35,10 +42,17 @@ class Action(StrEnum):
 
 
 def record(
-    session: Session, who: Identity | None, course: str, action: Action, subject: str = "", **detail: Any
+    session: Session,
+    who: Identity | None,
+    course: str,
+    action: Action,
+    subject: str = "",
+    *,
+    unsigned: str = COMMAND_LINE,
+    **detail: Any,
 ) -> None:
-    """Adds an entry in the transaction of what it records. `who` is None for the command line."""
-    name = COMMAND_LINE if who is None else who.user
+    """Adds an entry in the transaction of what it records. Where `who` is None, it is signed `unsigned`."""
+    name = unsigned if who is None else who.user
     text = json.dumps(detail)
     actor = None if who is None else who.id
     session.add(AuditEntry(course=course, actor=actor, name=name, action=action.value, subject=subject, detail=text))

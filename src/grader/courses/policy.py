@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from grader.domain.policy import Extension, Policy, Progress
 from grader.domain.quiz import QuestionPart
-from grader.domain.verdict import POINT_DIGITS, Finding, Status, Verdict
+from grader.domain.verdict import GRADED_AS, POINT_DIGITS, Finding, Status, Verdict
 
 DAY = timedelta(days=1)
 NO_EXTENSION = Extension()
@@ -95,7 +95,8 @@ class Decision:
 class Counted:
     """The points that count, the attempts that they come from, and whether they can still change by grading.
 
-    `is_final` is false while an attempt has no verdict, or the newest one waits for a reviewer.
+    `is_final` is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes
+    the average, any one.
     """
 
     points: float
@@ -172,7 +173,8 @@ def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | 
     """
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
-    is_final = len(decided) == len(used) and not (used and used[-1].status is Status.NEEDS_REVIEW)
+    waiting = used if policy.counts == "average" else used[-1:]
+    is_final = len(decided) == len(used) and all(one.status is not Status.NEEDS_REVIEW for one in waiting)
     if not decided:
         return Counted(0.0, (), is_final)
     extension = extension or NO_EXTENSION
@@ -259,8 +261,8 @@ def spoken(moment: datetime) -> str:
 def redact(verdict: Verdict, decision: Decision) -> Verdict:
     """The verdict without what the learner may not see yet: built from lists of what may be seen at each level.
 
-    Before the feedback the status is `needs_review` and the diagnosis says when it comes, except where the status
-    says nothing about correctness.
+    Before the feedback the status is `needs_review` and the diagnosis says when it comes, except where the grader's
+    status says nothing about correctness. A review does not show.
     """
     if decision.shown is Shown.SOLUTION:
         return verdict
@@ -268,10 +270,11 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
         findings = tuple(Finding(**fields_of(finding, FINDING_FIELDS)) for finding in verdict.findings)
         evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
         return Verdict(**fields_of(verdict, FEEDBACK_FIELDS), findings=findings, evidence=evidence)
-    tells = verdict.status in NOT_ABOUT_CORRECTNESS
+    status = Status(verdict.evidence.get(GRADED_AS, verdict.status))
+    tells = status in NOT_ABOUT_CORRECTNESS
     return Verdict(
         **fields_of(verdict, RECEIPT_FIELDS),
-        status=verdict.status if tells else Status.NEEDS_REVIEW,
+        status=status if tells else Status.NEEDS_REVIEW,
         points=0.0,
         diagnosis=verdict.diagnosis if tells else decision.withheld,
         timing_ms={name: ms for name, ms in verdict.timing_ms.items() if name in RECEIPT_TIMES},

@@ -1,15 +1,48 @@
 """Reviews by rubric: ticked items give the points, and give them again when the rubric changes. Pure."""
 
+import hashlib
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from grader.domain.quiz import CodeQuestion, OpenQuestion
+from grader.domain.quiz import Question, Reviewable
 from grader.domain.rubric import RubricItem
 from grader.domain.verdict import POINT_DIGITS, Finding, Verdict, reviewed
 
 REVIEW = "review"
 """The id of the finding in which `reviewed` keeps a person's decision."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What a reviewer gives an answer: `ticked` ids of rubric items, `points`, or both. Points win over items."""
+
+    ticked: tuple[str, ...] | None
+    points: float | None
+    comment: str = ""
+
+    @property
+    def follows_rubric(self) -> bool:
+        """Whether the points are those of the items, and change with them."""
+        return self.points is None
+
+
+def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
+    """The verdict after a review. `question` is None if the content has lost it: then only points can be given.
+
+    Raises ValueError for points outside of the question's, and for items that its rubric does not have.
+    """
+    if mark.ticked is None:
+        assert mark.points is not None
+        return reviewed(verdict, mark.points, mark.comment)
+    if not isinstance(question, Reviewable) or not question.rubric:
+        raise ValueError("the question has no rubric: give points")
+    if mark.points is None:
+        return reviewed_by_rubric(verdict, question, mark.ticked, mark.comment)
+    decided = reviewed(verdict, mark.points, mark.comment)
+    return _naming(decided, items_of(question, mark.ticked), by_hand=True)
 
 
 def rubric_points(items: Iterable[RubricItem], max_points: float) -> float:
@@ -18,21 +51,24 @@ def rubric_points(items: Iterable[RubricItem], max_points: float) -> float:
     return min(max(total, 0.0), max_points)
 
 
-def reviewed_by_rubric(
-    verdict: Verdict, question: OpenQuestion | CodeQuestion, ticked: Iterable[str], comment: str
-) -> Verdict:
+def reviewed_by_rubric(verdict: Verdict, question: Reviewable, ticked: Iterable[str], comment: str) -> Verdict:
     """The verdict after a review that ticks the items with these ids; repeated ids count once.
 
     Only the ticked items are named in the review, so that the others do not tell what was missing.
     Raises ValueError for an id that the question's rubric does not have.
     """
+    return _decided(verdict, question, items_of(question, ticked), comment)
+
+
+def items_of(question: Reviewable, ticked: Iterable[str]) -> list[RubricItem]:
+    """The items with these ids, in the rubric's order. Raises ValueError for an id that the rubric does not have."""
     wanted = set(ticked)
     if unknown := wanted - {item.id for item in question.rubric}:
         raise ValueError(f"the rubric of {question.id} has no item {sorted(unknown)[0]!r}")
-    return _decided(verdict, question, [item for item in question.rubric if item.id in wanted], comment)
+    return [item for item in question.rubric if item.id in wanted]
 
 
-def recomputed(verdict: Verdict, question: OpenQuestion | CodeQuestion) -> Verdict:
+def recomputed(verdict: Verdict, question: Reviewable) -> Verdict:
     """The verdict with the points that its ticked items have in the question's rubric as it is now.
 
     The comment stays. An item that the rubric no longer has gives no points and is dropped. Returns the verdict
@@ -49,16 +85,26 @@ def recomputed(verdict: Verdict, question: OpenQuestion | CodeQuestion) -> Verdi
 
 def ticked_ids(review: Finding) -> set[str] | None:
     """The ids of the items that a review ticked; None where its points were given by hand."""
-    if not isinstance(review.measured, Mapping) or "rubric" not in review.measured:
+    if not isinstance(review.measured, Mapping) or "rubric" not in review.measured or review.measured.get("by_hand"):
         return None
     return {item["id"] for item in review.measured["rubric"]}
 
 
-def _decided(
-    verdict: Verdict, question: OpenQuestion | CodeQuestion, items: Sequence[RubricItem], comment: str
-) -> Verdict:
+def fingerprint(question: Reviewable) -> str:
+    """32 hexadecimal digits that change with the items and the points of a question."""
+    items = [item.model_dump() for item in question.rubric]
+    return hashlib.sha256(json.dumps([question.points, items]).encode()).hexdigest()[:32]
+
+
+def _decided(verdict: Verdict, question: Reviewable, items: Sequence[RubricItem], comment: str) -> Verdict:
     rescaled = verdict.model_copy(update={"max_points": question.points})
-    decided = reviewed(rescaled, rubric_points(items, question.points), comment)
-    measured: dict[str, Any] = {"rubric": [item.model_dump() for item in items]}
+    return _naming(reviewed(rescaled, rubric_points(items, question.points), comment), items)
+
+
+def _naming(decided: Verdict, items: Sequence[RubricItem], *, by_hand: bool = False) -> Verdict:
+    """The reviewed verdict with the ticked items in its review."""
+    measured: dict[str, Any] = {"rubric": [item.model_dump(exclude_none=True) for item in items]}
+    if by_hand:
+        measured["by_hand"] = True
     review, *rest = decided.findings
     return decided.model_copy(update={"findings": (review.model_copy(update={"measured": measured}), *rest)})

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import Lab, LabConfig
 from grader.domain.policy import Policy
-from grader.domain.rubric import Rubric
+from grader.domain.rubric import Rubric, SecondMarking
 from grader.domain.run import Limits
 from grader.domain.verify import Verify
 
@@ -106,6 +106,9 @@ class CodeQuestion(QuestionPart):
     rubric: Rubric = ()
 
 
+Reviewable = OpenQuestion | CodeQuestion
+"""The questions that may have a rubric."""
+
 Question = Annotated[
     ChoiceQuestion | PredictQuestion | NumericQuestion | OpenQuestion | CodeQuestion,
     Field(discriminator="kind"),
@@ -113,12 +116,17 @@ Question = Annotated[
 
 
 class Quiz(BaseModel):
-    """One file of questions and labs."""
+    """One file of questions and labs.
+
+    `anonymous` keeps the learners' names from their reviewers; `second_marking` has answers marked a second time.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str
     policy: Policy = Policy()
+    anonymous: bool = True
+    second_marking: SecondMarking | None = None
     questions: tuple[Question, ...] = ()
     labs: tuple[Lab, ...] = ()

@@ -12,6 +12,9 @@ PlainJson = Annotated[Any, AfterValidator(TypeAdapter[JsonValue](JsonValue).vali
 POINT_DIGITS = 9
 """Decimals of a sum of points, so that three thirds of a point add up to 1."""
 
+GRADED_AS = "graded_as"
+"""The key of the evidence of a reviewed verdict that holds the status before the first review."""
+
 
 class Status(StrEnum):
     """The outcome of a submission."""
@@ -80,8 +83,9 @@ def status_of(points: float, max_points: float) -> Status:
 def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
     """The verdict with the points of a reviewer, as the first finding.
 
-    Measured findings stay; undecided ones with points are dropped. Raises ValueError for points below 0 or above
-    those of the question.
+    Measured findings stay; undecided ones with points are dropped. The grader's own status is kept as evidence
+    `graded_as`: before the feedback a learner sees no other. Raises ValueError for points below 0 or above those of
+    the question.
     """
     if not 0 <= points <= verdict.max_points:
         raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
@@ -95,7 +99,8 @@ def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
         message=comment or "An instructor has decided.",
     )
     measured = tuple(f for f in verdict.findings if f.id != review.id and not (f.passed is None and f.max_points))
-    return verdict.model_copy(update={"status": status, "points": points, "findings": (review, *measured)})
+    decided = {"status": status, "points": points, "findings": (review, *measured)}
+    return verdict.model_copy(update={**decided, "evidence": {GRADED_AS: verdict.status.value, **verdict.evidence}})
 
 
 def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:

@@ -20,7 +20,7 @@ from grader.domain.quiz import (
     Question,
     Quiz,
 )
-from grader.domain.rubric import RubricItem
+from grader.domain.rubric import RubricItem, SecondMarking
 from grader.domain.run import Limits
 from grader.errors import Fault
 from grader.library.json_text import JsonObject, dotted
@@ -43,6 +43,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "policy": Policy,
     "late": Late,
     "rubric": RubricItem,
+    "second_marking": SecondMarking,
     "simlab": SimLab,
     "integrators": IntegratorsLab,
     "sim": LabConfig,

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from grader.domain.verdict import Verdict
 from grader.store.courses import AuditEntry
 from grader.store.results import COUNTED, LearnerAt
+from grader.store.reviews import DECIDED, DIFFERS, NONE, WAITING
 from grader.store.submissions import AT_REST, GRADED, NEEDS_REVIEW
 from grader.store.tables import (
     Credential,
@@ -18,6 +19,7 @@ from grader.store.tables import (
     Member,
     Result,
     ResultRevision,
+    Review,
     ReviewClaim,
     Submission,
     VerdictRow,
@@ -63,6 +65,10 @@ def _submissions(session: Session, member: Member, pseudonym: str) -> None:
     """Empties the answers. What waited for a reviewer waits no more."""
     ids = select(Submission.id).where(*_theirs(member))
     session.execute(delete(ReviewClaim).where(ReviewClaim.submission_id.in_(ids)), execution_options=UNCHANGED)
+    reviews = update(Review).where(Review.submission_id.in_(ids))
+    session.execute(reviews.values(second_comment=None), execution_options=UNCHANGED)
+    for unsettled, settled in ((WAITING, NONE), (DIFFERS, DECIDED)):
+        session.execute(reviews.where(Review.second == unsettled).values(second=settled), execution_options=UNCHANGED)
     empty = update(Submission).where(*_theirs(member))
     values = {"user": pseudonym, "answer": ERASED, "seed": None, "version": Submission.version + 1}
     session.execute(empty.values(values), execution_options=UNCHANGED)

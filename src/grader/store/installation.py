@@ -1,4 +1,4 @@
-"""What belongs to the installation as a whole: its secret."""
+"""What belongs to the installation as a whole: its secrets."""
 
 import secrets
 
@@ -8,21 +8,30 @@ from sqlalchemy.orm import Session
 from grader.store.database import Database
 from grader.store.tables import InstallationSecret
 
-HIDDEN_CASES = "hidden-cases"
+HIDDEN_CASES, BLIND_REVIEWS = "hidden-cases", "blind-reviews"
 SECRET_BYTES = 32
 
 
 def hidden_case_secret(database: Database) -> bytes:
-    """The key of the seeds of hidden cases; made at the first call on a database, and kept with it.
+    """The key of the seeds of hidden cases.
 
-    Servers and workers that share the database share it, so that each draws the same cases for a submission. It is
-    never logged and never shown.
+    Servers and workers that share the database share it, so that each draws the same cases for a submission.
     """
+    return _secret(database, HIDDEN_CASES)
+
+
+def blind_review_secret(database: Database) -> bytes:
+    """The key of the pseudonyms that reviewers see, and of the draw of answers that are marked a second time."""
+    return _secret(database, BLIND_REVIEWS)
+
+
+def _secret(database: Database, name: str) -> bytes:
+    """The secret of this name; made at the first call on a database, kept with it, never logged and never shown."""
     with database.write() as session:
         database.lock(session, "installation")
-        kept = session.get(InstallationSecret, HIDDEN_CASES)
+        kept = session.get(InstallationSecret, name)
         if kept is None:
-            kept = InstallationSecret(name=HIDDEN_CASES, value=secrets.token_bytes(SECRET_BYTES))
+            kept = InstallationSecret(name=name, value=secrets.token_bytes(SECRET_BYTES))
             session.add(kept)
         return kept.value
 

@@ -1,34 +1,62 @@
-"""Every query on submissions that need a review, and on the claims on them."""
+"""Every query on submissions that wait for a reviewer, on the claims on them, and on their reviews."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
-from sqlalchemy import ColumnElement, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, Select, or_, select
+from sqlalchemy.orm import Session, aliased
 
-from grader.store.submissions import NEEDS_REVIEW, SubmissionFilter
-from grader.store.tables import ReviewClaim, Submission
+from grader.store.submissions import GRADED, NEEDS_REVIEW, SubmissionFilter
+from grader.store.tables import Review, ReviewClaim, Submission, VerdictRow
+
+NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs", "decided"
+"""Where the second marking of a submission stands."""
 
 Waiting = tuple[Submission, ReviewClaim | None]
 
 
-def page(
-    session: Session, wanted: SubmissionFilter, after: str | None, limit: int, clock: datetime
-) -> Sequence[Waiting]:
-    """At most `limit` submissions that need a review, oldest first, beginning after the id `after`."""
-    oldest_first = (
-        select(Submission, ReviewClaim).outerjoin(ReviewClaim, _holds_at(clock)).where(*_needs_review(wanted))
-    )
+@dataclass(frozen=True)
+class Queue:
+    """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer.
+
+    A submission does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes
+    `averaged`, where all attempts count. `quizzes` are the only ones to look into, if not None.
+    """
+
+    wanted: SubmissionFilter
+    averaged: Collection[str]
+    second_for: str | None = None
+    quizzes: Collection[str] | None = None
+
+    def conditions(self) -> list[ColumnElement[bool]]:
+        """The queue as SQL conditions on submissions."""
+        found = self.wanted.conditions()
+        if self.second_for is None:
+            found += [Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
+        else:
+            # The course stands here too, so that the index of reviews finds the few that wait.
+            waits = (Review.course == self.wanted.course, Review.second == WAITING, Review.reviewer != self.second_for)
+            found += [Submission.status == GRADED, Submission.id.in_(select(Review.submission_id).where(*waits))]
+        if self.quizzes is not None:
+            found.append(Submission.quiz.in_(self.quizzes))
+        return found
+
+
+def page(session: Session, queue: Queue, after: str | None, limit: int, clock: datetime) -> Sequence[Waiting]:
+    """At most `limit` submissions of the queue with the claims on them, oldest first, after the id `after`."""
+    oldest_first = _queued(queue, clock).add_columns(ReviewClaim).limit(limit)
     if after is not None:
         oldest_first = oldest_first.where(Submission.id > after)
-    return [(row[0], row[1]) for row in session.execute(oldest_first.order_by(Submission.id).limit(limit))]
+    return [(row[0], row[1]) for row in session.execute(oldest_first)]
 
 
-def oldest(session: Session, wanted: SubmissionFilter, reviewer: str, clock: datetime) -> Submission | None:
+def oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) -> Submission | None:
     """The oldest submission without a claim, else the oldest that this reviewer has claimed."""
-    waiting = select(Submission).outerjoin(ReviewClaim, _holds_at(clock)).where(*_needs_review(wanted))
-    longest = waiting.order_by(Submission.id).limit(1)
-    free = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
+    longest = _queued(queue, clock).limit(1)
+    free: Submission | None = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
     return free or session.scalar(longest.where(ReviewClaim.reviewer == reviewer))
 
 
@@ -38,9 +66,10 @@ def claim_on(session: Session, submission_id: str, clock: datetime) -> ReviewCla
     return claim if claim is not None and claim.expires_at > clock else None
 
 
-def put_claim(session: Session, submission_id: str, reviewer: str, expires_at: datetime) -> ReviewClaim:
+def put_claim(session: Session, submission_id: str, reviewer: str, name: str, expires_at: datetime) -> ReviewClaim:
     """Gives the submission to a reviewer until `expires_at`; replaces any earlier claim."""
-    return session.merge(ReviewClaim(submission_id=submission_id, reviewer=reviewer, expires_at=expires_at))
+    claim = ReviewClaim(submission_id=submission_id, reviewer=reviewer, name=name, expires_at=expires_at)
+    return session.merge(claim)
 
 
 def drop_claim(session: Session, submission_id: str) -> None:
@@ -49,9 +78,59 @@ def drop_claim(session: Session, submission_id: str) -> None:
         session.delete(claim)
 
 
-def _needs_review(wanted: SubmissionFilter) -> list[ColumnElement[bool]]:
-    return [*wanted.conditions(), Submission.status == NEEDS_REVIEW]
+def review_of(session: Session, submission_id: str) -> Review | None:
+    """What is known of the review of a submission; None before the first."""
+    return session.get(Review, submission_id)
 
 
-def _holds_at(clock: datetime) -> ColumnElement[bool]:
-    return (ReviewClaim.submission_id == Submission.id) & (ReviewClaim.expires_at > clock)
+def unsettled(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
+    """The reviews of those submissions, by id, that wait for a second mark or whose marks differ."""
+    rows = select(Review).where(Review.submission_id.in_(list(submissions)), Review.second.in_((WAITING, DIFFERS)))
+    return {row.submission_id: row for row in session.scalars(rows)}
+
+
+def disagreements(
+    session: Session, wanted: SubmissionFilter, after: str | None, limit: int
+) -> list[tuple[Submission, Review]]:
+    """At most `limit` submissions whose two marks differ, oldest first, beginning after the id `after`."""
+    rows = select(Submission, Review).join(Review, Review.submission_id == Submission.id).where(*wanted.conditions())
+    differ = rows.where(Review.course == wanted.course, Review.second == DIFFERS)
+    if after is not None:
+        differ = differ.where(Review.submission_id > after)
+    return [(row[0], row[1]) for row in session.execute(differ.order_by(Review.submission_id).limit(limit))]
+
+
+def graders_verdicts(session: Session, submissions: Iterable[str]) -> dict[str, Any]:
+    """The newest verdict of each submission that is no person's, as plain JSON, by id."""
+    own = (VerdictRow.submission_id.in_(list(submissions)), VerdictRow.reviewer.is_(None))
+    rows = select(VerdictRow.submission_id, VerdictRow.body).where(*own).order_by(VerdictRow.revision)
+    return {submission: json.loads(body) for submission, body in session.execute(rows)}
+
+
+def with_rubric(session: Session) -> list[tuple[str, str]]:
+    """Every quiz and question with reviews whose points follow a rubric."""
+    rows = select(Review.quiz, Review.question).where(Review.rubric.is_not(None)).distinct()
+    return [(row.quiz, row.question) for row in session.execute(rows)]
+
+
+def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str | None) -> list[str]:
+    """The ids of submissions whose marks were computed with another rubric of the question; None is all courses."""
+    here = (Review.quiz == quiz, Review.question == question, Review.rubric != fingerprint)
+    rows = select(Review.submission_id).where(*here)
+    if course is not None:
+        rows = rows.where(Review.course == course)
+    return list(session.scalars(rows.order_by(Review.submission_id)))
+
+
+def _queued(queue: Queue, clock: datetime) -> Select[Any]:
+    """The queue, oldest first, joined to the claims that hold."""
+    holds = (ReviewClaim.submission_id == Submission.id) & (ReviewClaim.expires_at > clock)
+    return select(Submission).outerjoin(ReviewClaim, holds).where(*queue.conditions()).order_by(Submission.id)
+
+
+def _counts(averaged: Collection[str]) -> ColumnElement[bool]:
+    """Whether no newer attempt replaces the submission, or all attempts count."""
+    newer = aliased(Submission)
+    same = (getattr(newer, name) == getattr(Submission, name) for name in ("course", "learner", "quiz", "question"))
+    replaced = select(newer.id).where(*same, newer.id > Submission.id, newer.uses_attempt).exists()
+    return or_(Submission.quiz.in_(averaged), ~replaced) if averaged else ~replaced

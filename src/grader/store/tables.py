@@ -3,12 +3,14 @@
 submissions ──< verdicts   one revision for each grading, regrade and review
             ──< events     what happened to a submission, for listeners
             ──< review_claims  the reviewer who holds it, at most one
+            ──< reviews        who decided, by which rubric, and the second mark, at most one
             ──< results        what counts for a learner at a question
 results     ──< result_revisions  every change of a result: the feed
 extensions                 what one learner gets beyond the policy of a quiz
 publications               quizzes whose feedback an instructor has published
 members     ──< credentials  bearer tokens, browser sessions and one-time sign-in codes
             ──< submissions, results and extensions by `learner`, without a foreign key: they outlive the members
+saved_comments             texts that the reviewers of a question use again
 idempotency_keys           the submission that a request with this key made
 installation_secrets       keys of the installation, never shown
 """
@@ -146,7 +148,7 @@ class VerdictRow(Base):
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
     revision: Mapped[int]
     cause: Mapped[str] = mapped_column(String(20))
-    """grading, regrade or review."""
+    """grading, regrade, review, or rubric where its points have changed."""
     status: Mapped[str] = mapped_column(String(20))
     points: Mapped[float]
     max_points: Mapped[float]
@@ -272,8 +274,56 @@ class ReviewClaim(Base):
     __tablename__ = "review_claims"
 
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"), primary_key=True)
-    reviewer: Mapped[str] = mapped_column(String(NAME))
+    reviewer: Mapped[str] = mapped_column(String(32))
+    """The id of the member."""
+    name: Mapped[str] = mapped_column(String(NAME))
     expires_at: Mapped[datetime]
+
+
+class Review(Base):
+    """What is known of a reviewed submission beyond its verdict: who decided, by which rubric, and the second mark."""
+
+    __tablename__ = "reviews"
+    __table_args__ = (
+        Index("ix_reviews_rubric", "quiz", "question", "rubric"),
+        Index("ix_reviews_second", "course", "second", "submission_id"),
+    )
+
+    submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"), primary_key=True)
+    course: Mapped[str] = mapped_column(String(NAME))
+    quiz: Mapped[str] = mapped_column(String(64))
+    question: Mapped[str] = mapped_column(String(64))
+    reviewer: Mapped[str] = mapped_column(String(32))
+    """The id of the member whose mark counts."""
+    name: Mapped[str] = mapped_column(String(NAME))
+    points: Mapped[float]
+    rubric: Mapped[str | None] = mapped_column(String(32))
+    """The fingerprint of the rubric that the marks were computed with; None if both were given by hand."""
+    second: Mapped[str] = mapped_column(String(10))
+    """Where the second marking stands: none, waiting, agreed, differs or decided."""
+    second_reviewer: Mapped[str | None] = mapped_column(String(32))
+    """The id of the second reviewer, as are the columns below of the second mark."""
+    second_name: Mapped[str | None] = mapped_column(String(NAME))
+    second_points: Mapped[float | None]
+    second_ticked: Mapped[str | None] = mapped_column(Text)
+    """The ids of the items that give the second mark's points, as a JSON list; None if they were given by hand."""
+    second_comment: Mapped[str | None] = mapped_column(Text)
+
+
+class SavedComment(Base):
+    """A comment that reviewers of a question use again."""
+
+    __tablename__ = "saved_comments"
+    __table_args__ = (Index("ix_saved_comments_question", "course", "quiz", "question", "id"),)
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    course: Mapped[str] = mapped_column(String(NAME))
+    quiz: Mapped[str] = mapped_column(String(64))
+    question: Mapped[str] = mapped_column(String(64))
+    text: Mapped[str] = mapped_column(Text)
+    saved_by: Mapped[str] = mapped_column(String(NAME))
+    """The name of the instructor who wrote it."""
+    saved_at: Mapped[datetime] = mapped_column(default=now)
 
 
 class Member(Base):

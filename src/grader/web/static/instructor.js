@@ -1,6 +1,6 @@
 // The instructor page: the table of submissions; a row opens the submission under the table, with the form of its review.
 
-import { get } from "./api.js";
+import { get, post } from "./api.js";
 import { el, number } from "./dom.js";
 import "./statistics.js";
 import { closeReview, openReview } from "./review.js";
@@ -8,7 +8,9 @@ import { showVerdict, toneOf } from "./verdict.js";
 
 const find = (name) => document.querySelector(`[data-${name}]`);
 const [filters, status, rows, more, one] = ["filters", "status", "submissions", "more", "one"].map(find);
+const PATHS = { submissions: "/submissions?", reviews: "/reviews?", second: "/reviews?second=true&", disagreements: "/reviews/disagreements?" };
 let cursor = null;
+let shown = "submissions"; // which list the table holds
 
 filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
 more.addEventListener("click", () => load(false));
@@ -37,8 +39,9 @@ async function load(afresh) {
   for (const [name, value] of Object.entries(wanted)) if (value.trim()) query.set(name, value.trim());
   if (!afresh && cursor) query.set("cursor", cursor);
   try {
-    const page = await get(`/${which}?${query}`);
+    const page = await get(PATHS[which] + query);
     if (afresh) rows.replaceChildren();
+    shown = which;
     rows.append(...page.items.map(row));
     cursor = page.next_cursor;
     more.hidden = !cursor;
@@ -51,7 +54,7 @@ async function load(afresh) {
 function row(submission) {
   const { verdict } = submission;
   const when = new Date(submission.created_at);
-  const open = el("button", { type: "button", class: "link", onclick: () => show(submission.id) }, `${submission.quiz} ${submission.question}`);
+  const open = el("button", { type: "button", class: "link", onclick: () => show(submission.id, submission) }, `${submission.quiz} ${submission.question}`);
   return el("tr", {},
     el("td", {}, el("time", { datetime: submission.created_at }, when.toLocaleString())),
     el("td", {}, submission.user),
@@ -60,15 +63,36 @@ function row(submission) {
     el("td", { class: "number" }, verdict ? `${number(verdict.points)} / ${number(verdict.max_points)}` : ""));
 }
 
-async function show(id) {
+// `listed` is the row of the list; that of a disagreement holds the two marks.
+async function show(id, listed = {}) {
   try {
     const submission = await get(`/submissions/${encodeURIComponent(id)}`);
-    closeReview();
+    await closeReview();
     if (!submission.verdict) return;
     draw(submission);
     one.focus({ preventScroll: true });
     one.scrollIntoView({ block: "start" });
-    await openReview(submission, (decided) => { draw(decided); load(true); });
+    await openReview(submission, listed, shown === "second", decided);
+  } catch (error) {
+    status.textContent = error.message;
+  }
+}
+
+async function decided(submission, next) {
+  if (submission) draw(submission);
+  await load(true);
+  if (next) await openNext();
+}
+
+async function openNext() {
+  if (shown === "disagreements") {
+    rows.querySelector("button")?.click();
+    return;
+  }
+  try {
+    const quiz = filters.quiz.value;
+    const claimed = await post("/reviews:claim", { ...(quiz ? { quiz } : {}), second: shown === "second" });
+    await show(claimed.id);
   } catch (error) {
     status.textContent = error.message;
   }

@@ -77,6 +77,7 @@ const hasValue = (it) => it !== null && it !== undefined && it !== "";
 function value(it) {
   if (!hasValue(it)) return "";
   if (Array.isArray(it)) return it.map(value).join(" to ");
+  if (Array.isArray(it.rubric)) return el("ul", {}, it.rubric.map((item) => el("li", {}, `${item.title} (${number(item.points)})`)));
   if (typeof it === "object") return Object.entries(it).map(([key, one]) => `${key.replaceAll("_", " ")} ${value(one)}`).join(", ");
   return typeof it === "number" ? number(it, 5) : String(it);
 }

@@ -1,0 +1,50 @@
+"""Saved comments: texts that the reviewers of a question use again."""
+
+from sqlalchemy.orm import Session
+
+from grader.courses.audit import Action, record
+from grader.errors import Conflict, NotFound
+from grader.identity import Identity
+from grader.store import saved_comments
+from grader.store.database import Database
+from grader.store.tables import SavedComment, new_id, now
+
+COMMENTS_MAX = 200
+"""For one question of a course."""
+
+
+def save(database: Database, session: Session, who: Identity, at: tuple[str, str], text: str) -> SavedComment:
+    """Saves a comment for a (quiz, question). Raises Conflict if it has `COMMENTS_MAX`."""
+    database.lock(session, f"comments\n{who.course}")
+    quiz, question = at
+    if saved_comments.count(session, who.course, quiz, question) >= COMMENTS_MAX:
+        raise Conflict(f"{COMMENTS_MAX} comments are saved for this question: delete one first.")
+    comment = SavedComment(
+        id=new_id(), course=who.course, quiz=quiz, question=question, text=text, saved_by=who.user, saved_at=now()
+    )
+    session.add(comment)
+    record(session, who, who.course, Action.COMMENT_SAVED, comment.id, quiz=quiz, question=question)
+    return comment
+
+
+def change(session: Session, who: Identity, comment_id: str, text: str) -> SavedComment:
+    """Changes the text of a comment. Raises NotFound."""
+    comment = found(session, who, comment_id)
+    comment.text, comment.saved_by, comment.saved_at = text, who.user, now()
+    record(session, who, who.course, Action.COMMENT_CHANGED, comment.id)
+    return comment
+
+
+def delete(session: Session, who: Identity, comment_id: str) -> None:
+    """Deletes a comment; the reviews that used it stay. Raises NotFound."""
+    comment = found(session, who, comment_id)
+    session.delete(comment)
+    record(session, who, who.course, Action.COMMENT_DELETED, comment.id)
+
+
+def found(session: Session, who: Identity, comment_id: str) -> SavedComment:
+    """The comment of the caller's course. Raises NotFound."""
+    comment = saved_comments.get(session, comment_id, who.course) if comment_id.isalnum() else None
+    if comment is None:
+        raise NotFound("There is no such comment.")
+    return comment

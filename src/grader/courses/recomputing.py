@@ -1,0 +1,93 @@
+"""Recomputes reviews in the background whenever the content was loaded, so that points follow a changed rubric."""
+
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+import structlog
+
+from grader.courses.desk import Desk
+from grader.courses.reviews import follow_rubric
+from grader.courses.rubric import fingerprint
+from grader.domain.quiz import Reviewable
+from grader.errors import NotFound
+from grader.identity import Identity
+from grader.store import reviews
+
+AGAIN_S = 10.0
+"""Pause after a failure, such as a lost database [s]."""
+
+log = structlog.get_logger()
+
+
+def outdated(desk: Desk, quiz: str, question: str, course: str | None = None) -> list[str]:
+    """The ids of submissions whose marks were computed with another rubric, in one course or in all.
+
+    Once a question has no rubric, its reviews stay as they are. Raises NotFound.
+    """
+    asked = desk.library.question(quiz, question)
+    if not isinstance(asked, Reviewable) or not asked.rubric:
+        return []
+    with desk.database.read() as session:
+        return reviews.of_other_rubric(session, quiz, question, fingerprint(asked), course)
+
+
+def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bool:
+    """Computes the marks of one submission again, in a transaction of its own. Returns whether its verdict changed."""
+    with desk.database.write() as session:
+        return follow_rubric(desk, session, submission_id, who)
+
+
+@dataclass
+class Recomputing:
+    """A thread that recomputes the reviews of every question after each `wake`, and once at the start."""
+
+    desk: Callable[[], Desk]
+    _news: threading.Event = field(default_factory=threading.Event)
+    _stop: threading.Event = field(default_factory=threading.Event)
+    _thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._news.set()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Says that the content may have changed."""
+        self._news.set()
+
+    def stop(self) -> None:
+        """Ends the thread after the submission that it is at."""
+        self._stop.set()
+        self._news.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while self._news.wait() and not self._stop.is_set():
+            self._news.clear()
+            try:
+                self._recompute_all()
+            except Exception:
+                log.exception("reviews could not be recomputed")
+                self._stop.wait(AGAIN_S)
+                self._news.set()
+
+    def _recompute_all(self) -> None:
+        desk = self.desk()
+        with desk.database.read() as session:
+            questions = reviews.with_rubric(session)
+        for quiz, question in questions:
+            with suppress(NotFound):  # the content has lost it
+                self._recompute_question(desk, quiz, question)
+
+    def _recompute_question(self, desk: Desk, quiz: str, question: str) -> None:
+        changed = 0
+        for submission_id in outdated(desk, quiz, question):
+            if self._stop.is_set():
+                return
+            changed += recompute(desk, submission_id)
+        if changed:
+            log.info("reviews recomputed", quiz=quiz, question=question, changed=changed)
