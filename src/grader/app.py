@@ -32,7 +32,6 @@ from grader.library import load
 from grader.queue.worker import Worker
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
-from grader.store.installation import hidden_case_secret
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -52,9 +51,9 @@ def create_app(settings: Settings) -> FastAPI:
     log_to_stderr()
     database = Database(settings.database)
     database.migrate()
-    content = Content(settings.content, hidden_case_secret(database))
-    graders = graders_of(settings, content)
-    worker = worker_of(settings, database, content, graders)
+    content = Content(settings.content, database)
+    graders = graders_of(settings)
+    worker = worker_of(settings, database, content.archive, graders)
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     checks: dict[str, Check] = {"database": lambda: check_database(database), "content": lambda: check_content(content)}
     public_origin = settings.public_origin and settings.origin

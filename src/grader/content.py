@@ -1,42 +1,107 @@
-"""The content as it is now, shared by server and workers: replaced as a whole or not at all."""
+"""The content: what is loaded now, replaced as a whole or not at all, and what was loaded before, by digest."""
 
-from collections.abc import Callable
+from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 
 import structlog
+from sqlalchemy.orm import Session
 
-from grader.domain.run import Job, RunReport
-from grader.errors import ContentError
-from grader.library import Library, load
+from grader.errors import ContentError, ContentLost
+from grader.library import Library, load, load_files
 from grader.pipeline import Pipeline
+from grader.store import contents
+from grader.store.database import Database
+from grader.store.installation import hidden_case_secret
+
+PIPELINES = 64
+"""Pipelines that are held; one is as large as the models and the quiz."""
+
+NO_CONTENT = Library(Path(), {})
 
 log = structlog.get_logger()
 
 
-class Content:
-    """One content folder. Take `pipeline` once per request or job: it is a snapshot that does not change."""
+class Archive:
+    """Every content that a server of this database has loaded, by digest. Thread-safe.
 
-    def __init__(self, root: Path, secret: bytes) -> None:
-        """Loads the folder; `secret` keys the seeds of hidden cases. Raises ContentError."""
+    A submission is graded with the content that it was made against, also by a worker that has never loaded it.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self.secret = hidden_case_secret(database)
+        self._database = database
+        self._held: OrderedDict[str, Pipeline] = OrderedDict()
+        self._lock = Lock()
+
+    def keep(self, pipeline: Pipeline) -> None:
+        """Keeps the content of a pipeline, all quizzes or none, as the one that is in use from now on."""
+        library = pipeline.library
+        with self._database.write() as session:
+            self._database.lock(session, "content")
+            for quiz, files in library.sources.items():
+                contents.keep(session, quiz, library.digest(quiz), files)
+            contents.use(session, library.digests)
+        with self._lock:
+            for digest in library.digests.values():
+                self._hold(digest, pipeline)
+
+    def pipeline_for(self, quiz: str, digest: str) -> Pipeline:
+        """The pipeline that grades a quiz with the content of this digest. Raises ContentLost."""
+        with self._lock:
+            held = self._held.get(digest) or self._taken(quiz, digest)
+            self._hold(digest, held)
+        return held
+
+    def library_now(self, session: Session, quiz: str) -> Library:
+        """The content with this quiz as servers use it now; without it if it is gone. Raises ContentLost."""
+        digest = contents.in_use(session, quiz)
+        return NO_CONTENT if digest is None else self.pipeline_for(quiz, digest).library
+
+    def _taken(self, quiz: str, digest: str) -> Pipeline:
+        with self._database.read() as session:
+            files = contents.files_of(session, digest)
+        if files is None:
+            raise ContentLost(f"The database does not hold the content {digest} of quiz {quiz!r} in full.")
+        try:
+            library = load_files(files)
+        except ContentError as error:
+            raise ContentLost(f"The content {digest} of quiz {quiz!r} can no longer be loaded: {error}") from error
+        if library.digests.get(quiz) != digest:
+            raise ContentLost(f"The files kept as {digest} make other content: {library.digests.get(quiz)}.")
+        log.info("content taken from the database", quiz=quiz, digest=digest)
+        return Pipeline(library, secret=self.secret)
+
+    def _hold(self, digest: str, pipeline: Pipeline) -> None:
+        self._held[digest] = pipeline
+        self._held.move_to_end(digest)
+        if len(self._held) > PIPELINES:
+            self._held.popitem(last=False)
+
+
+class Content:
+    """One content folder. Take `pipeline` once per request: it is a snapshot that does not change."""
+
+    def __init__(self, root: Path, database: Database) -> None:
+        """Loads the folder, and keeps what it holds in the database. Raises ContentError."""
         self._root = root
         self._reloading = Lock()
-        self.pipeline = Pipeline(load(root), secret=secret)
+        self.archive = Archive(database)
+        self.pipeline = Pipeline(load(root), secret=self.archive.secret)
+        self.archive.keep(self.pipeline)
 
     @property
     def library(self) -> Library:
         """The quizzes and models that are loaded now."""
         return self.pipeline.library
 
-    def run_in(self, run: Callable[[Job], RunReport]) -> None:
-        """Runs scripts with `run`, the jail's, from now on."""
-        self.pipeline = replace(self.pipeline, run=run)
-
     def reload(self) -> None:
         """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
         with self._reloading:
-            self.pipeline = replace(self.pipeline, library=load(self._root))
+            pipeline = replace(self.pipeline, library=load(self._root))
+            self.archive.keep(pipeline)  # before the first submission that is made against it
+            self.pipeline = pipeline
         log.info("content loaded", quizzes=len(self.library.quizzes))
 
     def reload_or_log(self) -> None:

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Self
 
@@ -53,10 +54,13 @@ class Script:
 class GradingProcess:
     """The handle of one process. One thread at a time may use it."""
 
-    def __init__(self, models: Path, *, allow_t2: bool) -> None:
+    def __init__(self, *, allow_t2: bool) -> None:
+        # A script reads the models of the content that it is graded with, whatever the content folder holds now.
+        self._models = TemporaryDirectory(prefix="grader-models-")
+        Path(self._models.name).chmod(0o755)
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), str(models)]
+            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), self._models.name]
             self._process = subprocess.Popen(  # noqa: S603  our own command
                 [*command, *(["--allow-t2"] if allow_t2 else [])], stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
             )
@@ -77,6 +81,7 @@ class GradingProcess:
         """Judges a script against this content. Raises JailFault if the process ends or breaks, and ends it then."""
         try:
             if library is not self._library:
+                write_models(library, Path(self._models.name))
                 self._connection.send(portable(library))
                 self._library = library
             self._connection.send(script)
@@ -101,6 +106,7 @@ class GradingProcess:
             self._process.kill()
             self._process.wait()
         self._connection.close()
+        self._models.cleanup()
 
     def _receive(self, patience_s: float) -> Any:
         try:
@@ -121,8 +127,8 @@ class GradingProcess:
 class Graders:
     """`count` grading processes; thread-safe. A process that ended is replaced before the next script."""
 
-    def __init__(self, models: Path, count: int, *, allow_t2: bool) -> None:
-        self._models, self._count, self._allow_t2 = models, count, allow_t2
+    def __init__(self, count: int, *, allow_t2: bool) -> None:
+        self._count, self._allow_t2 = count, allow_t2
         self._free: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._all: list[GradingProcess] = []
         self.jail: Mapping[str, Any] = {}
@@ -168,7 +174,7 @@ class Graders:
         self.close()
 
     def _new(self) -> GradingProcess:
-        return GradingProcess(self._models, allow_t2=self._allow_t2)
+        return GradingProcess(allow_t2=self._allow_t2)
 
     @contextmanager
     def _free_process(self) -> Iterator[GradingProcess]:
@@ -189,11 +195,19 @@ class Graders:
 
 
 def portable(library: Library) -> Library:
-    """The same content in plain dictionaries, which can be pickled."""
+    """The same content in plain dictionaries, which can be pickled, without the files that it was made of."""
     mappings: dict[str, Any] = {
         name: dict(value) for name, value in vars(library).items() if isinstance(value, Mapping)
     }
-    return replace(library, **mappings)
+    return replace(library, **mappings | {"sources": {}})
+
+
+def write_models(library: Library, folder: Path) -> None:
+    """Makes a folder hold the models of the content, and no others. No script may run meanwhile."""
+    for name in {path.stem for path in folder.iterdir()} - library.models.keys():
+        (folder / f"{name}.xml").unlink()
+    for name, xml in library.models.items():
+        (folder / f"{name}.xml").write_bytes(xml.encode())
 
 
 def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
