@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from grader.content import Archive
 from grader.courses import results
+from grader.courses.regrading import JudgeBy, Regrading
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentLost, NotFound, Unprocessable
 from grader.grading_process import Graders, Script
@@ -24,8 +25,6 @@ from grader.store.database import Database
 from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
-JudgeBy = Callable[[Submission, str], Verdict]
-"""Judges by the content of a digest."""
 Append = Callable[[Session, Submission, Verdict, str], None]
 
 log = structlog.get_logger()
@@ -118,8 +117,10 @@ def graders_of(settings: Settings) -> Graders:
 
 def worker_of(settings: Settings, database: Database, archive: Archive, graders: Graders) -> Worker:
     """The worker that the settings describe."""
+    retries = Retries(settings.tries)
     grading = Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive))
-    return Worker(database, {jobs.GRADE: grading}, settings.workers, Retries(settings.tries))
+    regrading = Regrading(database, archive, judge_with(archive, graders), retries)
+    return Worker(database, {jobs.GRADE: grading, jobs.REGRADE: regrading}, settings.workers, retries)
 
 
 def run_worker(settings: Settings) -> None:
