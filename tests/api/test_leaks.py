@@ -119,6 +119,7 @@ def get_paths(site: Site, quiz: str, made: list[str]) -> list[str]:
                 "quiz_id": [quiz],
                 "question_id": QUESTIONS,
                 "submission_id": made,
+                "regrade_id": ["f" * 32],
                 "path": ["page.js"],
             }.items():
                 templates = {re.sub(rf"\{{{name}(:path)?\}}", value, one) for one in templates for value in values}

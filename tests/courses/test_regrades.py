@@ -72,8 +72,8 @@ class Course:
         self.write(**changes)
         self.content.reload()
 
-    def worker(self, task: Regrading | None = None) -> Worker:
-        retries = Retries(3, pause_s=0.0)
+    def worker(self, task: Regrading | None = None, tries: int = 3) -> Worker:
+        retries = Retries(tries, pause_s=0.0)
         return Worker(self.database, {jobs.REGRADE: task or self.regrading}, threads=2, retries=retries)
 
     def work(self, task: Regrading | None = None) -> None:
@@ -403,7 +403,8 @@ def test_a_worker_that_dies_in_the_middle_leaves_nothing_doubled(
 ) -> None:
     made = [course.hand_in(f"user{number:02}", 5) for number in range(25)]
     course.change(key=6)
-    append, calls = counting.append_verdict, []
+    append = counting.append_verdict
+    calls: list[None] = []
 
     def dies(*arguments: Any, **more: Any) -> None:
         calls.append(None)
@@ -415,7 +416,7 @@ def test_a_worker_that_dies_in_the_middle_leaves_nothing_doubled(
     regrade_id = course.start()
     deaths = 0
     while True:
-        worker = course.worker()
+        worker = course.worker(tries=20)
         try:
             if not worker.do_one():
                 break

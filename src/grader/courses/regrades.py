@@ -77,6 +77,13 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     return regrade
 
 
+def wanted_of(tried: Regrade) -> Wanted:
+    """What a dry run has tried, to be applied."""
+    scope: Any = json.loads(tried.scope)
+    chosen = tuple(scope["submission_ids"]) if isinstance(scope, dict) else scope
+    return Wanted(tried.quiz, tried.question, chosen, dry_run=False)
+
+
 def refuse_more(session: Session, regrade: Regrade) -> None:
     """Raises Conflict while the course has too many unfinished regrades, or one that changes the same quiz."""
     running = regrades.unfinished(session, regrade.course)

@@ -12,7 +12,7 @@ from grader.domain.quiz import Quiz
 from grader.errors import NotFound, Unauthorized
 from grader.identity import DEFAULT_COURSE, Identity, Role, Scope
 from grader.library import Library
-from grader.web import oidc, signin
+from grader.web import oidc, regrades, signin
 from grader.web.certificates import certificate_rows
 from grader.web.context import Pages, Visitor
 from grader.web.page import page_of, unopened_page
@@ -24,6 +24,7 @@ SIGN_IN = "Sign in first."
 router = APIRouter(include_in_schema=False)
 router.include_router(signin.router)
 router.include_router(oidc.router)
+router.include_router(regrades.router)
 static_files = StaticFiles(directory=ROOM / "static")
 
 
