@@ -3,18 +3,31 @@
 import json
 import secrets
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 from sqlalchemy import delete, select
 
 from databases import BACKENDS, database_url
 from grader.content import Archive, Content
 from grader.courses import regrades, regrading
 from grader.courses import results as counting
+from grader.courses.policy import counted
 from grader.courses.regrades import Scope, Wanted
 from grader.courses.regrading import Regrading
 from grader.domain.policy import Extension
@@ -32,6 +45,7 @@ from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.tables import ResultRevision, Submission, VerdictRow, new_id
 from grader.worker import judge_with
+from properties import patient
 
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
 LATE = {"per_day": 0.5, "until": "2199-12-31T00:00:00Z"}
@@ -129,7 +143,8 @@ class Course:
 
     def shown(self, regrade_id: str, changed: bool = False) -> dict[str, Any]:
         with self.database.read() as session:
-            view = regrades.view(regrades.get(session, regrade_id, self.name), stored.progress(session, regrade_id))
+            regrade = regrades.get(session, regrade_id, self.name)
+            view = regrades.view(regrade, stored.progress(session, regrade))
             return view | {"items": regrades.page_of(session, regrade_id, 0, 1000, changed=changed)}
 
     def verdicts(self, submission_id: str) -> list[tuple[str, str, float]]:
@@ -481,3 +496,102 @@ def test_the_changed_ones_can_be_listed_alone(course: Course) -> None:
     regrade_id = course.start(dry_run=True)
     course.work()
     assert list(told(course.shown(regrade_id, changed=True))) == ["ann", "bob"]
+
+
+def test_a_piece_that_kills_its_worker_every_time_ends_the_regrade(course: Course) -> None:
+    course.hand_in("ann", 5)
+    course.change(key=6)
+    regrade_id = course.start()
+    for _ in range(3):
+        with course.database.write() as session:
+            assert jobs.claim(session, 1)
+            jobs.release(session, [lease for _, lease in jobs.owned(session)])
+    course.work()
+    shown = course.shown(regrade_id)
+    assert (shown["status"], shown["reason"], shown["progress"]["done"]) == ("failed", regrading.OUR_FAULT, 0)
+    assert course.points("ann") == 2
+
+
+class Term(RuleBasedStateMachine):
+    """A term: answers, new keys and policies, reviews, and regrades that are started, worked on and cancelled."""
+
+    database: Database
+    folder: Path
+
+    @initialize()
+    def begin(self) -> None:
+        with self.database.write() as session:
+            session.execute(delete(jobs.JobRow))
+        self.course = Course(self.database, self.folder / secrets.token_hex(6))
+        self.made: list[str] = []
+        self.key, self.policy = 5, "best"
+
+    @rule(learner=st.sampled_from(["ann", "bob"]), answer=st.integers(5, 7))
+    def hand_in(self, learner: str, answer: int) -> None:
+        self.made.append(self.course.hand_in(learner, answer))
+
+    @rule(key=st.integers(5, 7), policy=st.sampled_from(["best", "latest", "average"]))
+    def change(self, key: int, policy: str) -> None:
+        self.key, self.policy = key, policy
+        self.course.change(key=key, policy={"counts": policy})
+
+    @precondition(lambda self: self.made)
+    @rule(index=st.integers(0, 100), points=st.sampled_from([0.0, 1.0, 2.0]))
+    def review(self, index: int, points: float) -> None:
+        self.course.review(self.made[index % len(self.made)], points)
+
+    @rule(scope=st.sampled_from(["latest", "best", "all"]), dry_run=st.booleans())
+    def start(self, scope: Scope, dry_run: bool) -> None:
+        with suppress(Conflict):
+            self.newest = self.course.start(scope, dry_run)
+
+    @rule()
+    def work_a_little(self) -> None:
+        self.course.worker().do_one()
+
+    @precondition(lambda self: hasattr(self, "newest"))
+    @rule()
+    def cancel(self) -> None:
+        with suppress(Conflict), self.course.database.write() as session:
+            regrades.cancel(session, self.course.tina, self.newest)
+
+    @rule()
+    def regrade_all(self) -> None:
+        """The dry run tells what applying does; then every verdict is a person's or that of the content as it is."""
+        self.course.work()
+        tried = self.course.regrade(dry_run=True)
+        done = self.course.regrade()
+        assert (tried["status"], done["status"]) == ("done", "done")
+        assert (told(done), outcomes(done)) == (told(tried), outcomes(tried))
+        assert set(outcomes(self.course.regrade())) <= {"same", "reviewed"}
+        for one in self.made:
+            cause, status, _ = self.course.verdicts(one)[-1]
+            with self.course.database.read() as session:
+                answer = json.loads(session.get_one(Submission, one).answer)
+            assert cause == "review" or status == ("correct" if answer == self.key else "incorrect")
+        for learner in ("ann", "bob"):
+            self.check_what_counts(learner)
+
+    def check_what_counts(self, learner: str) -> None:
+        key = LearnerAt(self.course.name, learner, "quiz", "number")
+        with self.course.database.read() as session:
+            attempts = [counting.attempt_of(row) for row in results.attempts_of(session, key)]
+        found = counted(attempts, self.course.content.library.quiz("quiz").policy, None)
+        assert self.course.points(learner) == (found.points if attempts else None)
+
+    @invariant()
+    def no_verdict_is_doubled_and_no_review_regraded(self) -> None:
+        for one in getattr(self, "made", []):
+            told = self.course.verdicts(one)
+            for before, after in pairwise(told):
+                assert after[0] != "regrade" or (before[0] != "review" and after[1:] != before[1:])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_term_of_regrades(backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(regrading, "LOOK_S", 1e-6)
+    with database_url(backend, tmp_path) as url:
+        Term.database, Term.folder = Database(url), tmp_path
+        Term.database.migrate()
+        run_state_machine_as_test(Term, settings=settings(patient, max_examples=12, stateful_step_count=15))
+        Term.database.close()

@@ -108,7 +108,7 @@ def create_regrade(body: RegradeBody, who: Instructor, context: AppContext, resp
     made = regrades.create(context.database, context.content.library, who, body.wanted)
     response.headers["Location"] = f"{PREFIX}/regrades/{made.id}"
     with context.database.read() as session:
-        return view(made, stored.progress(session, made.id))
+        return view(made, stored.progress(session, made))
 
 
 @router.get("/regrades", response_model=Page, responses=documented(401, 403, 422, 429))
@@ -119,7 +119,7 @@ def list_regrades(
     page = PageQuery(cursor=query.cursor, limit=query.limit)
     with context.database.read() as session:
         found = stored.page(session, who.course, page.start, page.limit + 1)
-        items = [view(one, stored.progress(session, one.id)) for one in found]
+        items = [view(one, stored.progress(session, one)) for one in found]
     return page_of(items, page, "/regrades", response)
 
 
@@ -134,7 +134,7 @@ def show_regrade(
     """Shows how far a regrade is, and the difference that it makes for each learner at each question."""
     with context.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
-        counts = stored.progress(session, regrade.id)
+        counts = stored.progress(session, regrade)
         items = regrades.page_of(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
     cursor = None
     if len(items) > query.limit:
@@ -152,4 +152,4 @@ def cancel_regrade(regrade_id: str, who: Instructor, context: AppContext) -> dic
     """Ends a regrade; what it has changed stays. 409 if it is over."""
     with context.database.write() as session:
         cancelled = regrades.cancel(session, who, regrade_id)
-        return view(cancelled, stored.progress(session, regrade_id))
+        return view(cancelled, stored.progress(session, cancelled))

@@ -98,7 +98,7 @@ def cancel(session: Session, who: Identity, regrade_id: str) -> Regrade:
     get(session, regrade_id, who.course)
     regrade = regrades.locked(session, regrade_id)
     if regrade.status in UNFINISHED:
-        regrades.finish(regrade, CANCELLED)
+        regrades.finish(session, regrade, CANCELLED)
         record(session, who, who.course, Action.REGRADE_CANCELLED, regrade.id)
     elif regrade.status != CANCELLED:
         raise Conflict(f"This regrade is over: {regrade.status}.")

@@ -125,7 +125,7 @@ class Regrading:
         def store(session: Session) -> None:
             regrade = regrades.locked(session, started.regrade.id)
             if regrade.status in UNFINISHED:
-                regrades.finish(regrade, FAILED, OUR_FAULT)
+                regrades.finish(session, regrade, FAILED, OUR_FAULT)
 
         return JobOutcome(store)
 
@@ -167,7 +167,7 @@ class Regrading:
         if regrades.waiting(session, regrade.id, piece.lane, 1):
             jobs.put(session, jobs.REGRADE, piece.subject, share=regrade.id, delay_s=pause_s)
         elif not regrades.waiting(session, regrade.id, None, 1):
-            regrades.finish(regrade, DONE)
+            regrades.finish(session, regrade, DONE)
             log.info("regraded", regrade=regrade.id)
 
     def _settle(self, session: Session, regrade: Regrade, done: Regraded) -> float:

@@ -1,5 +1,6 @@
 """Regrades and what each of their submissions came to: the tables, and every query on them."""
 
+import json
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
@@ -41,6 +42,8 @@ class Regrade(Base):
     status: Mapped[str] = mapped_column(String(20))
     reason: Mapped[str | None] = mapped_column(Text)
     """Why it failed."""
+    counts: Mapped[str | None] = mapped_column(Text)
+    """The items by outcome when it ended, as JSON: a list of regrades need not count them."""
     created_by: Mapped[str] = mapped_column(String(NAME))
     created_at: Mapped[datetime] = mapped_column(default=now)
     finished_at: Mapped[datetime | None]
@@ -128,8 +131,9 @@ def begin(session: Session, regrade_id: str) -> None:
     session.execute(queued, execution_options={"synchronize_session": False})
 
 
-def finish(regrade: Regrade, status: str, reason: str | None = None) -> None:
+def finish(session: Session, regrade: Regrade, status: str, reason: str | None = None) -> None:
     """Ends a regrade; its jobs find nothing more to do."""
+    regrade.counts = json.dumps(progress(session, regrade))
     regrade.status, regrade.reason, regrade.finished_at = status, reason, now()
 
 
@@ -154,9 +158,11 @@ def reviewed(session: Session, ids: Sequence[str]) -> set[str]:
     return set(session.scalars(rows))
 
 
-def progress(session: Session, regrade_id: str) -> dict[str, int]:
+def progress(session: Session, regrade: Regrade) -> dict[str, int]:
     """The number of items by outcome."""
-    counts = select(RegradeItem.outcome, func.count()).where(RegradeItem.regrade_id == regrade_id)
+    if regrade.counts is not None:
+        return dict(json.loads(regrade.counts))
+    counts = select(RegradeItem.outcome, func.count()).where(RegradeItem.regrade_id == regrade.id)
     return {row[0]: row[1] for row in session.execute(counts.group_by(RegradeItem.outcome))}
 
 

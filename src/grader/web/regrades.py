@@ -58,7 +58,7 @@ def show(
     who = instructor(who)
     with pages.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
-        shown = regrades.view(regrade, stored.progress(session, regrade.id))
+        shown = regrades.view(regrade, stored.progress(session, regrade))
         rows = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
     more: dict[str, Any] = {
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
@@ -93,7 +93,7 @@ def with_list(request: Request, pages: PageContext, who: Identity, status: int =
     """The page with the form and the list."""
     with pages.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
-        listed = [regrades.view(regrade, stored.progress(session, regrade.id)) for regrade in found]
+        listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
     quizzes = [quiz for quiz in pages.library.quizzes.values() if quiz.questions]
     return page(request, "regrades.html", status, who=who, quizzes=quizzes, scopes=SCOPES, regrades=listed, **more)
 

@@ -51,6 +51,7 @@ def create_regrades() -> None:
         sa.Column("content_digest", sa.String(80), nullable=False),
         sa.Column("status", sa.String(20), nullable=False),
         sa.Column("reason", sa.Text),
+        sa.Column("counts", sa.Text),
         sa.Column("created_by", sa.String(200), nullable=False),
         sa.Column("created_at", TIME, nullable=False),
         sa.Column("finished_at", TIME),
