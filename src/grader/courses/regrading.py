@@ -18,6 +18,7 @@ from grader.content import Archive
 from grader.courses import results
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, InvalidAnswer, JailFault
+from grader.library import Library
 from grader.queue import jobs
 from grader.queue.worker import Outcome as JobOutcome
 from grader.queue.worker import Schedule
@@ -26,12 +27,12 @@ from grader.store.database import Database
 from grader.store.regrades import DONE, FAILED, UNFINISHED, WAITING, Regrade, RegradeItem
 from grader.store.results import LearnerAt
 from grader.store.results import find as find_result
-from grader.store.tables import Submission
+from grader.store.tables import Result, Submission
 
 JudgeBy = Callable[[Submission, str], Verdict]
 """Judges a submission by the content of a digest."""
 
-PIECE = 10
+PIECE = 5
 """Submissions that are stored at a time; their transaction must not hold up learners."""
 
 PIECE_S = 1.0
@@ -156,11 +157,18 @@ class Regrading:
         regrade = regrades.locked(session, piece.regrade.id)
         if regrade.status not in UNFINISHED:
             return
-        self.database.lock(session, f"reviews\n{regrade.course}")  # no reviewer decides in between
+        # No reviewer and no other regrade decides in between: with the lock, submissions at rest stay as they are read.
+        self.database.lock(session, f"reviews\n{regrade.course}")
+        items = {
+            item.number: item for item in regrades.numbered(session, regrade.id, [one.work.number for one in done])
+        }
+        found = {one.id: one for one in submissions.several(session, [item.submission_id for item in items.values()])}
+        storing = _Storing(self, session, regrade, self.archive.library_now(session, regrade.quiz))
         pause_s = 0.0
         for _, theirs in groupby(done, key=lambda one: one.work.place):
             for one in theirs:  # in their order, so that the first tells what counted before
-                if waits_s := self._settle(session, regrade, one):
+                item = items[one.work.number]
+                if waits_s := storing.settle(item, found.get(item.submission_id), one):
                     pause_s = max(pause_s, waits_s)
                     break
         session.flush()
@@ -170,52 +178,60 @@ class Regrading:
             regrades.finish(session, regrade, DONE)
             log.info("regraded", regrade=regrade.id)
 
-    def _settle(self, session: Session, regrade: Regrade, done: Regraded) -> float:
-        """Stores what became of a submission. Returns the pause before it is tried again [s]; 0 if it is not."""
-        item = session.get_one(RegradeItem, (regrade.id, done.work.number))
+
+@dataclass(frozen=True)
+class _Storing:
+    """Stores what became of the submissions of a piece; `library` has the policy that counts."""
+
+    task: Regrading
+    session: Session
+    regrade: Regrade
+    library: Library
+
+    def settle(self, item: RegradeItem, submission: Submission | None, done: Regraded) -> float:
+        """Stores what became of one submission. Returns the pause before it is tried again [s]; 0 if it is not."""
         if item.outcome != WAITING:
             return 0.0
         if done.outcome is None:
             return LOOK_S
         if done.outcome is Outcome.FAULT:
             item.tries += 1
-            if (pause_s := self.retries.pause_after(item.tries)) is not None:
+            if (pause_s := self.task.retries.pause_after(item.tries)) is not None:
                 return pause_s
         seen = done.work.submission
-        if seen is None:
-            item.outcome = done.outcome.value
+        if seen is None or submission is None:
+            item.outcome = Outcome.UNFIT.value
             return 0.0
-        self.database.lock_learner(session, seen.course, seen.learner)
-        submission = session.get_one(Submission, seen.id, populate_existing=True)
         if submission.revision != seen.revision:
             return LOOK_S  # decided over meanwhile: it is graded once more
-        self._change(session, regrade, item, submission, done)
+        item.outcome = done.outcome.value
+        self._change(item, submission, done)
         return 0.0
 
-    def _change(
-        self, session: Session, regrade: Regrade, item: RegradeItem, submission: Submission, done: Regraded
-    ) -> None:
-        assert done.outcome is not None and done.work.verdict is not None
-        item.outcome = done.outcome.value
+    def _change(self, item: RegradeItem, submission: Submission, done: Regraded) -> None:
+        assert done.work.verdict is not None
         item.old_status, item.old_points = done.work.verdict["status"], done.work.verdict["points"]
         if done.verdict is not None:
             item.new_status, item.new_points = done.verdict.status.value, done.verdict.points
-        key, library = LearnerAt.of(submission), self.archive.library_now(session, submission.quiz)
-        before = find_result(session, key)
-        item.counted_before = None if before is None else before.points
-        if regrade.dry_run:
-            session.flush()
-            changed = changed_at(session, item)
-            item.counted_after = results.would_count(session, library, key, changed)
+        key = LearnerAt.of(submission)
+        self.task.database.lock_learner(self.session, key.course, key.learner)
+        item.counted_before = points_of(find_result(self.session, key))
+        if self.regrade.dry_run:
+            self.session.flush()
+            item.counted_after = results.would_count(self.session, self.library, key, changed_at(self.session, item))
             return
-        if done.outcome is Outcome.CHANGED:
-            assert done.verdict is not None
-            results.append_verdict(self.database, library, session, submission, done.verdict, cause="regrade")
+        if done.outcome is Outcome.CHANGED and done.verdict is not None:
+            results.append_verdict(
+                self.task.database, self.library, self.session, submission, done.verdict, cause="regrade"
+            )
         else:
-            results.recount(session, library, key)
-        session.flush()
-        after = find_result(session, key)
-        item.counted_after = None if after is None else after.points
+            results.recount(self.session, self.library, key)
+        item.counted_after = points_of(find_result(self.session, key))
+
+
+def points_of(result: Result | None) -> float | None:
+    """The points that count; None if nothing does."""
+    return None if result is None else result.points
 
 
 def works_of(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:

@@ -145,6 +145,12 @@ def waiting(session: Session, regrade_id: str, lane: int | None, limit: int) -> 
     return session.scalars(items.order_by(RegradeItem.number).limit(limit)).all()
 
 
+def numbered(session: Session, regrade_id: str, numbers: Sequence[int]) -> Sequence[RegradeItem]:
+    """The items with these numbers, as they are now."""
+    items = select(RegradeItem).where(RegradeItem.regrade_id == regrade_id, RegradeItem.number.in_(numbers))
+    return session.scalars(items.execution_options(populate_existing=True)).all()
+
+
 def at_place(session: Session, regrade_id: str, place: int) -> Sequence[RegradeItem]:
     """The items of one learner at one question."""
     return session.scalars(
