@@ -21,7 +21,7 @@ from grader.api.connections import TimedProtocol
 from grader.api.context import Check, Context, context_in
 from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
-from grader.content import Content
+from grader.content import Contents
 from grader.courses import people, results
 from grader.courses.sign_in import create_sign_in_code
 from grader.courses.tokens import create_token, revoke_all
@@ -51,7 +51,7 @@ def create_app(settings: Settings) -> FastAPI:
     log_to_stderr()
     database = Database(settings.database)
     database.migrate()
-    content = Content(settings.content, database)
+    content = Contents(settings.content, settings.courses, database)
     graders = graders_of(settings)
     worker = worker_of(settings, database, content.archive, graders)
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
@@ -124,10 +124,11 @@ def check_database(database: Database) -> dict[str, Any]:
     return {"backend": database.backend}
 
 
-def check_content(content: Content) -> dict[str, Any]:
-    """The quizzes that are loaded, with their digests, for /readyz."""
-    library = content.library
-    return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
+def check_content(content: Contents) -> dict[str, Any]:
+    """The quizzes that are loaded, with their digests, for /readyz: of all courses, then of those with their own."""
+    digests = {course: dict(library.digests) for course, library in content.libraries().items()}
+    every = digests.pop("")
+    return {"quizzes": every} | ({"courses": digests} if digests else {})
 
 
 def check_jail(graders: Graders) -> dict[str, Any]:
@@ -160,7 +161,8 @@ def give_extension(settings: Settings, key: tuple[str | None, str, str], granted
     try:
         with database.write() as session:
             learner = people.named(session, user, Role.STUDENT, course)
-            results.grant(database, load(settings.content), session, learner, quiz, granted=granted, by=None)
+            library = load(settings.courses.get(learner.course, settings.content))
+            results.grant(database, library, session, learner, quiz, granted=granted, by=None)
     finally:
         database.close()
 

@@ -1,6 +1,7 @@
 """The content: what is loaded now, replaced as a whole or not at all, and what was loaded before, by digest."""
 
 from collections import OrderedDict
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
@@ -35,14 +36,14 @@ class Archive:
         self._held: OrderedDict[str, Pipeline] = OrderedDict()
         self._lock = Lock()
 
-    def keep(self, pipeline: Pipeline) -> None:
-        """Keeps the content of a pipeline, all quizzes or none, as the one that is in use from now on."""
+    def keep(self, course: str, pipeline: Pipeline) -> None:
+        """Keeps the content of a pipeline, all quizzes or none, as the one that a course uses from now on."""
         library = pipeline.library
         with self._database.write() as session:
             self._database.lock(session, "content")
             for quiz, files in library.sources.items():
                 contents.keep(session, quiz, library.digest(quiz), files)
-            contents.use(session, library.digests)
+            contents.use(session, course, library.digests)
         with self._lock:
             for digest in library.digests.values():
                 self._hold(digest, pipeline)
@@ -54,9 +55,16 @@ class Archive:
             self._hold(digest, held)
         return held
 
-    def library_now(self, session: Session, quiz: str) -> Library:
+    def forget_others(self, courses: Collection[str]) -> None:
+        """Lets courses that are not among these use the content of all courses, though they had their own."""
+        with self._database.write() as session:
+            self._database.lock(session, "content")
+            for course in contents.courses(session) - {*courses}:
+                contents.use(session, course, {})
+
+    def library_now(self, session: Session, course: str, quiz: str) -> Library:
         """The content with this quiz as servers use it now; without it if it is gone. Raises ContentLost."""
-        digest = contents.in_use(session, quiz)
+        digest = contents.in_use(session, course, quiz)
         return NO_CONTENT if digest is None else self.pipeline_for(quiz, digest).library
 
     def _taken(self, quiz: str, digest: str) -> Pipeline:
@@ -81,15 +89,14 @@ class Archive:
 
 
 class Content:
-    """One content folder. Take `pipeline` once per request: it is a snapshot that does not change."""
+    """The content of a course. Take `pipeline` once per request: it is a snapshot that does not change."""
 
-    def __init__(self, root: Path, database: Database) -> None:
-        """Loads the folder, and keeps what it holds in the database. Raises ContentError."""
-        self._root = root
+    def __init__(self, course: str, root: Path, archive: Archive) -> None:
+        """Loads the folder, and keeps what it holds in the archive. Raises ContentError."""
+        self._course, self._root, self.archive = course, root, archive
         self._reloading = Lock()
-        self.archive = Archive(database)
-        self.pipeline = Pipeline(load(root), secret=self.archive.secret)
-        self.archive.keep(self.pipeline)
+        self.pipeline = Pipeline(load(root), secret=archive.secret)
+        archive.keep(course, self.pipeline)
 
     @property
     def library(self) -> Library:
@@ -100,13 +107,33 @@ class Content:
         """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
         with self._reloading:
             pipeline = replace(self.pipeline, library=load(self._root))
-            self.archive.keep(pipeline)  # before the first submission that is made against it
+            self.archive.keep(self._course, pipeline)  # before the first submission that is made against it
             self.pipeline = pipeline
-        log.info("content loaded", quizzes=len(self.library.quizzes))
+        log.info("content loaded", course=self._course, quizzes=len(self.library.quizzes))
+
+
+class Contents:
+    """The contents of all courses: one folder for each in `folders`, and `root` for every other."""
+
+    def __init__(self, root: Path, folders: Mapping[str, Path], database: Database) -> None:
+        """Loads all folders. Raises ContentError."""
+        self.archive = Archive(database)
+        self._all = {course: Content(course, folder, self.archive) for course, folder in folders.items()}
+        self._every = Content(contents.EVERY, root, self.archive)
+        self.archive.forget_others({contents.EVERY, *folders})
+
+    def of(self, course: str) -> Content:
+        """The content of a course."""
+        return self._all.get(course, self._every)
+
+    def libraries(self) -> dict[str, Library]:
+        """Every library by its course; the one for all other courses under the empty name."""
+        return {contents.EVERY: self._every.library} | {course: one.library for course, one in self._all.items()}
 
     def reload_or_log(self) -> None:
-        """As `reload`, for a signal handler: faults are logged, not raised."""
-        try:
-            self.reload()
-        except ContentError as error:
-            log.error("content refused; the old one stays", faults=[str(fault) for fault in error.faults])
+        """Loads every folder again, for a signal handler: faults are logged, not raised."""
+        for content in (self._every, *self._all.values()):
+            try:
+                content.reload()
+            except ContentError as error:
+                log.error("content refused; the old one stays", faults=[str(fault) for fault in error.faults])

@@ -104,7 +104,7 @@ def append_with(database: Database, archive: Archive) -> Append:
     """Appends a verdict, and counts the learner's result again, under the policies as they are at that moment."""
 
     def append(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
-        library = archive.library_now(session, submission.quiz)
+        library = archive.library_now(session, submission.course, submission.quiz)
         results.append_verdict(database, library, session, submission, verdict, cause=cause)
 
     return append

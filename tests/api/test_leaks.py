@@ -103,7 +103,13 @@ def judge(site: Site, submission_id: str, verdict: Verdict, cause: str) -> None:
     with context.database.write() as session:
         submission = session.get_one(Submission, submission_id)
         results.append_verdict(
-            context.database, context.content.library, session, submission, verdict, cause=cause, reviewer="tina"
+            context.database,
+            context.content.of(submission.course).library,
+            session,
+            submission,
+            verdict,
+            cause=cause,
+            reviewer="tina",
         )
 
 

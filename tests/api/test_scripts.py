@@ -207,7 +207,8 @@ def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> N
 
 def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None:
     content = idle.app.state.context.content
-    fault, digest = fault_with(content.archive), content.library.digest("1.3-exercises")
+    library = content.of("default").library
+    fault, digest = fault_with(content.archive), library.digest("1.3-exercises")
     submission = Submission(
         quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}', content_digest=digest
     )
@@ -215,7 +216,7 @@ def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None
     assert (verdict.status, verdict.points) == (Status.GRADER_FAULT, 0.0)
     assert verdict.environment["mujoco"]
     assert len(verdict.submission_digest) == len(verdict.content_digest) == 64
-    assert verdict.max_points == content.library.question("1.3-exercises", "rk4-free-joint").points > 0
+    assert verdict.max_points == library.question("1.3-exercises", "rk4-free-joint").points > 0
     submission.question = "gone"
     assert fault(submission).max_points == 0
     submission.question, submission.content_digest = "rk4-free-joint", "f" * 64
@@ -248,7 +249,9 @@ def test_an_installation_keeps_its_secret_and_two_installations_differ(
     first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
     other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
     seeds = [
-        site.app.state.context.content.pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"}).seed
+        site.app.state.context.content.of("default")
+        .pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"})
+        .seed
         for site in (first, again, other)
     ]
     assert seeds[0] == seeds[1] != seeds[2]

@@ -40,7 +40,7 @@ from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store import extensions, results, submissions
 from grader.store import regrades as stored
-from grader.store.contents import ContentFile
+from grader.store.contents import EVERY, ContentFile
 from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.tables import ResultRevision, Submission, VerdictRow, new_id
@@ -73,7 +73,7 @@ class Course:
 
     def __post_init__(self) -> None:
         self.write()
-        self.content = Content(self.root, self.database)
+        self.content = Content(EVERY, self.root, Archive(self.database))
         self.tina = Identity("tina", "Tina", Role.INSTRUCTOR, self.name)
         judge = judge_with(self.content.archive, Graders(0, allow_t2=False))
         self.regrading = Regrading(self.database, self.content.archive, judge, Retries(3, pause_s=0.0))

@@ -10,10 +10,11 @@ from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from databases import BACKENDS, database_url
-from grader.content import Archive, Content
+from grader.content import Archive, Content, Contents
 from grader.errors import ContentError, ContentLost
 from grader.library import load, load_files
-from grader.store.contents import ContentFile, ContentInUse, ContentManifest
+from grader.pipeline import Pipeline
+from grader.store.contents import EVERY, ContentFile, ContentInUse, ContentManifest
 from grader.store.database import Database
 
 MODEL = "<mujoco><worldbody/></mujoco>"
@@ -60,7 +61,7 @@ def test_a_quiz_made_again_of_its_files_has_the_same_digest(tmp_path: Path) -> N
 
 
 def test_content_is_kept_once_and_taken_by_a_process_that_never_loaded_it(database: Database, tmp_path: Path) -> None:
-    content = Content(write(tmp_path / "content", 5), database)
+    content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
     assert counts(database) == (3, 2, 2)  # the model is shared
     old = content.library.digests
     content.reload()
@@ -74,23 +75,23 @@ def test_content_is_kept_once_and_taken_by_a_process_that_never_loaded_it(databa
     assert [verdict.content_digest for verdict in grades] == digests
     with database.read() as session:
         assert in_use(session) == content.library.digests
-        assert archive.library_now(session, "one").digests == {"one": content.library.digests["one"]}
+        assert archive.library_now(session, "any", "one").digests == {"one": content.library.digests["one"]}
 
 
 def test_a_quiz_that_is_gone_stays_for_what_was_made_against_it(database: Database, tmp_path: Path) -> None:
-    content = Content(write(tmp_path / "content", 5), database)
+    content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
     old = content.library.digests["two"]
     write(tmp_path / "content", 5, "one")
     content.reload()
     archive = Archive(database)
     with database.read() as session:
         assert in_use(session) == content.library.digests
-        assert not archive.library_now(session, "two").quizzes
+        assert not archive.library_now(session, "any", "two").quizzes
     assert archive.pipeline_for("two", old).grade("two", "q1", 5).points == 1
 
 
 def test_refused_content_is_not_kept(database: Database, tmp_path: Path) -> None:
-    content = Content(write(tmp_path / "content", 5), database)
+    content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
     before = content.pipeline
     (tmp_path / "content" / "quizzes" / "one.json").write_text("{}")
     with pytest.raises(ContentError):
@@ -100,7 +101,7 @@ def test_refused_content_is_not_kept(database: Database, tmp_path: Path) -> None
 
 
 def test_missing_and_damaged_content_is_lost_and_never_graded_with(database: Database, tmp_path: Path) -> None:
-    digests = Content(write(tmp_path / "content", 5), database).library.digests
+    digests = Content(EVERY, write(tmp_path / "content", 5), Archive(database)).library.digests
     with pytest.raises(ContentLost, match="does not hold"):
         Archive(database).pipeline_for("one", "f" * 64)
     with pytest.raises(ContentLost, match="make other content"):
@@ -121,7 +122,7 @@ def test_servers_that_load_at_once_keep_one_of_each(database: Database, tmp_path
 
     def start() -> None:
         try:
-            Content(root, database)
+            Content(EVERY, root, Archive(database))
         except Exception as error:
             failed.append(error)
 
@@ -132,3 +133,23 @@ def test_servers_that_load_at_once_keep_one_of_each(database: Database, tmp_path
         thread.join()
     assert not failed
     assert counts(database) == (3, 2, 2)
+
+
+def test_a_course_with_a_folder_of_its_own_has_its_quizzes_alone(database: Database, tmp_path: Path) -> None:
+    every, own = write(tmp_path / "every", 5, "one", "two"), write(tmp_path / "own", 6, "one")
+    both = Contents(every, {"mechanics": own}, database)
+    archive = Archive(database)
+
+    def keys(course: str) -> list[float]:
+        """What an answer of 5 is worth, by what servers and by what workers see."""
+        with database.read() as session:
+            library = archive.library_now(session, course, "one")
+        return [both.of(course).pipeline.grade("one", "q1", 5).points, Pipeline(library).grade("one", "q1", 5).points]
+
+    assert keys("mechanics") == [0, 0]
+    assert keys("other") == [1, 1]
+    with database.read() as session:
+        assert not archive.library_now(session, "mechanics", "two").quizzes
+        assert archive.library_now(session, "other", "two").quizzes
+    both = Contents(every, {}, database)  # the course has its folder no longer
+    assert keys("mechanics") == [1, 1]

@@ -10,7 +10,7 @@ from fastapi.security import HTTPBearer
 from grader.api.admission import identity_in
 from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
-from grader.content import Content
+from grader.content import Contents
 from grader.identity import Identity, Role
 from grader.store.database import Database
 
@@ -26,7 +26,7 @@ class Context:
     """What one app's routes share. `checks` are those of /readyz."""
 
     database: Database
-    content: Content
+    content: Contents
     queue_per_user: int
     labs: LabRuns
     checks: dict[str, Check] = field(default_factory=dict)

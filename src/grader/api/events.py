@@ -78,7 +78,7 @@ async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterato
 
 def read_events(listener: Listener, last: int) -> tuple[list[Event], dict[str, Any], bool]:
     """The events after number `last`, the submission as it is now, and whether no more will come."""
-    library = listener.context.content.library
+    library = listener.context.content.of(listener.who.course).library
     with listener.context.database.read() as session:
         submission = session.get_one(Submission, listener.submission_id)
         over = submission.status in submissions.AT_REST

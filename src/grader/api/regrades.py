@@ -105,7 +105,7 @@ class ListQuery(BaseModel):
 )
 def create_regrade(body: RegradeBody, who: Instructor, context: AppContext, response: Response) -> dict[str, Any]:
     """Queues a regrade by the content that is loaded now. 409 while another one changes the same quiz."""
-    made = regrades.create(context.database, context.content.library, who, body.wanted)
+    made = regrades.create(context.database, context.content.of(who.course).library, who, body.wanted)
     response.headers["Location"] = f"{PREFIX}/regrades/{made.id}"
     with context.database.read() as session:
         return view(made, stored.progress(session, made))

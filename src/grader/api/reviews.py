@@ -117,7 +117,13 @@ def review(
         except ValueError as error:
             raise Unprocessable(f"{error}.") from error
         results.append_verdict(
-            context.database, context.content.library, session, submission, verdict, cause="review", reviewer=who.user
+            context.database,
+            context.content.of(who.course).library,
+            session,
+            submission,
+            verdict,
+            cause="review",
+            reviewer=who.user,
         )
         points = {"before": earlier.points, "after": verdict.points}
         record(session, who, who.course, Action.REVIEWED, submission.id, **points)
@@ -162,7 +168,7 @@ def claim_view(claim: ReviewClaim | None) -> dict[str, Any] | None:
 def reference_of(context: Context, submission: Submission) -> str | None:
     """The reference answer of an open question, if the content still has it."""
     try:
-        question = context.content.library.question(submission.quiz, submission.question)
+        question = context.content.of(submission.course).library.question(submission.quiz, submission.question)
     except NotFound:
         return None
     return question.reference if isinstance(question, OpenQuestion) else None

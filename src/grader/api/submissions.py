@@ -84,7 +84,7 @@ def list_submissions(query: PageParams, who: Learner, context: AppContext, respo
     with context.database.read() as session:
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
         verdicts = submissions.verdicts(session, rows)
-        standing = standing_of(session, context.content.library, who)
+        standing = standing_of(session, context.content.of(who.course).library, who)
     items = [view_for(standing, row, verdicts.get(row.id), with_answer=False) for row in rows]
     return page_of(items, query, "/submissions", response)
 
@@ -101,7 +101,9 @@ def show_submission(
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
         verdict = submissions.verdicts(session, [submission]).get(submission.id)
-        standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
+        standing = standing_of(
+            session, context.content.of(who.course).library, who, (submission.quiz, submission.question)
+        )
     etag = etag_for(standing, submission)
     known = request.headers.get("if-none-match", "")
     if etag in known or known.strip() == "*":
@@ -113,7 +115,7 @@ def show_submission(
 @router.post("/answers:validate", responses=documented(401, 403, 404, 409, 413, 422, 429))
 def validate_answer(body: AnswerBody, who: Learner, context: AppContext) -> Interpretation:
     """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
-    pipeline = context.content.pipeline
+    pipeline = context.content.of(who.course).pipeline
     require_opened(pipeline.library, body.quiz, who.role)
     try:
         read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))

@@ -163,7 +163,7 @@ class Regrading:
             item.number: item for item in regrades.numbered(session, regrade.id, [one.work.number for one in done])
         }
         found = {one.id: one for one in submissions.several(session, [item.submission_id for item in items.values()])}
-        storing = _Storing(self, session, regrade, self.archive.library_now(session, regrade.quiz))
+        storing = _Storing(self, session, regrade, self.archive.library_now(session, regrade.course, regrade.quiz))
         pause_s = 0.0
         for _, theirs in groupby(done, key=lambda one: one.work.place):
             for one in theirs:  # in their order, so that the first tells what counted before

@@ -8,7 +8,10 @@ from datetime import datetime
 from sqlalchemy import LargeBinary, String, Text, delete, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.tables import Base, now
+from grader.store.tables import NAME, Base, now
+
+EVERY = ""
+"""In the place of a course: every course without content of its own."""
 
 
 class ContentFile(Base):
@@ -34,10 +37,14 @@ class ContentManifest(Base):
 
 
 class ContentInUse(Base):
-    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone."""
+    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone.
+
+    The rows of the course `EVERY` are for courses without content of their own, which have no rows.
+    """
 
     __tablename__ = "content_in_use"
 
+    course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
     quiz: Mapped[str] = mapped_column(String(64), primary_key=True)
     digest: Mapped[str] = mapped_column(String(80))
 
@@ -55,17 +62,27 @@ def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str]) -> 
     session.flush()
 
 
-def use(session: Session, digests: Mapping[str, str]) -> None:
-    """Sets the digests of all quizzes that are in use. The caller holds a lock."""
-    before = {row.quiz: row.digest for row in session.scalars(select(ContentInUse))}
+def use(session: Session, course: str, digests: Mapping[str, str]) -> None:
+    """Sets the digests of all quizzes of a course that are in use; none for no content. The caller holds a lock."""
+    theirs = ContentInUse.course == course
+    before = {row.quiz: row.digest for row in session.scalars(select(ContentInUse).where(theirs))}
     if before != digests:
-        session.execute(delete(ContentInUse))
-        session.add_all(ContentInUse(quiz=quiz, digest=digest) for quiz, digest in digests.items())
+        session.execute(delete(ContentInUse).where(theirs))
+        session.add_all(ContentInUse(course=course, quiz=quiz, digest=digest) for quiz, digest in digests.items())
 
 
-def in_use(session: Session, quiz: str) -> str | None:
-    """The digest of a quiz as it is now; None if it is gone."""
-    return session.scalar(select(ContentInUse.digest).where(ContentInUse.quiz == quiz))
+def courses(session: Session) -> set[str]:
+    """The courses with content of their own, and `EVERY`."""
+    return set(session.scalars(select(ContentInUse.course).distinct()))
+
+
+def in_use(session: Session, course: str, quiz: str) -> str | None:
+    """The digest of a course's quiz as it is now; None if it is gone."""
+    rows = select(ContentInUse).where(ContentInUse.course.in_((course, EVERY)))
+    digests: dict[str, dict[str, str]] = {}
+    for row in session.scalars(rows):
+        digests.setdefault(row.course, {})[row.quiz] = row.digest
+    return (digests.get(course) or digests.get(EVERY, {})).get(quiz)
 
 
 def files_of(session: Session, digest: str) -> dict[str, str] | None:

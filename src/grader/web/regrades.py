@@ -38,7 +38,7 @@ def start(request: Request, pages: Pages, who: Visitor, form: Form) -> Response:
     """Starts a regrade and redirects to it; shows the form again if it is refused. Raises Unauthorized, Forbidden."""
     who = instructor(who)
     try:
-        made = regrades.create(pages.database, pages.library, who, wanted(form))
+        made = regrades.create(pages.database, pages.library_for(who), who, wanted(form))
     except CallerError as error:
         return with_list(request, pages, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
@@ -83,7 +83,7 @@ def apply(request: Request, regrade_id: str, pages: Pages, who: Visitor) -> Resp
     with pages.database.read() as session:
         tried = regrades.wanted_of(regrades.get(session, regrade_id, who.course))
     try:
-        made = regrades.create(pages.database, pages.library, who, tried)
+        made = regrades.create(pages.database, pages.library_for(who), who, tried)
     except CallerError as error:
         return with_list(request, pages, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
@@ -94,7 +94,7 @@ def with_list(request: Request, pages: PageContext, who: Identity, status: int =
     with pages.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
-    quizzes = [quiz for quiz in pages.library.quizzes.values() if quiz.questions]
+    quizzes = [quiz for quiz in pages.library_for(who).quizzes.values() if quiz.questions]
     return page(request, "regrades.html", status, who=who, quizzes=quizzes, scopes=SCOPES, regrades=listed, **more)
 
 

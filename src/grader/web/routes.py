@@ -33,7 +33,7 @@ def student_page(request: Request, pages: Pages, who: Visitor, quiz: str | None 
     """Every quiz, or the one that `?quiz=` names. On loopback anyone may read; the first answer begins a session."""
     if who is None and not pages.sessions.anonymous:
         return page(request, "signin.html", 401, who=None, oidc=pages.provider is not None)
-    library = pages.library
+    library = pages.library_for(who)
     chosen = library.quizzes.values() if quiz is None else [library.quiz(quiz)]
     reader = who or Identity("", "", Role.STUDENT, DEFAULT_COURSE)  # a browser whose session has not begun
     with pages.database.read() as session:
@@ -54,7 +54,7 @@ def instructor_page(request: Request, pages: Pages, who: Visitor) -> Response:
     """What is loaded and what was handed in; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
         return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
-    library = pages.library
+    library = pages.library_for(who)
     quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "instructor.html", who=who, quizzes=quizzes, warnings=list(map(str, library.warnings)))
 
@@ -73,7 +73,7 @@ def certificates(request: Request, pages: Pages, who: Visitor) -> Response:
     if who is None:
         raise Unauthorized(SIGN_IN)
     who.require(Role.INSTRUCTOR)
-    return page(request, "certificates.html", rows=list(certificate_rows(pages.library)))
+    return page(request, "certificates.html", rows=list(certificate_rows(pages.library_for(who))))
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
@@ -81,7 +81,7 @@ def starter(quiz_id: str, question_id: str, pages: Pages, who: Visitor) -> Respo
     """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
     if who is None and not pages.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
-    library = pages.library
+    library = pages.library_for(who)
     require_opened(library, quiz_id, Role.STUDENT if who is None else who.role)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:

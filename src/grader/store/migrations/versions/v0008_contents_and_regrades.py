@@ -33,6 +33,7 @@ def create_contents() -> None:
     )
     op.create_table(
         "content_in_use",
+        sa.Column("course", sa.String(200), primary_key=True),
         sa.Column("quiz", sa.String(64), primary_key=True),
         sa.Column("digest", sa.String(80), nullable=False),
     )
