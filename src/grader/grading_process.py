@@ -6,6 +6,7 @@ standard input does, so that none outlives the server or worker that started it,
 
 import os
 import queue
+import shutil
 import signal
 import socket
 import subprocess
@@ -230,12 +231,16 @@ def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
             connection.send(JailFault(f"grading failed: {type(error).__name__}"))
 
 
-def end_with_parent(jail: Jail) -> None:
-    """Ends this process and its jail as soon as the parent's end of standard input is closed."""
+def end_with_parent(jail: Jail, models: Path) -> None:
+    """Ends this process and its jail as soon as the parent's end of standard input is closed.
+
+    Removes the folder of models too: a parent that was killed does not.
+    """
     sys.stdin.buffer.read()
     backstop = threading.Timer(END_S / 2, os._exit, (0,))
     backstop.daemon = True
     backstop.start()
+    shutil.rmtree(models, ignore_errors=True)
     jail.close()
     os._exit(0)
 
@@ -251,8 +256,9 @@ def main() -> None:
     except JailFault as fault:
         connection.send(JailRefused(str(fault)))
         return
-    threading.Thread(target=end_with_parent, args=(jail,), daemon=True).start()
+    threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
     with jail, suppress(BrokenPipeError):
         integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
         connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
         serve(connection, jail)
+        shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well
