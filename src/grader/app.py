@@ -25,7 +25,7 @@ from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
 from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
-from grader.content import Content
+from grader.content import Contents
 from grader.courses import people, results
 from grader.courses.pseudonyms import Blinding
 from grader.courses.recomputing import Recomputing
@@ -36,11 +36,11 @@ from grader.grading_process import Graders
 from grader.identity import Role
 from grader.library import load
 from grader.logs import is_json, log_to_stderr
-from grader.monitoring import Monitor
+from grader.monitoring import Monitor, check_content
 from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store.database import Database
-from grader.store.installation import blind_review_secret, hidden_case_secret
+from grader.store.installation import blind_review_secret
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -64,16 +64,16 @@ def create_app(settings: Settings) -> FastAPI:
     log_to_stderr(as_json=is_json(settings.log_format))
     database = Database(settings.database)
     database.migrate()
-    content = Content(settings.content, hidden_case_secret(database))
-    graders = graders_of(settings, content)
-    worker = worker_of(settings, database, content, graders)
+    content = Contents(settings.content, settings.courses, database)
+    graders = graders_of(settings)
+    worker = worker_of(settings, database, content.archive, graders)
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
-    monitor = Monitor(database, content, graders, worker)
+    monitor = Monitor(database, graders, worker)
     public_origin = settings.public_origin and settings.origin
     blinding = Blinding(blind_review_secret(database))
     context = Context(
-        database, content, settings.queue_per_user, labs, blinding, readiness_of(settings, monitor), monitor.exposition,
-        settings.metrics_token, public_origin,
+        database, content, settings.queue_per_user, labs, blinding,
+        readiness_of(settings, monitor, content), monitor.exposition, settings.metrics_token, public_origin,
     )  # fmt: skip
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
@@ -119,9 +119,9 @@ def provider_of(settings: Settings) -> Provider | None:
     return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
 
 
-def readiness_of(settings: Settings, monitor: Monitor) -> Readiness:
+def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
     """What must work for a server with these settings to be ready. Without grading processes it has no jail."""
-    checks: dict[str, Check] = {"database": monitor.check_database, "content": monitor.check_content}
+    checks: dict[str, Check] = {"database": monitor.check_database, "content": lambda: check_content(content)}
     if settings.workers:
         checks["jail"] = monitor.check_jail
     return Readiness({**checks, "worker": monitor.check_worker})
@@ -132,7 +132,7 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
 
     It ends them and the lab runs.
     """
-    recomputing = Recomputing(lambda: context.desk)
+    recomputing = Recomputing(database=context.database, desk_of=context.desk_of)
     context.content.after_reload(recomputing.wake)
 
     @asynccontextmanager
@@ -170,7 +170,8 @@ def give_extension(settings: Settings, key: tuple[str | None, str, str], granted
     try:
         with database.write() as session:
             learner = people.named(session, user, Role.STUDENT, course)
-            results.grant(database, load(settings.content), session, learner, quiz, granted=granted, by=None)
+            library = load(settings.courses.get(learner.course, settings.content))
+            results.grant(database, library, session, learner, quiz, granted=granted, by=None)
     finally:
         database.close()
 

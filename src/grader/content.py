@@ -1,54 +1,155 @@
-"""Holds the current content for server and workers: a reload replaces all of it or nothing."""
+"""The content: what is loaded now, replaced as a whole or not at all, and what was loaded before, by digest."""
 
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 
 import structlog
+from sqlalchemy.orm import Session
 
-from grader.domain.run import Job, RunReport
-from grader.errors import ContentError
-from grader.library import Library, load
+from grader.errors import ContentError, ContentLost
+from grader.library import Library, load, load_files
 from grader.pipeline import Pipeline
+from grader.store import contents
+from grader.store.database import Database
+from grader.store.installation import hidden_case_secret
+
+PIPELINES = 64
+"""Pipelines that are held; one is as large as the models and the quiz."""
+
+NO_CONTENT = Library(Path(), {})
 
 log = structlog.get_logger()
 
 
-class Content:
-    """One content folder. Take `pipeline` once per request or job: it is a snapshot that does not change."""
+class Archive:
+    """Every content that a server of this database has loaded, by digest. Thread-safe.
 
-    def __init__(self, root: Path, secret: bytes) -> None:
-        """Loads the folder; `secret` keys the seeds of hidden cases. Raises ContentError."""
-        self._root = root
+    A submission is graded with the content that it was made against, also by a worker that has never loaded it.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self.secret = hidden_case_secret(database)
+        self._database = database
+        self._held: OrderedDict[str, Pipeline] = OrderedDict()
+        self._lock = Lock()
+
+    def keep(self, course: str, pipeline: Pipeline) -> None:
+        """Keeps the content of a pipeline, all quizzes or none, as the one that a course uses from now on."""
+        library = pipeline.library
+        with self._database.write() as session:
+            self._database.lock(session, "content")
+            for quiz, files in library.sources.items():
+                contents.keep(session, quiz, library.digest(quiz), files)
+            contents.use(session, course, library.digests)
+        with self._lock:
+            for digest in library.digests.values():
+                self._hold(digest, pipeline)
+
+    def pipeline_for(self, quiz: str, digest: str) -> Pipeline:
+        """The pipeline that grades a quiz with the content of this digest. Raises ContentLost."""
+        with self._lock:
+            held = self._held.get(digest) or self._taken(quiz, digest)
+            self._hold(digest, held)
+        return held
+
+    def forget_others(self, courses: Collection[str]) -> None:
+        """Lets courses that are not among these use the content of all courses, though they had their own."""
+        with self._database.write() as session:
+            self._database.lock(session, "content")
+            for course in contents.courses(session) - {*courses}:
+                contents.use(session, course, {})
+
+    def library_now(self, session: Session, course: str, quiz: str) -> Library:
+        """The content with this quiz as servers use it now; without it if it is gone. Raises ContentLost."""
+        digest = contents.in_use(session, course, quiz)
+        return NO_CONTENT if digest is None else self.pipeline_for(quiz, digest).library
+
+    def _taken(self, quiz: str, digest: str) -> Pipeline:
+        with self._database.read() as session:
+            files = contents.files_of(session, digest)
+        if files is None:
+            raise ContentLost(f"The database does not hold the content {digest} of quiz {quiz!r} in full.")
+        try:
+            library = load_files(files)
+        except ContentError as error:
+            raise ContentLost(f"The content {digest} of quiz {quiz!r} can no longer be loaded: {error}") from error
+        if library.digests.get(quiz) != digest:
+            raise ContentLost(f"The files kept as {digest} make other content: {library.digests.get(quiz)}.")
+        log.info("content taken from the database", quiz=quiz, digest=digest)
+        return Pipeline(library, secret=self.secret)
+
+    def _hold(self, digest: str, pipeline: Pipeline) -> None:
+        self._held[digest] = pipeline
+        self._held.move_to_end(digest)
+        if len(self._held) > PIPELINES:
+            self._held.popitem(last=False)
+
+
+class Content:
+    """The content of a course. Take `pipeline` once per request: it is a snapshot that does not change."""
+
+    def __init__(
+        self, course: str, root: Path, archive: Archive, listeners: Collection[Callable[[], None]] = ()
+    ) -> None:
+        """Loads the folder, and keeps what it holds in the archive; calls `listeners` after a reload.
+
+        Raises ContentError.
+        """
+        self._course, self._root, self.archive = course, root, archive
         self._reloading = Lock()
-        self._listeners: list[Callable[[], None]] = []
-        self.pipeline = Pipeline(load(root), secret=secret)
+        self._listeners = listeners
+        self.pipeline = Pipeline(load(root), secret=archive.secret)
+        archive.keep(course, self.pipeline)
 
     @property
     def library(self) -> Library:
         """The quizzes and models that are loaded now."""
         return self.pipeline.library
 
-    def run_in(self, run: Callable[[Job], RunReport]) -> None:
-        """Runs scripts with `run`, the jail's, from now on."""
-        self.pipeline = replace(self.pipeline, run=run)
-
-    def after_reload(self, listener: Callable[[], None]) -> None:
-        """Calls `listener` whenever the folder was loaded again."""
-        self._listeners.append(listener)
-
     def reload(self) -> None:
         """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
         with self._reloading:
-            self.pipeline = replace(self.pipeline, library=load(self._root))
+            pipeline = replace(self.pipeline, library=load(self._root))
+            self.archive.keep(self._course, pipeline)  # before the first submission that is made against it
+            self.pipeline = pipeline
         for listener in self._listeners:
             listener()
-        log.info("content loaded", quizzes=len(self.library.quizzes))
+        log.info("content loaded", course=self._course, quizzes=len(self.library.quizzes))
+
+
+class Contents:
+    """The contents of all courses: one folder for each in `folders`, and `root` for every other."""
+
+    def __init__(self, root: Path, folders: Mapping[str, Path], database: Database) -> None:
+        """Loads all folders. Raises ContentError."""
+        self.archive = Archive(database)
+        self._listeners: list[Callable[[], None]] = []
+        self._all = {course: self._loaded(course, folder) for course, folder in folders.items()}
+        self._every = self._loaded(contents.EVERY, root)
+        self.archive.forget_others({contents.EVERY, *folders})
+
+    def _loaded(self, course: str, folder: Path) -> Content:
+        return Content(course, folder, self.archive, self._listeners)
+
+    def after_reload(self, listener: Callable[[], None]) -> None:
+        """Calls `listener` whenever a folder was loaded again."""
+        self._listeners.append(listener)
+
+    def of(self, course: str) -> Content:
+        """The content of a course."""
+        return self._all.get(course, self._every)
+
+    def libraries(self) -> dict[str, Library]:
+        """Every library by its course; the one for all other courses under the empty name."""
+        return {contents.EVERY: self._every.library} | {course: one.library for course, one in self._all.items()}
 
     def reload_or_log(self) -> None:
-        """As `reload`, for a signal handler: faults are logged, not raised."""
-        try:
-            self.reload()
-        except ContentError as error:
-            log.error("content refused; the old one stays", faults=[str(fault) for fault in error.faults])
+        """Loads every folder again, for a signal handler: faults are logged, not raised."""
+        for content in (self._every, *self._all.values()):
+            try:
+                content.reload()
+            except ContentError as error:
+                log.error("content refused; the old one stays", faults=[str(fault) for fault in error.faults])

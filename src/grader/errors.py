@@ -16,6 +16,7 @@ GraderError
 ├── NotReady          ours: a part of the service does not work now; `/readyz` tells which
 ├── LabError          a lab's expression failed while it ran: question, control, line and column
 ├── LabRefused        a lab does not offer these settings: controls, presses, lengths
+├── ContentLost       ours: the content of a submission is not in the database; retried, then `grader_fault`
 └── JailFault         ours: the jail broke; retried, then `grader_fault`, and no attempt is used
     └── JailRefused   this machine cannot isolate a script: refuse to start
 
@@ -117,6 +118,10 @@ class LabError(GraderError):
 
 class LabRefused(GraderError):
     """A lab cannot run with these settings; the message names what it offers."""
+
+
+class ContentLost(GraderError):
+    """The database does not hold the content of this digest, or it can no longer be loaded."""
 
 
 class JailFault(GraderError):

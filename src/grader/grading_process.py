@@ -6,6 +6,7 @@ standard input does, so that none outlives the server or worker that started it,
 
 import os
 import queue
+import shutil
 import signal
 import socket
 import subprocess
@@ -16,6 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Self
 
@@ -55,10 +57,13 @@ class Script:
 class GradingProcess:
     """The handle of one process. One thread at a time may use it."""
 
-    def __init__(self, models: Path, *, allow_t2: bool) -> None:
+    def __init__(self, *, allow_t2: bool) -> None:
+        # A script reads the models of the content that it is graded with, whatever the content folder holds now.
+        self._models = TemporaryDirectory(prefix="grader-models-")
+        Path(self._models.name).chmod(0o755)
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), str(models)]
+            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), self._models.name]
             command += ["--allow-t2"] * allow_t2 + ["--json-log"] * logs_json()
             self._process = subprocess.Popen(  # noqa: S603  our own command
                 command, stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
@@ -80,6 +85,7 @@ class GradingProcess:
         """Judges a script against this content. Raises JailFault if the process ends or breaks, and ends it then."""
         try:
             if library is not self._library:
+                write_models(library, Path(self._models.name))
                 self._connection.send(portable(library))
                 self._library = library
             self._connection.send(script)
@@ -104,6 +110,7 @@ class GradingProcess:
             self._process.kill()
             self._process.wait()
         self._connection.close()
+        self._models.cleanup()
 
     def _receive(self, patience_s: float) -> Any:
         try:
@@ -125,8 +132,8 @@ class GradingProcess:
 class Graders:
     """`count` grading processes; thread-safe. A process that ended is replaced before the next script."""
 
-    def __init__(self, models: Path, count: int, *, allow_t2: bool) -> None:
-        self._models, self._count, self._allow_t2 = models, count, allow_t2
+    def __init__(self, count: int, *, allow_t2: bool) -> None:
+        self._count, self._allow_t2 = count, allow_t2
         self._free: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._all: list[GradingProcess] = []
         self.jail: Mapping[str, Any] = {}
@@ -188,7 +195,7 @@ class Graders:
         self.close()
 
     def _new(self) -> GradingProcess:
-        return GradingProcess(self._models, allow_t2=self._allow_t2)
+        return GradingProcess(allow_t2=self._allow_t2)
 
     @contextmanager
     def _free_process(self) -> Iterator[GradingProcess]:
@@ -209,11 +216,19 @@ class Graders:
 
 
 def portable(library: Library) -> Library:
-    """The same content in plain dictionaries, which can be pickled."""
+    """The same content in plain dictionaries, which can be pickled, without the files that it was made of."""
     mappings: dict[str, Any] = {
         name: dict(value) for name, value in vars(library).items() if isinstance(value, Mapping)
     }
-    return replace(library, **mappings)
+    return replace(library, **mappings | {"sources": {}})
+
+
+def write_models(library: Library, folder: Path) -> None:
+    """Makes a folder hold the models of the content, and no others. No script may run meanwhile."""
+    for name in {path.stem for path in folder.iterdir()} - library.models.keys():
+        (folder / f"{name}.xml").unlink()
+    for name, xml in library.models.items():
+        (folder / f"{name}.xml").write_bytes(xml.encode())
 
 
 def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
@@ -236,12 +251,16 @@ def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
             connection.send(JailFault(f"grading failed: {type(error).__name__}"))
 
 
-def end_with_parent(jail: Jail) -> None:
-    """Ends this process and its jail as soon as the parent's end of standard input is closed."""
+def end_with_parent(jail: Jail, models: Path) -> None:
+    """Ends this process and its jail as soon as the parent's end of standard input is closed.
+
+    Removes the folder of models too: a parent that was killed does not.
+    """
     sys.stdin.buffer.read()
     backstop = threading.Timer(END_S / 2, os._exit, (0,))
     backstop.daemon = True
     backstop.start()
+    shutil.rmtree(models, ignore_errors=True)
     jail.close()
     os._exit(0)
 
@@ -257,8 +276,9 @@ def main() -> None:
     except JailFault as fault:
         connection.send(JailRefused(str(fault)))
         return
-    threading.Thread(target=end_with_parent, args=(jail,), daemon=True).start()
+    threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
     with jail, suppress(BrokenPipeError):
         integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
         connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
         serve(connection, jail)
+        shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well

@@ -13,7 +13,7 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
-from grader.content import Content
+from grader.content import Contents
 from grader.errors import JailFault, NotReady
 from grader.grading_process import Graders
 from grader.queue import jobs
@@ -31,7 +31,6 @@ class Monitor(Collector):
     """The parts of one server or worker that are looked at. The checks raise NotReady."""
 
     database: Database
-    content: Content
     graders: Graders
     worker: Worker
 
@@ -47,11 +46,6 @@ class Monitor(Collector):
                 raise NotReady(AWAY) from error
             raise
         return {"backend": self.database.backend}
-
-    def check_content(self) -> dict[str, Any]:
-        """The quizzes that are loaded, with their digests."""
-        library = self.content.library
-        return {"quizzes": {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}}
 
     def check_jail(self) -> dict[str, Any]:
         """The jail's tier and its self-test, as the grading processes beside this process told them."""
@@ -99,6 +93,13 @@ class Monitor(Collector):
         own = CollectorRegistry()
         own.register(self)
         return generate_latest(REGISTRY) + generate_latest(own)
+
+
+def check_content(content: Contents) -> dict[str, Any]:
+    """The quizzes that are loaded, with their digests: of all courses, then of those with their own."""
+    digests = {course: dict(library.digests) for course, library in content.libraries().items()}
+    every = digests.pop("")
+    return {"quizzes": every} | ({"courses": digests} if digests else {})
 
 
 def queue_families(session: Session, worker: Worker) -> Iterator[GaugeMetricFamily]:

@@ -37,6 +37,10 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="forbid")
 
     content: Path = Field(default_factory=default_content, description="Folder with quizzes/ and models/ inside.")
+    courses: dict[str, Path] = Field(
+        default_factory=dict,
+        description='Content folders of courses that have their own, as JSON: {"mechanics": "/srv/mechanics"}.',
+    )
     data: Path = Field(default=Path(".data"), description="Folder of the SQLite database.")
     database_url: str | None = Field(
         default=None, description="postgresql://user@host/name for PostgreSQL; SQLite in the data folder if not given."

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import structlog
 from prometheus_client import REGISTRY, start_http_server
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from grader.content import Content
+from grader.content import Archive
 from grader.courses import results
+from grader.courses.regrading import JudgeBy, Regrading
 from grader.domain.verdict import Status, Verdict
-from grader.errors import NotFound, Unprocessable
+from grader.errors import ContentLost, NotFound, Unprocessable
 from grader.grading_process import Graders, Script
 from grader.logs import is_json, log_to_stderr
 from grader.monitoring import Monitor
@@ -23,7 +25,6 @@ from grader.queue.worker import Outcome, Worker
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.database import Database
-from grader.store.installation import hidden_case_secret
 from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
@@ -70,62 +71,66 @@ class Grading:
         return Outcome(store, again)
 
 
-def grade_with(content: Content) -> Judge:
-    """Judges a stored submission in this process against the current content, with its recorded seed."""
+def judge_with(archive: Archive, graders: Graders) -> JudgeBy:
+    """Judges a stored submission by the content of a digest, with its recorded seed; scripts in a grading process."""
 
-    def grade(submission: Submission) -> Verdict:
-        pipeline = content.pipeline
-        answer = json.loads(submission.answer)
-        return pipeline.judge(pipeline.read(submission.quiz, submission.question, answer, submission.seed))
+    def judge(submission: Submission, digest: str) -> Verdict:
+        pipeline, answer = archive.pipeline_for(submission.quiz, digest), json.loads(submission.answer)
+        parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
+        if parsed.is_instant:
+            return pipeline.judge(parsed)
+        return graders.judge(pipeline.library, Script(submission.quiz, submission.question, answer, parsed.seed))
 
-    return grade
-
-
-def grade_in(graders: Graders, content: Content) -> Judge:
-    """Judges like `grade_with`, in one of the grading processes."""
-
-    def grade(submission: Submission) -> Verdict:
-        answer = json.loads(submission.answer)
-        script = Script(submission.quiz, submission.question, answer, submission.seed)
-        return graders.judge(content.library, script)
-
-    return grade
+    return judge
 
 
-def fault_with(content: Content) -> Judge:
-    """Makes the verdict on a submission that could not be graded; it is out of 0 points if its question is gone."""
+def grade_with(archive: Archive, graders: Graders) -> Judge:
+    """As `judge_with`, by the content that the submission was made against."""
+    judge = judge_with(archive, graders)
+    return lambda submission: judge(submission, submission.content_digest)
+
+
+def fault_with(archive: Archive) -> Judge:
+    """Makes the verdict on a submission that we failed to grade; worth 0 points if its question is gone."""
 
     def fault(submission: Submission) -> Verdict:
         try:
-            return content.pipeline.fault(submission.quiz, submission.question, submission.answer)
-        except NotFound:
+            pipeline = archive.pipeline_for(submission.quiz, submission.content_digest)
+            return pipeline.fault(submission.quiz, submission.question, submission.answer)
+        except (NotFound, ContentLost, SQLAlchemyError):
             return Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=0.0, diagnosis=OUR_FAULT)
 
     return fault
 
 
-def append_with(database: Database, content: Content) -> Append:
-    """Appends a verdict, and counts the learner's result again under the current policies."""
+def append_with(database: Database, archive: Archive) -> Append:
+    """Appends a verdict, and counts the learner's result again, under the policies as they are at that moment."""
 
     def append(session: Session, submission: Submission, verdict: Verdict, cause: str) -> None:
-        results.append_verdict(database, content.library, session, submission, verdict, cause=cause)
+        library = archive.library_now(session, submission.course, submission.quiz)
+        results.append_verdict(database, library, session, submission, verdict, cause=cause)
 
     return append
 
 
-def graders_of(settings: Settings, content: Content) -> Graders:
+def graders_of(settings: Settings) -> Graders:
     """The grading processes that the settings describe, not started yet."""
-    return Graders(content.library.root / "models", settings.workers, allow_t2=settings.allow_t2)
+    return Graders(settings.workers, allow_t2=settings.allow_t2)
 
 
-def worker_of(settings: Settings, database: Database, content: Content, graders: Graders) -> Worker:
+def worker_of(settings: Settings, database: Database, archive: Archive, graders: Graders) -> Worker:
     """The worker that the settings describe."""
-    grading = Grading(grade_in(graders, content), fault_with(content), append_with(database, content))
-    return Worker(database, {jobs.GRADE: grading}, settings.workers, Retries(settings.tries))
+    retries = Retries(settings.tries)
+    grading = Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive))
+    regrading = Regrading(database, archive, judge_with(archive, graders), retries)
+    return Worker(database, {jobs.GRADE: grading, jobs.REGRADE: regrading}, settings.workers, retries)
 
 
 def run_worker(settings: Settings) -> None:
-    """Grades until SIGTERM or SIGINT; SIGHUP loads the content again. Raises Unprocessable on SQLite."""
+    """Grades until SIGTERM or SIGINT, with the content that servers keep in the database.
+
+    Raises Unprocessable on SQLite.
+    """
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
     database = Database(settings.database)
@@ -135,15 +140,15 @@ def run_worker(settings: Settings) -> None:
             "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
         )
     database.migrate()
-    content = Content(settings.content, hidden_case_secret(database))
-    with graders_of(settings, content) as graders:
-        worker = worker_of(settings, database, content, graders)
+    archive = Archive(database)
+    with graders_of(settings) as graders:
+        worker = worker_of(settings, database, archive, graders)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: ended.set())
-        signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=content.reload_or_log).start())
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as for a server: content comes from the database anyway
         worker.start()
         if settings.metrics_port:
-            REGISTRY.register(Monitor(database, content, graders, worker))
+            REGISTRY.register(Monitor(database, graders, worker))
             start_http_server(settings.metrics_port, "127.0.0.1")
         ended.wait()
         worker.stop()

@@ -13,7 +13,6 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from databases import BACKENDS, database_url
 from grader.api.readiness import Readiness
-from grader.content import Content
 from grader.errors import JailFault
 from grader.monitoring import Monitor
 from grader.pipeline import Retries
@@ -214,13 +213,13 @@ def test_a_public_server_shows_metrics_to_the_bearer_of_the_token_alone(open_sit
 
 def test_no_grading_process_is_not_ready(tmp_path: Path, content: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = Settings(content=content, data=tmp_path, workers=1)
-    graders = graders_of(settings, Content(content, b"secret"))
+    graders = graders_of(settings)
 
     def broken() -> None:
         raise JailFault("bwrap is gone")
 
     monkeypatch.setattr(graders, "revive", broken)
     with worker_on(f"sqlite:///{tmp_path}/grader.db") as (database, worker):
-        monitor = Monitor(database, Content(content, b"secret"), graders, worker)
+        monitor = Monitor(database, graders, worker)
         with pytest.raises(Exception, match="No grading process can be started"):
             monitor.check_jail()

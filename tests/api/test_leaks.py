@@ -103,7 +103,13 @@ def judge(site: Site, submission_id: str, verdict: Verdict, cause: str) -> None:
     with context.database.write() as session:
         submission = session.get_one(Submission, submission_id)
         results.append_verdict(
-            context.database, context.content.library, session, submission, verdict, cause=cause, reviewer="tina"
+            context.database,
+            context.content.of(submission.course).library,
+            session,
+            submission,
+            verdict,
+            cause=cause,
+            reviewer="tina",
         )
 
 
@@ -119,6 +125,7 @@ def get_paths(site: Site, quiz: str, made: list[str]) -> list[str]:
                 "quiz_id": [quiz],
                 "question_id": QUESTIONS,
                 "submission_id": made,
+                "regrade_id": ["f" * 32],
                 "path": ["page.js"],
             }.items():
                 templates = {re.sub(rf"\{{{name}(:path)?\}}", value, one) for one in templates for value in values}

@@ -59,7 +59,7 @@ def documents(site: Site, client: httpx.Client, quiz: str, made: list[str]) -> d
 
 def mark(site: Site, submission_id: str, deeds: list[tuple[str, Any]]) -> None:
     """What reviewers do with a submission; deeds that are not possible then are left out."""
-    desk = site.app.state.context.desk
+    desk = site.app.state.context.desk_of(site.course)
     assert site.course is not None
     for name, given_mark in deeds:
         who = Identity(name, name, Role.INSTRUCTOR, site.course)
@@ -111,7 +111,7 @@ def test_before_the_feedback_no_document_tells_of_a_review(
 
 def regrade(site: Site, submission_id: str, status: Status) -> None:
     """A verdict of the grader's own."""
-    desk = site.app.state.context.desk
+    desk = site.app.state.context.desk_of(site.course)
     verdict = Verdict(status=status, points=0.5, max_points=1.0, diagnosis="Line 1 raises ValueError.")
     with desk.database.write() as session:
         submission = session.get_one(Submission, submission_id)

@@ -7,10 +7,11 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
-from grader.pipeline import ParsedSubmission, Pipeline, Retries
+from grader.grading_process import Graders, Script
+from grader.library import Library
+from grader.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.settings import Settings
@@ -43,7 +44,7 @@ def hand_in(client: httpx.Client, source: Any, **headers: str) -> httpx.Response
 def a_worker(site: Site, grade: Judge) -> Worker:
     """A worker in this process, without threads: `do_one` does its work."""
     context = site.app.state.context
-    tasks = {jobs.GRADE: Grading(grade, fault_with(context.content))}
+    tasks = {jobs.GRADE: Grading(grade, fault_with(context.content.archive))}
     return Worker(context.database, tasks, 1, Retries(3, pause_s=0.0))
 
 
@@ -205,15 +206,20 @@ def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> N
 
 
 def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None:
-    fault = fault_with(idle.app.state.context.content)
-    submission = Submission(quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}')
+    content = idle.app.state.context.content
+    library = content.of("default").library
+    fault, digest = fault_with(content.archive), library.digest("1.3-exercises")
+    submission = Submission(
+        quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}', content_digest=digest
+    )
     verdict = fault(submission)
     assert (verdict.status, verdict.points) == (Status.GRADER_FAULT, 0.0)
     assert verdict.environment["mujoco"]
     assert len(verdict.submission_digest) == len(verdict.content_digest) == 64
-    content = idle.app.state.context.content.library
-    assert verdict.max_points == content.question("1.3-exercises", "rk4-free-joint").points > 0
+    assert verdict.max_points == library.question("1.3-exercises", "rk4-free-joint").points > 0
     submission.question = "gone"
+    assert fault(submission).max_points == 0
+    submission.question, submission.content_digest = "rk4-free-joint", "f" * 64
     assert fault(submission).max_points == 0
 
 
@@ -243,42 +249,45 @@ def test_an_installation_keeps_its_secret_and_two_installations_differ(
     first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
     other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
     seeds = [
-        site.app.state.context.content.pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"}).seed
+        site.app.state.context.content.of("default")
+        .pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"})
+        .seed
         for site in (first, again, other)
     ]
     assert seeds[0] == seeds[1] != seeds[2]
 
 
-def test_a_recorded_seed_is_the_one_that_a_worker_grades_with(idle: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    seeds: list[int | None] = []
-    content = idle.app.state.context.content
+class RecordingGraders(Graders):
+    """Stands in for the processes: records what it is asked to judge."""
 
-    def judge(_pipeline: Pipeline, parsed: ParsedSubmission) -> Verdict:
-        seeds.append(parsed.seed)
+    def __init__(self, fault: JailFault | None = None) -> None:
+        super().__init__(0, allow_t2=False)
+        self.scripts: list[Script] = []
+        self.fault = fault
+
+    def judge(self, _library: Library, script: Script) -> Verdict:
+        self.scripts.append(script)
+        if self.fault is not None:
+            raise self.fault
         return GOOD
 
-    monkeypatch.setattr(Pipeline, "judge", judge)
+
+def test_a_recorded_seed_is_the_one_that_a_worker_grades_with(idle: Site) -> None:
+    graders = RecordingGraders()
     hand_in(idle.client("ann"), "x = 1\n")
     with idle.app.state.context.database.write() as session:
         session.query(Submission).update({"seed": 12})
-    a_worker(idle, grade_with(content)).do_one()
-    assert seeds == [12]
+    a_worker(idle, grade_with(idle.app.state.context.content.archive, graders)).do_one()
+    assert [script.seed for script in graders.scripts] == [12]
 
 
 def test_only_the_queue_tries_again_while_the_jail_is_broken(idle: Site) -> None:
-    sources: list[str] = []
-
-    def broken(job: Job) -> RunReport:
-        sources.append(job.source)
-        raise JailFault("broken")
-
-    content = idle.app.state.context.content
-    content.run_in(broken)
+    graders = RecordingGraders(JailFault("broken"))
     ann = idle.client("ann")
     made = hand_in(ann, "x = 1\n")
-    worker = a_worker(idle, grade_with(content))
+    worker = a_worker(idle, grade_with(idle.app.state.context.content.archive, graders))
     while worker.do_one():
         pass
-    assert sources == ["x = 1\n"] * 3
+    assert [script.answer for script in graders.scripts] == [{"source": "x = 1\n"}] * 3
     assert ann.get(made.headers["location"]).json()["verdict"]["status"] == "grader_fault"
     assert hand_in(ann, "x = 2\n").json()["attempt"] == 1

@@ -14,8 +14,10 @@ from sqlalchemy import text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from grader.content import Archive
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Unprocessable
+from grader.grading_process import Graders
 from grader.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.jobs import Claim, JobRow
@@ -25,7 +27,7 @@ from grader.settings import Settings
 from grader.store import submissions
 from grader.store.database import Database
 from grader.store.tables import Submission, new_id
-from grader.worker import Grading, Judge, run_worker
+from grader.worker import Grading, Judge, fault_with, grade_with, run_worker
 
 OTHER = 1
 """An owner of jobs that is not a worker of this test."""
@@ -196,6 +198,21 @@ def test_a_fault_of_ours_is_retried_and_then_costs_no_attempt(database: Database
         assert verdict["status"] == "grader_fault"
     expected = ["queued", "running", "queued", "running", "queued", "running", "graded"]
     assert state(database, submission_id)[1] == expected
+
+
+def test_a_submission_whose_content_is_lost_is_tried_again_and_costs_no_attempt(database: Database) -> None:
+    submission_id = hand_in(database)
+    archive = Archive(database)
+    grading = Grading(grade_with(archive, Graders(0, allow_t2=False)), fault_with(archive))
+    worker = Worker(database, {jobs.GRADE: grading}, threads=1, retries=Retries(3, pause_s=0.0))
+    assert worker.do_one()
+    assert state(database, submission_id)[0] == "queued"
+    while worker.do_one():
+        pass
+    assert state(database, submission_id)[1] == [*["queued", "running"] * 3, "graded"]
+    with database.read() as session:
+        submission = session.get_one(Submission, submission_id)
+        assert (submission.outcome, submission.uses_attempt) == ("grader_fault", False)
 
 
 def test_a_job_that_kills_its_worker_every_time_ends_as_our_fault(database: Database) -> None:

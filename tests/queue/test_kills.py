@@ -1,6 +1,9 @@
 """Parts of a running service are killed in the middle: every acknowledged submission is graded exactly once."""
 
+import os
 import random
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -76,3 +79,25 @@ def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_re
             shown = verdicts_of(client, ids)
         assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
     assert_graded_once(url, ids)
+
+
+HOLDS = """
+import time
+from grader.grading_process import Graders
+with Graders(1, allow_t2=False):
+    print("ready", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_grading_processes_leave_no_folder_behind_where_their_parent_was_killed(tmp_path: Path) -> None:
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", HOLDS], env=environment, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == b"ready\n"
+        assert list(tmp_path.glob("grader-models-*"))
+        parent.kill()
+    deadline = time.monotonic() + 60
+    while list(tmp_path.glob("grader-models-*")):
+        assert time.monotonic() < deadline, "the folder of models was left behind"
+        time.sleep(0.05)

@@ -12,7 +12,7 @@ from grader.api.admission import identity_in
 from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
 from grader.api.readiness import Readiness
-from grader.content import Content
+from grader.content import Contents
 from grader.courses.desk import Desk
 from grader.courses.pseudonyms import Blinding
 from grader.identity import Identity, Role
@@ -27,7 +27,7 @@ class Context:
     """What one app's routes share."""
 
     database: Database
-    content: Content
+    content: Contents
     queue_per_user: int
     labs: LabRuns
     blinding: Blinding
@@ -39,10 +39,9 @@ class Context:
     """Where browsers reach the service; None on loopback."""
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
 
-    @property
-    def desk(self) -> Desk:
-        """What reviewing works with, on the content as it is now."""
-        return Desk(self.database, self.content.library, self.blinding)
+    def desk_of(self, course: str) -> Desk:
+        """What reviewing in a course works with, on its content as it is now."""
+        return Desk(self.database, self.content.of(course).library, self.blinding)
 
 
 def context_in(app: FastAPI) -> Context:

@@ -47,7 +47,9 @@ def listen(
         submission = visible(session, submission_id, who)
         over = submission.status in submissions.AT_REST
         last = min(last, submissions.last_event(session, submission_id))
-        standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
+        standing = standing_of(
+            session, context.content.of(who.course).library, who, (submission.quiz, submission.question)
+        )
         if over and not events_shown(session, standing, submission, last):
             raise HTTPException(204)
     return Listener(context, who, submission_id, last)
@@ -85,7 +87,7 @@ async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterato
 
 def read_events(listener: Listener, last: int) -> tuple[list[Event], dict[str, Any], bool]:
     """The events after number `last`, the submission as it is now, and whether no more will come."""
-    library = listener.context.content.library
+    library = listener.context.content.of(listener.who.course).library
     with listener.context.database.read() as session:
         submission = session.get_one(Submission, listener.submission_id)
         over = submission.status in submissions.AT_REST

@@ -45,7 +45,7 @@ class ExtensionBody(Extension):
 )
 def list_extensions(quiz_id: str, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
-    context.content.library.quiz(quiz_id)
+    context.content.of(who.course).library.quiz(quiz_id)
     with context.database.read() as session:
         items = [extension_view(row, name) for row, name in extensions.of_quiz(session, who.course, quiz_id)]
     return {"items": items, "next_cursor": None}
@@ -59,7 +59,7 @@ def list_extensions(quiz_id: str, who: Instructor, context: AppContext) -> dict[
 def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""
     granted = Extension(due=body.due, until=body.until, attempts=body.attempts)
-    library = context.content.library
+    library = context.content.of(who.course).library
     with context.database.write() as session:
         learner = learner_of(session, body, who.course)
         results.grant(context.database, library, session, learner, quiz_id, granted=granted, by=who)
@@ -79,7 +79,7 @@ def learner_of(session: Session, body: ExtensionBody, course: str) -> Member:
 @router.put("/quizzes/{quiz_id}/publication", status_code=204, responses=documented(401, 403, 404, 422, 429))
 def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     """Publishes the feedback of a quiz with `"feedback": "after_publish"`: learners see how they were graded."""
-    context.content.library.quiz(quiz_id)
+    context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
         extensions.publish(session, who.course, quiz_id, who.user)
         record(session, who, who.course, Action.PUBLISHED, quiz_id)
@@ -89,7 +89,7 @@ def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
 @router.delete("/quizzes/{quiz_id}/publication", status_code=204, responses=documented(401, 403, 404, 422, 429))
 def withdraw(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     """Withholds the feedback of a quiz again."""
-    context.content.library.quiz(quiz_id)
+    context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
         extensions.withdraw(session, who.course, quiz_id)
         record(session, who, who.course, Action.WITHDRAWN, quiz_id)
@@ -99,7 +99,7 @@ def withdraw(quiz_id: str, who: Instructor, context: AppContext) -> Response:
 @router.post("/quizzes/{quiz_id}/results:recount", responses=documented(401, 403, 404, 422, 429))
 def recount(quiz_id: str, who: Instructor, context: AppContext) -> dict[str, int]:
     """Counts every result of a quiz again, after its policy has changed; the feed gets those that change."""
-    library = context.content.library
+    library = context.content.of(who.course).library
     library.quiz(quiz_id)
     return {"recounted": results.recount_quiz(context.database, library, who.course, quiz_id)}
 

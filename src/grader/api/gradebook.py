@@ -40,7 +40,7 @@ def gradebook(
     known: IfNoneMatch = "",
 ) -> Response:
     """Sends the gradebook of one quiz, or of all of them, as CSV: a row for each learner who has answered."""
-    library = context.content.library
+    library = context.content.of(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
     columns, ids = columns_of(quizzes), [one.id for one in quizzes]
     with context.database.read() as session:

@@ -46,7 +46,7 @@ def accept(context: Context, who: Identity, body: AnswerBody, key: str | None) -
     The same idempotency `key` with the same answer gives the first receipt again.
     Raises NotFound, Conflict, TooLarge, Unprocessable, TooManyRequests.
     """
-    pipeline = context.content.pipeline
+    pipeline = context.content.of(who.course).pipeline
     parsed = pipeline.read(body.quiz, body.question, body.answer)
     at = (parsed.quiz_id, parsed.question.id)
     verdict = pipeline.judge(parsed) if parsed.is_instant else None

@@ -81,7 +81,7 @@ async def run(
 
 def prepare(context: Context, who: Identity, body: LabBody) -> tuple[str, Callable[[], Recording]]:
     """The digest of a run, and the call that makes it. Raises NotFound, Conflict."""
-    library = context.content.library
+    library = context.content.of(who.course).library
     require_opened(library, body.quiz, who.role)
     lab = find_lab(library, body)
     if body.question is not None:
@@ -107,7 +107,7 @@ def find_lab(library: Library, body: LabBody) -> LabConfig | IntegratorsLab:
 def refuse_before_answer(context: Context, who: Identity, quiz: str, question: str) -> None:
     """Raises Conflict if the lab of a predict question would tell a learner too much now. Instructors may run it."""
     with context.database.read() as session:
-        standing = standing_of(session, context.content.library, who, (quiz, question))
+        standing = standing_of(session, context.content.of(who.course).library, who, (quiz, question))
     if (why_not := standing.decision(quiz, question).why_no_lab) is not None:
         raise Conflict(why_not)
 

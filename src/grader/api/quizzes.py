@@ -18,9 +18,12 @@ router = APIRouter()
 
 
 @router.get("/quizzes", response_model=Page[QuizSummary], responses=documented(401, 429))
-def list_quizzes(_who: Anybody, context: AppContext) -> dict[str, Any]:
+def list_quizzes(who: Anybody, context: AppContext) -> dict[str, Any]:
     """Lists every quiz: its id, title, number of questions and points, and when it may be answered."""
-    return {"items": [summary(quiz) for quiz in context.content.library.quizzes.values()], "next_cursor": None}
+    return {
+        "items": [summary(quiz) for quiz in context.content.of(who.course).library.quizzes.values()],
+        "next_cursor": None,
+    }
 
 
 @router.get("/quizzes/{quiz_id}", responses=documented(401, 404, 422, 429, more={200: {"model": QuizView}}))
@@ -35,8 +38,8 @@ def show_quiz(quiz_id: str, who: Anybody, context: AppContext) -> dict[str, Any]
 @router.post("/content:reload", response_model=LoadedContent, responses=documented(401, 403, 422, 429))
 def reload_content(who: Instructor, context: AppContext) -> dict[str, Any]:
     """Loads the content folder again. With any fault, lists all of them and keeps what was loaded before."""
-    context.content.reload()
-    library = context.content.library
+    context.content.of(who.course).reload()
+    library = context.content.of(who.course).library
     with context.database.write() as session:
         digests = {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}
         record(session, who, who.course, Action.CONTENT_RELOADED, **digests)
@@ -52,7 +55,7 @@ def summary(quiz: Quiz) -> dict[str, Any]:
 
 def progress(quiz_id: str, who: Identity, context: Context) -> dict[str, Any]:
     """The student's view of a quiz. It holds the lab of a predict question once the learner may run it."""
-    library = context.content.library
+    library = context.content.of(who.course).library
     quiz = library.quiz(quiz_id)
     with context.database.read() as session:
         standing = standing_of(session, library, who)

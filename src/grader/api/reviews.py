@@ -131,7 +131,7 @@ def list_reviews(
     the caller's second mark. `user` finds nothing in anonymous quizzes.
     """
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question)
-    queue = reviews.queue_of(context.desk, wanted, who.id if query.second else None)
+    queue = reviews.queue_of(context.desk_of(who.course), wanted, who.id if query.second else None)
     with context.database.read() as session:
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
         shown = views(session, context, who, [submission for submission, _ in waiting])
@@ -159,7 +159,7 @@ def claim_review(body: ClaimBody, who: Instructor, context: AppContext, response
 
     Claiming again what one holds prolongs the claim.
     """
-    desk = context.desk
+    desk = context.desk_of(who.course)
     with context.database.write() as session:
         desk.lock(session, who.course)
         if body.submission_id is not None:
@@ -179,7 +179,7 @@ def claim_review(body: ClaimBody, who: Instructor, context: AppContext, response
 def keep_claim(body: HeldBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Prolongs the caller's claim to 15 minutes from now. 409 once it has ended."""
     with context.database.write() as session:
-        context.desk.lock(session, who.course)
+        context.desk_of(who.course).lock(session, who.course)
         return claim_view(reviews.prolong(session, who, visible(session, body.submission_id, who))) or {}
 
 
@@ -187,7 +187,7 @@ def keep_claim(body: HeldBody, who: Instructor, context: AppContext) -> dict[str
 def release_claim(body: HeldBody, who: Instructor, context: AppContext) -> None:
     """Ends the caller's claim, if there is one."""
     with context.database.write() as session:
-        context.desk.lock(session, who.course)
+        context.desk_of(who.course).lock(session, who.course)
         reviews.release(session, who, visible(session, body.submission_id, who))
 
 
@@ -197,7 +197,7 @@ def recompute(body: QuestionBody, who: Instructor, context: AppContext) -> dict[
 
     The service does so by itself whenever the content is loaded.
     """
-    desk = context.desk
+    desk = context.desk_of(who.course)
     waiting = recomputing.outdated(desk, body.quiz, body.question, who.course)
     return {"changed": sum(recomputing.recompute(desk, one, who) for one in waiting)}
 
@@ -227,7 +227,7 @@ def review(
     if_match: IfMatch = None,
 ) -> dict[str, Any]:
     """Adds the reviewer's verdict: its points count, and the learner sees the comment. Decides a disagreement."""
-    desk = context.desk
+    desk = context.desk_of(who.course)
     with context.database.write() as session:
         submission = visible(session, submission_id, who)
         desk.hold(session, submission)
@@ -244,7 +244,7 @@ def review_again(
     submission_id: str, body: ReviewBody, who: Instructor, context: AppContext, *, if_match: IfMatch = None
 ) -> SecondMark:
     """Keeps a second mark, which no learner sees; the first goes on counting. 409 unless one is waited for."""
-    desk = context.desk
+    desk = context.desk_of(who.course)
     with context.database.write() as session:
         submission = visible(session, submission_id, who)
         desk.hold(session, submission)
@@ -261,7 +261,7 @@ def views(
 ) -> list[dict[str, Any]]:
     """Submissions as plain JSON for a reviewer, who sees neither names in anonymous quizzes nor the other's mark."""
     verdicts = submissions.verdicts(session, rows)
-    seen = blinded(context.desk, session, who, rows, verdicts, always=True)
+    seen = blinded(context.desk_of(who.course), session, who, rows, verdicts, always=True)
     return [
         view(row, seen.verdicts.get(row.id), seen.names.get(row.id), with_answer=with_answer, with_seed=True)
         for row in rows
@@ -270,7 +270,7 @@ def views(
 
 def helps(session: Session, context: Context, submission: Submission) -> dict[str, Any]:
     """What helps a reviewer: the reference answer and the rubric, if the content still has them, and comments."""
-    question = context.desk.question(submission)
+    question = context.desk_of(submission.course).question(submission)
     at = (submission.course, submission.quiz, submission.question)
     return {
         "reference": question.reference if isinstance(question, OpenQuestion) else None,

@@ -10,6 +10,7 @@ from grader.api import (
     labs,
     people,
     quizzes,
+    regrades,
     results,
     reviews,
     saved_comments,
@@ -31,6 +32,7 @@ v1.include_router(results.router)
 v1.include_router(gradebook.router)
 v1.include_router(statistics.router)
 v1.include_router(extensions.router)
+v1.include_router(regrades.router)
 
 router = APIRouter()
 router.include_router(v1)

@@ -48,7 +48,7 @@ def list_comments(quiz: Name, question: Name, who: Instructor, context: AppConte
 @router.post("/reviews/comments", status_code=201, responses=documented(401, 403, 404, 409, 413, 422, 429))
 def save_comment(body: CommentBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Saves a comment for all instructors of the course; at most 200 for a question."""
-    context.content.library.question(body.quiz, body.question)
+    context.content.of(who.course).library.question(body.quiz, body.question)
     with context.database.write() as session:
         kept = comments.save(context.database, session, who, (body.quiz, body.question), body.text)
     return comment_view(kept)

@@ -25,7 +25,7 @@ router = APIRouter()
 )
 def show_statistics(quiz_id: str, who: Instructor, context: AppContext, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
-    library = context.content.library
+    library = context.content.of(who.course).library
     quiz = library.quiz(quiz_id)
     with context.database.read() as session:
         instructors = results.instructors(session, who.course)

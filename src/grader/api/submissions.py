@@ -87,7 +87,7 @@ def list_submissions(query: PageParams, who: Learner, context: AppContext, respo
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, learner)
     with context.database.read() as session:
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
-        standing = standing_of(session, context.content.library, who)
+        standing = standing_of(session, context.content.of(who.course).library, who)
         shown = seen_by(session, context, who, rows)
     names = {} if query.user or query.learner else shown.names  # who asks for a learner by name knows whose it is
     items = [view_for(standing, row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False) for row in rows]
@@ -104,7 +104,9 @@ def show_submission(submission_id: str, who: Learner, context: AppContext, respo
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
         blind = seen_by(session, context, who, [submission])
-        standing = standing_of(session, context.content.library, who, (submission.quiz, submission.question))
+        standing = standing_of(
+            session, context.content.of(who.course).library, who, (submission.quiz, submission.question)
+        )
     shown = view_for(standing, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
     response.headers["ETag"] = etag_for(standing, submission, shown)
     return shown
@@ -113,7 +115,7 @@ def show_submission(submission_id: str, who: Learner, context: AppContext, respo
 @router.post("/answers:validate", responses=documented(401, 403, 404, 409, 413, 422, 429))
 def validate_answer(body: AnswerBody, who: Learner, context: AppContext) -> Interpretation:
     """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
-    pipeline = context.content.pipeline
+    pipeline = context.content.of(who.course).pipeline
     require_opened(pipeline.library, body.quiz, who.role)
     try:
         read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))
@@ -133,7 +135,7 @@ def visible(session: Session, submission_id: str, who: Identity) -> Submission:
 def seen_by(session: Session, context: Context, who: Identity, rows: Sequence[Submission]) -> Blinded:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
     verdicts = submissions.verdicts(session, rows)
-    return blinded(context.desk, session, who, rows, verdicts)
+    return blinded(context.desk_of(who.course), session, who, rows, verdicts)
 
 
 def view_for(

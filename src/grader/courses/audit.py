@@ -38,6 +38,8 @@ class Action(StrEnum):
     EXTENDED = "extension changed"
     PUBLISHED = "feedback published"
     WITHDRAWN = "feedback withheld"
+    REGRADED = "regrade started"
+    REGRADE_CANCELLED = "regrade cancelled"
     CONTENT_RELOADED = "content reloaded"
 
 

@@ -14,6 +14,7 @@ from grader.domain.quiz import Reviewable
 from grader.errors import NotFound
 from grader.identity import Identity
 from grader.store import reviews
+from grader.store.database import Database
 
 AGAIN_S = 10.0
 """Pause after a failure, such as a lost database [s]."""
@@ -21,8 +22,8 @@ AGAIN_S = 10.0
 log = structlog.get_logger()
 
 
-def outdated(desk: Desk, quiz: str, question: str, course: str | None = None) -> list[str]:
-    """The ids of submissions whose marks were computed with another rubric, in one course or in all.
+def outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str]:
+    """The ids of submissions whose marks were computed with another rubric, in a course.
 
     Once a question has no rubric, its reviews stay as they are. Raises NotFound.
     """
@@ -43,7 +44,9 @@ def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bo
 class Recomputing:
     """A thread that recomputes the reviews of every question after each `wake`, and once at the start."""
 
-    desk: Callable[[], Desk]
+    database: Database
+    desk_of: Callable[[str], Desk]
+    """The desk of a course."""
     _news: threading.Event = field(default_factory=threading.Event)
     _stop: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
@@ -76,18 +79,17 @@ class Recomputing:
                 self._news.set()
 
     def _recompute_all(self) -> None:
-        desk = self.desk()
-        with desk.database.read() as session:
+        with self.database.read() as session:
             questions = reviews.with_rubric(session)
-        for quiz, question in questions:
+        for course, quiz, question in questions:
             with suppress(NotFound):  # the content has lost it
-                self._recompute_question(desk, quiz, question)
+                self._recompute_question(course, quiz, question)
 
-    def _recompute_question(self, desk: Desk, quiz: str, question: str) -> None:
-        changed = 0
-        for submission_id in outdated(desk, quiz, question):
+    def _recompute_question(self, course: str, quiz: str, question: str) -> None:
+        desk, changed = self.desk_of(course), 0
+        for submission_id in outdated(desk, quiz, question, course):
             if self._stop.is_set():
                 return
             changed += recompute(desk, submission_id)
         if changed:
-            log.info("reviews recomputed", quiz=quiz, question=question, changed=changed)
+            log.info("reviews recomputed", course=course, quiz=quiz, question=question, changed=changed)

@@ -79,6 +79,18 @@ def recount(session: Session, library: Library, key: LearnerAt) -> None:
     results.put(session, before, key, values | {"diagnoses": listed([body["diagnosis"] for body in bodies])})
 
 
+def would_count(
+    session: Session, library: Library, key: LearnerAt, verdicts: Mapping[str, tuple[Status, float]]
+) -> float | None:
+    """The points that would count if submissions had these statuses and points; None if nothing would count yet."""
+    attempts = {row.id: attempt_of(row) for row in results.attempts_of(session, key)}
+    for one in submissions.several(session, list(verdicts)):
+        status, points = verdicts[one.id]
+        attempts[one.id] = Attempt(one.id, one.attempt, one.created_at, status, points, status.uses_attempt)
+    found = counted([attempts[one] for one in sorted(attempts)], *rules_at(session, library, key))
+    return found.points if found.sources or results.find(session, key) else None
+
+
 def recount_quiz(database: Database, library: Library, course: str, quiz: str) -> int:
     """Counts every result of a quiz again, after its policy has changed, one learner at a time. Returns how many."""
     with database.read() as session:

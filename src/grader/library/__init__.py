@@ -1,6 +1,6 @@
 """Loads and checks a content folder: quizzes/, models/ and starters."""
 
-from grader.library.loading import load
+from grader.library.loading import load, load_files
 from grader.library.snapshot import Library
 
-__all__ = ["Library", "load"]
+__all__ = ["Library", "load", "load_files"]

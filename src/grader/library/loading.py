@@ -1,9 +1,10 @@
 """Loads a content folder, and collects the faults of all its files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
@@ -32,6 +33,7 @@ class _Loading:
     quizzes: dict[str, Quiz] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 def load(root: Path) -> Library:
@@ -56,8 +58,19 @@ def load(root: Path) -> Library:
         starters=MappingProxyType(loading.starters),
         texts=MappingProxyType(loading.texts),
         digests=MappingProxyType(loading.digests),
+        sources=MappingProxyType(loading.sources),
         warnings=tuple(sorted(loading.warnings)),
     )
+
+
+def load_files(files: Mapping[str, str]) -> Library:
+    """Loads content of these texts by path, such as the `sources` of a quiz. Raises ContentError."""
+    with TemporaryDirectory(prefix="grader-content-") as folder:
+        for path, text in files.items():
+            place = Path(folder, path)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(text.encode())
+        return load(Path(folder))
 
 
 def _load_models(loading: _Loading) -> None:
@@ -100,7 +113,9 @@ def _load_quiz(loading: _Loading, file: str) -> None:
             Fault(file, "id", f"{quiz_id!r} is also the id of {loading.files[quiz_id]}: give each its own")
         )
     _keep(loading, parsed.quiz, file, raw)
-    loading.digests[quiz_id] = digest_of({file: text}, loading.models, _starters(loading, parsed.quiz), named)
+    starters = _starters(loading, parsed.quiz)
+    loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
+    loading.sources[quiz_id] = {file: text, **_model_files(loading.models), **starters, **named}
 
 
 def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
@@ -129,6 +144,11 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     for key, part in named_parts(raw):
         loading.warnings.extend(prose_warnings(part, file, key))
     loading.warnings.extend(number_warnings(quiz, file))
+
+
+def _model_files(models: Mapping[str, str]) -> dict[str, str]:
+    """The models by their path."""
+    return {f"models/{name}.xml": xml for name, xml in models.items()}
 
 
 def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:

@@ -15,7 +15,8 @@ class Library:
 
     `warnings` are remarks for the authors that do not prevent serving.
 
-    `texts`, by path, are the files that exercises name, such as an author's programs.
+    `texts`, by path, are the files that exercises name, such as an author's programs. `sources` are, by quiz, the files
+    that its digest is made of, by path: `load_files` makes the quiz of them again.
     """
 
     root: Path
@@ -25,6 +26,7 @@ class Library:
     starters: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)
     warnings: tuple[Fault, ...] = ()
 
     def quiz(self, quiz_id: str) -> Quiz:

@@ -14,6 +14,7 @@ from grader.store.results import COUNTED, LearnerAt
 from grader.store.reviews import DECIDED, DIFFERS, NONE, WAITING
 from grader.store.submissions import AT_REST, GRADED, NEEDS_REVIEW
 from grader.store.tables import (
+    ERASED,
     Credential,
     IdempotencyKey,
     Member,
@@ -28,9 +29,6 @@ from grader.store.tables import (
 
 PREFIX = "erased-"
 """How the names of erased learners begin; the triggers of the audit log know it too."""
-
-ERASED = ""
-"""The answer of an erased submission: no JSON text, so that none is graded again by mistake."""
 
 STATISTICS = ("option", "value")
 """What results take from the evidence of a verdict."""

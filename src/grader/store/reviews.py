@@ -107,18 +107,16 @@ def graders_verdicts(session: Session, submissions: Iterable[str]) -> dict[str, 
     return {submission: json.loads(body) for submission, body in session.execute(rows)}
 
 
-def with_rubric(session: Session) -> list[tuple[str, str]]:
-    """Every quiz and question with reviews whose points follow a rubric."""
-    rows = select(Review.quiz, Review.question).where(Review.rubric.is_not(None)).distinct()
-    return [(row.quiz, row.question) for row in session.execute(rows)]
+def with_rubric(session: Session) -> list[tuple[str, str, str]]:
+    """Every course, quiz and question with reviews whose points follow a rubric."""
+    rows = select(Review.course, Review.quiz, Review.question).where(Review.rubric.is_not(None)).distinct()
+    return [(row.course, row.quiz, row.question) for row in session.execute(rows)]
 
 
-def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str | None) -> list[str]:
-    """The ids of submissions whose marks were computed with another rubric of the question; None is all courses."""
-    here = (Review.quiz == quiz, Review.question == question, Review.rubric != fingerprint)
+def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str) -> list[str]:
+    """The ids of submissions of a course whose marks were computed with another rubric of the question."""
+    here = (Review.course == course, Review.quiz == quiz, Review.question == question, Review.rubric != fingerprint)
     rows = select(Review.submission_id).where(*here)
-    if course is not None:
-        rows = rows.where(Review.course == course)
     return list(session.scalars(rows.order_by(Review.submission_id)))
 
 

@@ -67,6 +67,12 @@ def get(session: Session, submission_id: str) -> Submission | None:
     return session.get(Submission, submission_id)
 
 
+def several(session: Session, ids: Sequence[str]) -> Sequence[Submission]:
+    """The submissions with these ids, as they are in the database now."""
+    found = select(Submission).where(Submission.id.in_(ids)).execution_options(populate_existing=True)
+    return session.scalars(found).all()
+
+
 def start(session: Session, submission_id: str) -> Submission:
     """Marks the submission as running."""
     return _change_status(session, submission_id, RUNNING)

@@ -36,6 +36,9 @@ from sqlalchemy import (
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.types import TypeDecorator
 
+ERASED = ""
+"""The answer of an erased submission: no JSON text, so that it is not graded again."""
+
 NAME = 200
 """Longest name of a user or course [characters]."""
 

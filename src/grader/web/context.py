@@ -6,8 +6,8 @@ from urllib.parse import parse_qs
 
 from fastapi import Depends, Request
 
-from grader.content import Content
-from grader.identity import Identity
+from grader.content import Contents
+from grader.identity import DEFAULT_COURSE, Identity
 from grader.library import Library
 from grader.store.database import Database
 from grader.web.provider import Provider
@@ -18,15 +18,14 @@ from grader.web.sessions import SessionCookies
 class PageContext:
     """The objects that all pages of an app share."""
 
-    content: Content
+    content: Contents
     sessions: SessionCookies
     public_origin: str | None
     provider: Provider | None = None
 
-    @property
-    def library(self) -> Library:
-        """The content that is loaded now."""
-        return self.content.library
+    def library_for(self, who: Identity | None) -> Library:
+        """The content that is loaded now for a user's course; for a browser without a session, of the default one."""
+        return self.content.of(DEFAULT_COURSE if who is None else who.course).library
 
     @property
     def database(self) -> Database:

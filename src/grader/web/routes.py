@@ -12,7 +12,7 @@ from grader.domain.quiz import Quiz
 from grader.errors import NotFound, Unauthorized
 from grader.identity import DEFAULT_COURSE, Identity, Role, Scope
 from grader.library import Library
-from grader.web import oidc, signin
+from grader.web import oidc, regrades, signin
 from grader.web.certificates import certificate_rows
 from grader.web.context import Pages, Visitor
 from grader.web.page import page_of, unopened_page
@@ -24,6 +24,7 @@ SIGN_IN = "Sign in first."
 router = APIRouter(include_in_schema=False)
 router.include_router(signin.router)
 router.include_router(oidc.router)
+router.include_router(regrades.router)
 static_files = StaticFiles(directory=ROOM / "static")
 
 
@@ -32,7 +33,7 @@ def student_page(request: Request, pages: Pages, who: Visitor, quiz: str | None 
     """Every quiz, or the one that `?quiz=` names. On loopback anyone may read; the first answer begins a session."""
     if who is None and not pages.sessions.anonymous:
         return page(request, "signin.html", 401, who=None, oidc=pages.provider is not None)
-    library = pages.library
+    library = pages.library_for(who)
     chosen = library.quizzes.values() if quiz is None else [library.quiz(quiz)]
     reader = who or Identity("", "", Role.STUDENT, DEFAULT_COURSE)  # a browser whose session has not begun
     with pages.database.read() as session:
@@ -53,7 +54,7 @@ def instructor_page(request: Request, pages: Pages, who: Visitor) -> Response:
     """Shows content and submissions to an instructor, and the sign-in page to others."""
     if who is None or not who.is_instructor:
         return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
-    library = pages.library
+    library = pages.library_for(who)
     quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "instructor.html", who=who, quizzes=quizzes, warnings=list(map(str, library.warnings)))
 
@@ -72,7 +73,7 @@ def certificates(request: Request, pages: Pages, who: Visitor) -> Response:
     if who is None:
         raise Unauthorized(SIGN_IN)
     who.require(Role.INSTRUCTOR)
-    return page(request, "certificates.html", rows=list(certificate_rows(pages.library)))
+    return page(request, "certificates.html", rows=list(certificate_rows(pages.library_for(who))))
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
@@ -80,7 +81,7 @@ def starter(quiz_id: str, question_id: str, pages: Pages, who: Visitor) -> Respo
     """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
     if who is None and not pages.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
-    library = pages.library
+    library = pages.library_for(who)
     require_opened(library, quiz_id, Role.STUDENT if who is None else who.role)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
