@@ -1,11 +1,13 @@
 """Assembles the service: settings, database, content, jail, worker, routes."""
 
+import gc
 import signal
 import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.metadata import version
 from typing import Any, TypeVar
 
@@ -21,8 +23,10 @@ from grader.api.connections import TimedProtocol
 from grader.api.context import Check, Context, context_in
 from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
+from grader.api.submissions import HAND_IN
 from grader.content import Content
 from grader.courses import people, results
+from grader.courses.handing_in import hand_in
 from grader.courses.sign_in import create_sign_in_code
 from grader.courses.tokens import create_token, revoke_all
 from grader.domain.policy import Extension
@@ -33,6 +37,7 @@ from grader.queue.worker import Worker
 from grader.settings import Settings, log_to_stderr
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
+from grader.store.writer import Writer
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -58,7 +63,8 @@ def create_app(settings: Settings) -> FastAPI:
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     checks: dict[str, Check] = {"database": lambda: check_database(database), "content": lambda: check_content(content)}
     public_origin = settings.public_origin and settings.origin
-    context = Context(database, content, settings.queue_per_user, labs, checks, public_origin)
+    writer = Writer(database, partial(hand_in, database))
+    context = Context(database, content, settings.queue_per_user, labs, writer, checks, public_origin)
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
         title="MuJoCo grader",
@@ -71,6 +77,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.context = context
     app.state.pages = PageContext(content, sessions, public_origin, provider_of(settings))
     problems.install(app)
+    app.router.routes.append(HAND_IN)
     app.include_router(routes.router)
     app.include_router(pages)
     app.add_middleware(AdmissionMiddleware, database=database, rules=admission_rules(settings))
@@ -105,13 +112,17 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         try:
+            context.writer.start()
             if settings.workers:
                 await run_in_threadpool(graders.start)
                 context.checks["jail"] = lambda: check_jail(graders)
                 context.checks["worker"] = lambda: check_worker(worker)
                 worker.start()
+            gc.collect()
+            gc.freeze()  # what is there from now on is never walked again
             yield
         finally:
+            await run_in_threadpool(context.writer.close)
             await run_in_threadpool(worker.stop)
             await run_in_threadpool(graders.close)
             context.labs.close()

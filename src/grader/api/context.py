@@ -11,8 +11,10 @@ from grader.api.admission import identity_in
 from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
 from grader.content import Content
+from grader.courses.handing_in import Answer
 from grader.identity import Identity, Role
 from grader.store.database import Database
+from grader.store.writer import Writer
 
 STATISTICS_KEPT = 256
 """Statistics that are kept; those of a quiz are a few kilobytes."""
@@ -29,6 +31,7 @@ class Context:
     content: Content
     queue_per_user: int
     labs: LabRuns
+    writer: Writer[Answer]
     checks: dict[str, Check] = field(default_factory=dict)
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""

@@ -6,7 +6,17 @@ from typing import Any, NamedTuple, Self
 from sqlalchemy import ColumnElement, bindparam, func, select, update
 from sqlalchemy.orm import Session
 
-from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow, insert_row, now
+from grader.store.tables import (
+    Credential,
+    Member,
+    Result,
+    ResultRevision,
+    Submission,
+    VerdictRow,
+    insert_row,
+    insert_rows,
+    now,
+)
 
 COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
 """The columns of a result whose change is a new revision, and a row of the feed."""
@@ -66,17 +76,22 @@ def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping
 
     `before` is what `find` returned in this transaction, under the lock of the learner.
     """
+    result, told = change(before, key, values)
+    if before is None:
+        insert_row(session, result)
+    insert_rows(session, ResultRevision, told)
+
+
+def change(before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> tuple[Result, Sequence[dict[str, Any]]]:
+    """Sets the columns of a result, without writing it; with it the new row of the feed, if there is one."""
     if before is not None and all(getattr(before, name) == value for name, value in values.items()):
-        return
+        return before, ()
     result = before or Result(**key._asdict(), revision=0, changes=0)
     is_new = before is None or any(getattr(before, name) != values[name] for name in COUNTED)
     for name, value in {**values, "changes": result.changes + 1, "revision": result.revision + is_new}.items():
         setattr(result, name, value)
-    if before is None:
-        insert_row(session, result)
-    if is_new:
-        told = {name: values[name] for name in COUNTED}
-        insert_row(session, ResultRevision(**key._asdict(), **told, revision=result.revision, created_at=now()))
+    told = {name: values[name] for name in COUNTED}
+    return result, [{**key._asdict(), **told, "revision": result.revision, "created_at": now()}] if is_new else ()
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:

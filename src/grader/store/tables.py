@@ -14,7 +14,9 @@ installation_secrets       keys of the installation, never shown
 """
 
 import secrets
+from collections.abc import Sequence
 from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy import (
     BigInteger,
@@ -342,6 +344,15 @@ INSERTS = {table.name: insert(table) for table in Base.metadata.sorted_tables}
 
 def insert_row(session: Session, row: Base) -> None:
     """Inserts a row without the unit of work; defaults of columns are not set on `row`."""
-    table = row.__tablename__
-    values = {name: value for name, value in vars(row).items() if not name.startswith("_")}
-    session.connection().execute(INSERTS[table], values)
+    insert_rows(session, type(row), [values_of(row)])
+
+
+def insert_rows(session: Session, table: type[Base], rows: Sequence[dict[str, Any]]) -> None:
+    """As `insert_row`, for many rows of one table that have the same columns; in one round trip."""
+    if rows:
+        session.connection().execute(INSERTS[table.__tablename__], rows)
+
+
+def values_of(row: Base) -> dict[str, Any]:
+    """The columns that are set on a row."""
+    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
