@@ -21,7 +21,7 @@ from grader.store import answers, extensions, submissions
 from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import IdempotencyKey, Submission, insert_rows, new_id, now
+from grader.store.tables import IdempotencyKey, Submission, insert_rows, new_id, now, plain
 
 CREATED, ACCEPTED = 201, 202
 RETRY_S = 30
@@ -178,15 +178,16 @@ class Batch:
 def submission_of(answer: Answer, attempt: int) -> Submission:
     """The row of a new answer."""
     parsed = answer.parsed
-    return Submission(
-        id=new_id(),
+    values = {
         **answer.at._asdict(),
-        user=answer.who.user,
-        answer=parsed.text,
-        seed=parsed.seed,
-        content_digest=answer.library.digest(parsed.quiz_id),
-        attempt=attempt,
-    )
+        "id": new_id(),
+        "user": answer.who.user,
+        "answer": parsed.text,
+        "seed": parsed.seed,
+        "content_digest": answer.library.digest(parsed.quiz_id),
+        "attempt": attempt,
+    }
+    return plain(Submission, values)
 
 
 def key_row(answer: Answer, receipt: Receipt) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from grader.store import answers, extensions, results, submissions
 from grader.store.answers import Found, Source
 from grader.store.database import Database
 from grader.store.results import COUNTED, LearnerAt
-from grader.store.tables import Member, Result, Submission
+from grader.store.tables import Member, Result, Submission, plain
 
 
 def append_verdict(
@@ -65,9 +65,12 @@ def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Fo
         if here.result is not None and policy_of(one.library, one.key.quiz).counts == "average":
             averages[one.key] = one.library
         elif (values := with_new(one, here)) is not None:
+            columns, rows = results.change(here.result, one.key, values)
             if here.result is None:
                 first.add(one.key)
-            here.result, rows = results.change(here.result, one.key, values)
+                here.result = plain(Result, columns)
+            elif columns:
+                vars(here.result).update(columns)
             changed[one.key] = here.result
             told += rows
             if values["submission_id"] == one.submission.id:

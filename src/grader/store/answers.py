@@ -35,6 +35,7 @@ from grader.store.tables import (
     Submission,
     VerdictRow,
     insert_rows,
+    plain,
     values_of,
 )
 
@@ -175,7 +176,7 @@ def found(session: Session, places: Collection[LearnerAt]) -> dict[LearnerAt, Fo
         at[LearnerAt(*row[:4])].progress = Progress(row[4], row[5], bool(row[6]))
     for row in _ask(session, RESULTS, places):
         here = at[LearnerAt(*row[:4])]
-        here.result = Result(**{name: getattr(row, name) for name in RESULT_COLUMNS})
+        here.result = plain(Result, dict(zip(RESULT_COLUMNS, row, strict=False)))
         here.source = None if row.source_id is None else Source(*row[-len(Source._fields) :])
     return at
 

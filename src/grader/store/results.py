@@ -13,7 +13,6 @@ from grader.store.tables import (
     ResultRevision,
     Submission,
     VerdictRow,
-    insert_row,
     insert_rows,
     now,
 )
@@ -76,22 +75,30 @@ def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping
 
     `before` is what `find` returned in this transaction, under the lock of the learner.
     """
-    result, told = change(before, key, values)
+    changed, told = change(before, key, values)
     if before is None:
-        insert_row(session, result)
+        insert_rows(session, Result, [changed])
+    else:
+        for name, value in changed.items():
+            setattr(before, name, value)
     insert_rows(session, ResultRevision, told)
 
 
-def change(before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> tuple[Result, Sequence[dict[str, Any]]]:
-    """Sets the columns of a result, without writing it; with it the new row of the feed, if there is one."""
-    if before is not None and all(getattr(before, name) == value for name, value in values.items()):
-        return before, ()
-    result = before or Result(**key._asdict(), revision=0, changes=0)
-    is_new = before is None or any(getattr(before, name) != values[name] for name in COUNTED)
-    for name, value in {**values, "changes": result.changes + 1, "revision": result.revision + is_new}.items():
-        setattr(result, name, value)
+def change(
+    before: Result | None, key: LearnerAt, values: Mapping[str, Any]
+) -> tuple[dict[str, Any], Sequence[dict[str, Any]]]:
+    """The columns of a result that `values` change, all of them if it is new; and the new row of the feed, if any."""
+    if before is None:
+        revision, is_new = 1, True
+        changed = {**key._asdict(), **values, "changes": 1, "revision": revision}
+    elif all(getattr(before, name) == value for name, value in values.items()):
+        return {}, ()
+    else:
+        is_new = any(getattr(before, name) != values[name] for name in COUNTED)
+        revision = before.revision + is_new
+        changed = {**values, "changes": before.changes + 1, "revision": revision}
     told = {name: values[name] for name in COUNTED}
-    return result, [{**key._asdict(), **told, "revision": result.revision, "created_at": now()}] if is_new else ()
+    return changed, [{**key._asdict(), **told, "revision": revision, "created_at": now()}] if is_new else ()
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:

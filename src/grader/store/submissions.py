@@ -16,6 +16,9 @@ from grader.store.tables import Event, Submission, VerdictRow, insert_rows, now,
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
 
+NEW = {"status": QUEUED, "uses_attempt": True, "outcome": None, "revision": 0}
+"""The state of a submission that waits for its first verdict."""
+
 EVENTS = "events"
 """The channel on which new events are announced, by submission."""
 
@@ -37,11 +40,10 @@ class SubmissionFilter:
 
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]]) -> None:
     """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table."""
+    clock = now()
     for submission, verdict in new:
-        submission.status, submission.uses_attempt, submission.revision, submission.version = QUEUED, True, 0, 1
-        submission.outcome, submission.created_at = None, now()
-        if verdict is not None:
-            _settle(submission, verdict)
+        state = NEW if verdict is None else _settled(verdict, 1)
+        vars(submission).update(state, version=1, created_at=clock)
     insert_rows(session, Submission, [values_of(submission) for submission, _ in new])
     made = [_verdict_values(submission, verdict, "grading") for submission, verdict in new if verdict is not None]
     insert_rows(session, VerdictRow, made)
@@ -52,7 +54,8 @@ def append_verdict(
     session: Session, submission: Submission, verdict: Verdict, cause: str, reviewer: str | None = None
 ) -> None:
     """Adds a verdict as the submission's newest revision; earlier ones stay as they are."""
-    _settle(submission, verdict)
+    for name, value in _settled(verdict, submission.revision + 1).items():
+        setattr(submission, name, value)
     session.add(VerdictRow(**_verdict_values(submission, verdict, cause), reviewer=reviewer))
     _add_event(session, submission)
 
@@ -140,10 +143,13 @@ def _change_status(session: Session, submission_id: str, status: str) -> Submiss
     return submission
 
 
-def _settle(submission: Submission, verdict: Verdict) -> None:
-    submission.status = NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED
-    submission.uses_attempt, submission.outcome = verdict.status.uses_attempt, verdict.status.value
-    submission.revision += 1
+def _settled(verdict: Verdict, revision: int) -> dict[str, Any]:
+    return {
+        "status": NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED,
+        "uses_attempt": verdict.status.uses_attempt,
+        "outcome": verdict.status.value,
+        "revision": revision,
+    }
 
 
 def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dict[str, Any]:
