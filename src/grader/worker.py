@@ -5,6 +5,7 @@ import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import timedelta
 
 import structlog
 from sqlalchemy.orm import Session
@@ -21,10 +22,13 @@ from grader.settings import Settings, log_to_stderr
 from grader.store import submissions
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
+from grader.store.pruning import prune
 from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
 Append = Callable[[Session, Submission, Verdict, str], None]
+
+DAILY, DAY_S = "daily", 86_400.0
 
 log = structlog.get_logger()
 
@@ -65,6 +69,38 @@ class Grading:
                 log.info("graded", submission=submission.id, status=verdict.status.value)
 
         return Outcome(store, again)
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """Deletes what is older than `age`, once a day: the job puts the next one."""
+
+    database: Database
+    age: timedelta
+
+    def start(self, _session: Session, subject: str) -> str:
+        """Nothing needs to be recorded."""
+        return subject
+
+    def run(self, _started: str) -> Outcome:
+        """Prunes, in transactions of its own."""
+        log.info("pruned", rows=prune(self.database, self.age))
+        return self.give_up(_started)
+
+    def give_up(self, _started: str) -> Outcome:
+        """Tries again tomorrow."""
+        return Outcome(lambda session: jobs.put(session, jobs.PRUNE, DAILY, DAILY, delay_s=DAY_S))
+
+    def put_back(self, _session: Session, _subject: str) -> None:
+        """Nothing needs to be recorded."""
+
+
+def schedule_pruning(database: Database) -> None:
+    """Puts the first job that prunes, unless one waits."""
+    with database.write() as session:
+        database.lock(session, jobs.PRUNE)
+        if not jobs.waiting(session, jobs.PRUNE):
+            jobs.put(session, jobs.PRUNE, DAILY, DAILY)
 
 
 def grade_with(content: Content) -> Judge:
@@ -118,7 +154,10 @@ def graders_of(settings: Settings, content: Content) -> Graders:
 def worker_of(settings: Settings, database: Database, content: Content, graders: Graders) -> Worker:
     """The worker that the settings describe."""
     grading = Grading(grade_in(graders, content), fault_with(content), append_with(database, content))
-    return Worker(database, {jobs.GRADE: grading}, settings.workers, Retries(settings.tries))
+    pruning = Pruning(database, timedelta(days=settings.prune_days))
+    if settings.workers:
+        schedule_pruning(database)
+    return Worker(database, {jobs.GRADE: grading, jobs.PRUNE: pruning}, settings.workers, Retries(settings.tries))
 
 
 def run_worker(settings: Settings) -> None:

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import httpx
@@ -30,13 +31,13 @@ def send(client: httpx.Client, key: str) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_kill_loses_no_acknowledged_answer_and_doubles_none(backend: str, tmp_path: Path) -> None:
-    with database_url(backend, tmp_path) as url:
+    with database_url(backend, tmp_path) as url, ExitStack() as stack:
         settings = settings_on(url, tmp_path, workers=0)
         acknowledged: list[dict[str, str]] = [{} for _ in range(LEARNERS)]
         sent: list[list[str]] = [[] for _ in range(LEARNERS)]
         with process_of("serve", settings) as server:
             wait_until_ready(server, settings)
-            clients = [client_of(settings, f"user{number}") for number in range(LEARNERS)]
+            clients = [stack.enter_context(client_of(settings, f"user{number}")) for number in range(LEARNERS)]
 
             def answer(number: int) -> None:
                 while True:

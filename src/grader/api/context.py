@@ -19,6 +19,9 @@ from grader.store.writer import Writer
 STATISTICS_KEPT = 256
 """Statistics that are kept; those of a quiz are a few kilobytes."""
 
+GRADEBOOKS_KEPT = 8
+"""Gradebooks that are kept: half a megabyte for 5,000 learners and 8 questions."""
+
 Check = Callable[[], dict[str, Any]]
 """A check of readiness: returns what it found, raises where the service cannot work."""
 
@@ -35,6 +38,7 @@ class Context:
     checks: dict[str, Check] = field(default_factory=dict)
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""
+    gradebooks: Bodies = field(default_factory=lambda: Bodies(GRADEBOOKS_KEPT))
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
 
 

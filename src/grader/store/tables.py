@@ -96,6 +96,7 @@ class Submission(Base):
             sqlite_where=text("uses_attempt = 1"),
             postgresql_where=text("uses_attempt"),  # as queries write it
         ),
+        Index("ix_submissions_question", "course", "question", "id"),
         Index("ix_submissions_course", "course", "id"),
         Index("ix_submissions_status", "course", "status", "id"),
     )
@@ -320,6 +321,7 @@ class IdempotencyKey(Base):
     """The submission that a learner's request with this key made."""
 
     __tablename__ = "idempotency_keys"
+    __table_args__ = (Index("ix_idempotency_keys_created_at", "created_at"),)
 
     course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
     learner: Mapped[str] = mapped_column(String(32), primary_key=True)
