@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from grader.bench.answers import backends, beside_bare
 from grader.bench.jail import overheads
 from grader.bench.picture import new_figure
 from grader.bench.study import Do, Key, Record, Records, Study, Task
@@ -51,6 +52,14 @@ class Load(Key):
     """`answers` (typed numbers) or `scripts`, submitted by so many students at once."""
 
     load: str
+    students: int
+
+
+@dataclass(frozen=True)
+class Beside(Key):
+    """Choice answers beside a bare route with one durable insert, by so many students at once."""
+
+    backend: str
     students: int
 
 
@@ -203,7 +212,13 @@ def measure(quick: bool, do: Do) -> Records:
         def clients() -> list[Client]:
             return stack.enter_context(server(STUDENTS))
 
+        rounds, seconds = (1, 1.0) if quick else (5, 5.0)
         tasks = [Task(Overhead(), partial(overhead, quick))]
+        tasks += [
+            Task(Beside(backend, students), partial(beside_bare, backend, students, rounds, seconds))
+            for backend in backends()
+            for students in (10, 50)
+        ]
         for students in (1, STUDENTS):
             tasks += [
                 Task(Load("answers", students), partial(load, clients, Client.answer, students, answers)),
@@ -242,6 +257,8 @@ def label_of(key: Key, row: Record) -> str:
     """What a bar shows."""
     if isinstance(key, Load):
         return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
+    if isinstance(key, Beside):
+        return f"choices on {key.backend}, {key.students} at once: {row['ratio']:.2f} of a bare route"
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 
