@@ -1,11 +1,13 @@
 """Assembles the service: settings, database, content, jail, worker, routes."""
 
+import gc
 import signal
 import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.metadata import version
 from typing import Any, TypeVar
 
@@ -25,8 +27,10 @@ from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
 from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
+from grader.api.submissions import HAND_IN
 from grader.content import Contents
 from grader.courses import people, results
+from grader.courses.handing_in import hand_in
 from grader.courses.pseudonyms import Blinding
 from grader.courses.recomputing import Recomputing
 from grader.courses.sign_in import create_sign_in_code
@@ -41,6 +45,7 @@ from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store.database import Database
 from grader.store.installation import blind_review_secret
+from grader.store.writer import Writer
 from grader.web.context import PageContext
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
@@ -70,10 +75,10 @@ def create_app(settings: Settings) -> FastAPI:
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     monitor = Monitor(database, graders, worker)
     public_origin = settings.public_origin and settings.origin
-    blinding = Blinding(blind_review_secret(database))
     context = Context(
-        database, content, settings.queue_per_user, labs, blinding,
-        readiness_of(settings, monitor, content), monitor.exposition, settings.metrics_token, public_origin,
+        database, content, settings.queue_per_user, labs, Writer(database, partial(hand_in, database)),
+        Blinding(blind_review_secret(database)), readiness_of(settings, monitor, content), monitor.exposition,
+        settings.metrics_token, public_origin,
     )  # fmt: skip
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
@@ -87,6 +92,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.context = context
     app.state.pages = PageContext(content, sessions, public_origin, provider_of(settings))
     problems.install(app)
+    app.router.routes.append(HAND_IN)
     app.include_router(routes.router)
     app.include_router(pages)
     openapi.install(app)
@@ -139,12 +145,16 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         try:
             recomputing.start()
+            context.writer.start()
             if settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()
+            gc.collect()
+            gc.freeze()  # what is there from now on is never walked again
             yield
         finally:
             await run_in_threadpool(recomputing.stop)
+            await run_in_threadpool(context.writer.close)
             await run_in_threadpool(worker.stop)
             await run_in_threadpool(graders.close)
             context.labs.close()

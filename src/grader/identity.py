@@ -7,7 +7,8 @@ The room `courses` issues and revokes them.
 import hashlib
 import hmac
 import secrets
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from enum import StrEnum
@@ -73,6 +74,8 @@ class Identity:
     by_cookie: bool = False
     scopes: frozenset[Scope] | None = None
     """The scopes of a restricted token; None for all rights of the role."""
+    credential: str = ""
+    """The id of the credential that was presented."""
 
     @property
     def is_instructor(self) -> bool:
@@ -100,11 +103,7 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
 
     Raises Unauthorized.
     """
-    if authorization is not None:
-        scheme, _, token = authorization.partition(" ")
-        kind, presented = Kind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
-    else:
-        kind, presented = Kind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
+    kind, presented = presented_in(authorization, cookies)
     with database.read() as session:
         credential = find(session, kind, presented)
     if credential is None:
@@ -113,6 +112,41 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
         with database.write() as session:
             credentials.touch(session, credential.id, now())
     return identity_of(credential)
+
+
+def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
+    """The kind and the text of the credential that a request carries; an empty text if it carries none."""
+    if authorization is not None:
+        scheme, _, token = authorization.partition(" ")
+        return Kind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
+    return Kind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
+
+
+class Recalled:
+    """Who lately authenticated with which credential, for callers who ask themselves whether it still holds.
+
+    Only hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop.
+    """
+
+    def __init__(self, count: int = 10_000, clock: Callable[[], float] = time.monotonic) -> None:
+        self._count, self._clock = count, clock
+        self._kept: dict[str, tuple[float, Identity]] = {}
+
+    def get(self, authorization: str | None, cookies: Mapping[str, str]) -> Identity | None:
+        """The identity, if it was put lately."""
+        until, identity = self._kept.get(self._key(authorization, cookies), (0.0, None))
+        return identity if self._clock() < until else None
+
+    def put(self, authorization: str | None, cookies: Mapping[str, str], identity: Identity) -> None:
+        """Keeps an identity; drops the oldest of too many."""
+        key = self._key(authorization, cookies)
+        self._kept.pop(key, None)
+        self._kept[key] = self._clock() + TOUCH.total_seconds(), identity
+        if len(self._kept) > self._count:
+            del self._kept[next(iter(self._kept))]
+
+    def _key(self, authorization: str | None, cookies: Mapping[str, str]) -> str:
+        return _hash(" ".join(presented_in(authorization, cookies)))
 
 
 def issue(
@@ -163,7 +197,7 @@ def identity_of(credential: Credential) -> Identity:
     by_cookie = credential.kind == Kind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
     role = Role(credential.role)
-    return Identity(credential.member, credential.user, role, credential.course, by_cookie, scopes)
+    return Identity(credential.member, credential.user, role, credential.course, by_cookie, scopes, credential.id)
 
 
 def checked_name(what: str, name: str) -> str:

@@ -62,6 +62,9 @@ class Settings(BaseSettings):
         default=False, description="Accept a jail without user namespaces, on machines that allow none."
     )
     tries: int = Field(default=3, ge=1, description="Tries before a job becomes a grader_fault.")
+    prune_days: int = Field(
+        default=30, ge=1, description="Days after which idempotency keys and superseded events are deleted."
+    )
     rate_per_s: float = Field(default=60.0, gt=0, description="Sustained request rate per user [1/s].")
     rate_burst: int = Field(default=300, ge=1, description="Requests that one user may make in a burst.")
     address_rate_per_s: float = Field(

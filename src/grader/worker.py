@@ -5,6 +5,7 @@ import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import timedelta
 
 import structlog
 from prometheus_client import REGISTRY, start_http_server
@@ -21,14 +22,17 @@ from grader.logs import is_json, log_to_stderr
 from grader.monitoring import Monitor
 from grader.pipeline import OUR_FAULT, Retries
 from grader.queue import jobs
-from grader.queue.worker import Outcome, Worker
+from grader.queue.worker import Outcome, Task, Worker
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.database import Database
+from grader.store.pruning import prune
 from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
 Append = Callable[[Session, Submission, Verdict, str], None]
+
+DAILY, DAY_S = "daily", 86_400.0
 
 log = structlog.get_logger()
 
@@ -69,6 +73,38 @@ class Grading:
                 log.info("graded", submission=submission.id, status=verdict.status.value)
 
         return Outcome(store, again)
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """Deletes what is older than `age`, once a day: the job puts the next one."""
+
+    database: Database
+    age: timedelta
+
+    def start(self, _session: Session, subject: str) -> str:
+        """Nothing needs to be recorded."""
+        return subject
+
+    def run(self, _started: str) -> Outcome:
+        """Prunes, in transactions of its own."""
+        log.info("pruned", rows=prune(self.database, self.age))
+        return self.give_up(_started)
+
+    def give_up(self, _started: str) -> Outcome:
+        """Tries again tomorrow."""
+        return Outcome(lambda session: jobs.put(session, jobs.PRUNE, DAILY, DAILY, delay_s=DAY_S))
+
+    def put_back(self, _session: Session, _subject: str) -> None:
+        """Nothing needs to be recorded."""
+
+
+def schedule_pruning(database: Database) -> None:
+    """Puts the first job that prunes, unless one waits."""
+    with database.write() as session:
+        database.lock(session, jobs.PRUNE)
+        if not jobs.waiting(session, jobs.PRUNE):
+            jobs.put(session, jobs.PRUNE, DAILY, DAILY)
 
 
 def judge_with(archive: Archive, graders: Graders) -> JudgeBy:
@@ -121,9 +157,14 @@ def graders_of(settings: Settings) -> Graders:
 def worker_of(settings: Settings, database: Database, archive: Archive, graders: Graders) -> Worker:
     """The worker that the settings describe."""
     retries = Retries(settings.tries)
-    grading = Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive))
-    regrading = Regrading(database, archive, judge_with(archive, graders), retries)
-    return Worker(database, {jobs.GRADE: grading, jobs.REGRADE: regrading}, settings.workers, retries)
+    topics: dict[str, Task] = {
+        jobs.GRADE: Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive)),
+        jobs.REGRADE: Regrading(database, archive, judge_with(archive, graders), retries),
+        jobs.PRUNE: Pruning(database, timedelta(days=settings.prune_days)),
+    }
+    if settings.workers:
+        schedule_pruning(database)
+    return Worker(database, topics, settings.workers, retries)
 
 
 def run_worker(settings: Settings) -> None:

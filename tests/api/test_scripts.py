@@ -137,7 +137,7 @@ def test_a_submission_and_its_job_are_kept_together_or_not_at_all(idle: Site, mo
         raise RuntimeError
 
     ann = idle.client("ann")
-    monkeypatch.setattr("grader.api.intake.jobs.put", broken)
+    monkeypatch.setattr("grader.courses.handing_in.jobs.put", broken)
     assert hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}).status_code == 500
     assert ann.get(f"{API}/submissions").json()["items"] == []
     monkeypatch.undo()
@@ -192,7 +192,7 @@ def test_logs_hold_neither_sources_nor_tokens(
     def broken(*_: object, **_named: object) -> None:
         raise RuntimeError("broken")
 
-    monkeypatch.setattr("grader.api.intake.jobs.put", broken)
+    monkeypatch.setattr("grader.courses.handing_in.jobs.put", broken)
     ann = idle.client("ann")
     hand_in(ann, "source_that_nobody_may_log = 1\n")
     told = "".join(capsys.readouterr())

@@ -104,7 +104,7 @@ class Course:
             answer=parsed.text, content_digest=pipeline.library.digest("quiz"), attempt=1,
         )  # fmt: skip
         with self.database.write() as session:
-            submissions.add(session, submission, verdict)
+            submissions.add(session, [(submission, verdict)])
             if at is not None:
                 session.get_one(Submission, submission.id).created_at = at
                 session.flush()
@@ -118,7 +118,7 @@ class Course:
             answer=json.dumps(answer), content_digest="old", attempt=1,
         )  # fmt: skip
         with self.database.write() as session:
-            submissions.add(session, submission, None)
+            submissions.add(session, [(submission, None)])
         return submission.id
 
     def append(self, submission_id: str, verdict: Verdict, cause: str) -> None:

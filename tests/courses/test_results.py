@@ -16,12 +16,13 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from databases import BACKENDS, database_url
 from grader.courses import results as counting
 from grader.courses.policy import Attempt, counted
+from grader.courses.results import New
 from grader.courses.standing import standing_of
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
 from grader.identity import Identity, Role
 from grader.library import Library, load
-from grader.store import extensions, results, submissions
+from grader.store import answers, extensions, results, submissions
 from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.tables import Member, Result, ResultRevision, Submission, insert_row, new_id, now
@@ -74,8 +75,8 @@ def an_answer(key: LearnerAt, attempt: int = 1) -> Submission:
 def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdict | None) -> Submission:
     submission = an_answer(key)
     with database.write() as session:
-        submissions.add(session, submission, verdict)
-        counting.count_new(session, library, submission, verdict)
+        submissions.add(session, [(submission, verdict)])
+        counting.count_new(session, [New(library, submission, verdict)], answers.found(session, {key}))
     return submission
 
 

@@ -23,8 +23,8 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
 from grader.identity import Identity, Role
 from grader.library import Library, load
+from grader.store import answers, submissions
 from grader.store import reviews as stored
-from grader.store import submissions
 from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
@@ -170,8 +170,9 @@ class Reviewing(RuleBasedStateMachine):
                          answer='"Because."', content_digest="d", attempt=len(self.answers) + 1)  # fmt: skip
         verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=POINTS)
         with self.database.write() as session:
-            submissions.add(session, row, verdict)
-            results.count_new(session, self.desk.library, row, verdict)
+            submissions.add(session, [(row, verdict)])
+            new = results.New(self.desk.library, row, verdict)
+            results.count_new(session, [new], answers.found(session, {new.key}))
         self.answers.append(Answer(number, learner, quiz))
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())

@@ -61,7 +61,7 @@ def soak(rounds: int, backend: str) -> bool:
             statuses = [one["verdict"]["status"] for one in verdicts_of(client, ids).values()]
         database = Database(url)
         with database.read() as session:
-            counts = list(session.scalars(select(func.count()).group_by(VerdictRow.submission_id)))
+            counts = list(session.scalars(select(func.count(VerdictRow.id)).group_by(VerdictRow.submission_id)))
             left = jobs.waiting(session)
         database.close()
     print(f"{backend}: {len(ids)} acknowledged, {len(counts)} graded, {sum(counts)} verdicts, {left} jobs left")

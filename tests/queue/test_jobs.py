@@ -49,7 +49,7 @@ def hand_in(database: Database, user: str = "ann") -> str:
         attempt=1,
     )
     with database.write() as session:
-        submissions.add(session, submission, None)
+        submissions.add(session, [(submission, None)])
         jobs.put(session, "grade", submission.id, share=user)
     return submission.id
 

@@ -46,7 +46,7 @@ def hand_in(database: Database, age: timedelta, number: int, *, graded: bool = T
             content_digest="d",
             attempt=1,
         )
-        submissions.add(session, row, None)
+        submissions.add(session, [(row, None)])
         session.add(
             IdempotencyKey(
                 course="c",

@@ -52,7 +52,7 @@ def a_verdict(status: Status = Status.CORRECT, points: float = 1.0) -> Verdict:
 def keep(database: Database, verdict: Verdict | None, submission: Submission | None = None) -> Submission:
     submission = submission or an_answer()
     with database.write() as session:
-        submissions.add(session, submission, verdict)
+        submissions.add(session, [(submission, verdict)])
     return submission
 
 
@@ -82,7 +82,7 @@ def test_migrating_again_and_at_once_changes_nothing(database: Database) -> None
 
 def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
     with pytest.raises(ZeroDivisionError), database.write() as session:
-        submissions.add(session, an_answer(), None)
+        submissions.add(session, [(an_answer(), None)])
         raise ZeroDivisionError
     with database.read() as session:
         assert not submissions.page(session, SubmissionFilter("c"), None, 10)
@@ -157,7 +157,7 @@ def test_named_locks_make_writers_wait_for_each_other(database: Database) -> Non
             used = submissions.progress_at(session, "c", "ann", "quiz", "q1").used
             submission = an_answer()
             submission.attempt = used + 1
-            submissions.add(session, submission, None)
+            submissions.add(session, [(submission, None)])
             return submission.attempt
 
     with ThreadPoolExecutor(4) as pool:

@@ -2,10 +2,9 @@
 
 from typing import Any, assert_never
 
-from grader.answers.choices import read_choice
+from grader.answers.choices import option_text, read_choice
 from grader.answers.quantities import Quantity, read_quantity
 from grader.answers.slips import find_slip, is_right
-from grader.domain.markup import plain_text
 from grader.domain.quiz import (
     ChoiceQuestion,
     CodeQuestion,
@@ -28,7 +27,7 @@ def read_answer(question: Question, answer: Any) -> str:
     """
     match question:
         case ChoiceQuestion() | PredictQuestion():
-            return plain_text(question.options[read_choice(question, answer)])
+            return option_text(question.options[read_choice(question, answer)])
         case NumericQuestion():
             return str(read_quantity(answer, question.unit))
         case OpenQuestion():

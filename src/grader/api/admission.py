@@ -17,12 +17,13 @@ from grader.api.problems import problem, problem_of, problem_of_unexpected
 from grader.api.rate import RateLimit, address_of
 from grader.api.scopes import scope_of
 from grader.errors import CallerError, Forbidden, Unauthorized
-from grader.identity import FAILED, Identity, authenticate
+from grader.identity import FAILED, Identity, Recalled, authenticate
 from grader.store.database import Database, driver_error, is_away
 
 log = structlog.get_logger()
 
 PREFIX = "/api/v1"
+SUBMISSIONS = f"{PREFIX}/submissions"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DEFAULT_PORTS = {"http": 80, "https": 443}
 
@@ -53,6 +54,7 @@ class AdmissionMiddleware:
 
     def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules) -> None:
         self.app, self.database, self.rules = app, database, rules
+        self.recalled = Recalled()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves the request, or answers it with a problem; an unexpected error is logged, and answered with 500."""
@@ -107,17 +109,24 @@ class AdmissionMiddleware:
         forgeable = identity.by_cookie if identity is not None and is_api(scope) else by_browser
         if scope["method"] not in SAFE_METHODS and forgeable and not self._is_same_origin(scope, headers):
             raise Forbidden("A browser may send this from the service's own pages only.")
-        if identity is not None and is_api(scope):
+        if identity is not None and identity.scopes is not None and is_api(scope):
             identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
         scope.setdefault("state", {})["identity"] = identity
 
     async def _identify(self, scope: Scope, headers: Headers) -> Identity:
-        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized."""
+        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized.
+
+        An answer is asked for its credential again where it is stored, so a recalled identity will do.
+        """
         authorization = headers.get("authorization") if is_api(scope) else None
         cookies = HTTPConnection(scope).cookies
         if authorization is None and not cookies:
             raise Unauthorized(FAILED)
-        return await run_in_threadpool(authenticate, self.database, authorization, cookies)
+        if hands_in(scope) and (known := self.recalled.get(authorization, cookies)) is not None:
+            return known
+        identity = await run_in_threadpool(authenticate, self.database, authorization, cookies)
+        self.recalled.put(authorization, cookies, identity)
+        return identity
 
     def _is_same_origin(self, scope: Scope, headers: Headers) -> bool:
         """Whether the browser's own headers say so; a request without them counts as cross-origin."""
@@ -148,6 +157,17 @@ def is_api(scope: Scope) -> bool:
     """Whether the path lies under /api/v1."""
     path: str = scope["path"]
     return path == PREFIX or path.startswith(f"{PREFIX}/")
+
+
+def hands_in(scope: Scope) -> bool:
+    """Whether the request hands in an answer."""
+    return bool(scope["method"] == "POST" and scope["path"] == SUBMISSIONS)
+
+
+async def authenticate_again(scope: Scope, database: Database) -> None:
+    """Raises Unauthorized if the credential of an admitted API request has ended meanwhile: 401 comes before others."""
+    request = HTTPConnection(scope)
+    await run_in_threadpool(authenticate, database, request.headers.get("authorization"), request.cookies)
 
 
 def cost_of(scope: Scope, headers: Headers) -> int:

@@ -14,12 +14,17 @@ from grader.api.lab_runs import LabRuns
 from grader.api.readiness import Readiness
 from grader.content import Contents
 from grader.courses.desk import Desk
+from grader.courses.handing_in import Answer
 from grader.courses.pseudonyms import Blinding
 from grader.identity import Identity, Role
 from grader.store.database import Database
+from grader.store.writer import Writer
 
 STATISTICS_KEPT = 256
 """Statistics that are kept; those of a quiz are a few kilobytes."""
+
+GRADEBOOKS_KEPT = 8
+"""Gradebooks that are kept: half a megabyte for 5,000 learners and 8 questions."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,7 @@ class Context:
     content: Contents
     queue_per_user: int
     labs: LabRuns
+    writer: Writer[Answer]
     blinding: Blinding
     readiness: Readiness
     exposition: Callable[[], bytes]
@@ -37,6 +43,7 @@ class Context:
     metrics_token: SecretStr | None = None
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""
+    gradebooks: Bodies = field(default_factory=lambda: Bodies(GRADEBOOKS_KEPT))
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
 
     def desk_of(self, course: str) -> Desk:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from functools import lru_cache
 from typing import Any
 
 from fastapi import APIRouter
@@ -62,8 +63,14 @@ def row_of(row: Any) -> Row:
         Status(row.first_status),
         row.first_option,
         row.first_value,
-        tuple(json.loads(row.diagnoses)),
+        diagnoses_of(row.diagnoses),
     )
+
+
+@lru_cache(maxsize=4096)
+def diagnoses_of(text: str) -> tuple[str, ...]:
+    """The diagnoses that a result lists. Learners share them."""
+    return tuple(json.loads(text))
 
 
 def item(one: QuestionStatistics) -> dict[str, Any]:

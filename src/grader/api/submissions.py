@@ -6,20 +6,24 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Header, Request, Response
+from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel
+from pydantic_core import to_json
 from sqlalchemy.orm import Session
+from starlette.exceptions import HTTPException
+from starlette.routing import Route
 
-from grader.api.admission import PREFIX
-from grader.api.context import AppContext, Context, Learner
-from grader.api.intake import AnswerBody, accept
+from grader.api.admission import SUBMISSIONS, authenticate_again
+from grader.api.context import AppContext, Context, Learner, context_in, learner
+from grader.api.intake import AnswerBody, accept, is_json, key_of
 from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
 from grader.courses.blinding import Blinded, blinded
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
 from grader.domain.verdict import Status, Verdict
-from grader.errors import InvalidAnswer, NotFound
+from grader.errors import CallerError, InvalidAnswer, NotFound, Unprocessable
 from grader.identity import Identity, Role
 from grader.store import submissions
 from grader.store.submissions import SubmissionFilter
@@ -58,6 +62,29 @@ class Interpretation(BaseModel):
     message: str | None
 
 
+async def hand_in(request: Request) -> Response:
+    """Reads, stores and answers."""
+    context = context_in(request.app)
+    try:
+        who = await learner(request)
+        if not is_json(request):
+            raise Unprocessable("Send the answer as application/json.")
+        receipt = await accept(context, who, await request.body(), key_of(request))
+    except (CallerError, HTTPException, RequestValidationError):
+        await authenticate_again(request.scope, context.database)
+        raise
+    submission, verdict = receipt.submission, receipt.verdict
+    plain = None if verdict is None else verdict.model_dump(mode="json")
+    shown = {"seed": None, **view_for(receipt.standing, submission, plain)}
+    body = to_json(shown, inf_nan_mode="null")
+    headers = {"Location": f"{SUBMISSIONS}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
+    return Response(body, receipt.http_status, headers, "application/json")
+
+
+HAND_IN = Route(SUBMISSIONS, hand_in, methods=["POST"])
+"""Comes before FastAPI's routes: to find its own, which documents this one, takes FastAPI longer than to answer."""
+
+
 @router.post(
     "/submissions",
     status_code=201,
@@ -66,18 +93,10 @@ class Interpretation(BaseModel):
 )
 def create_submission(
     body: AnswerBody,
-    who: Learner,
-    context: AppContext,
-    response: Response,
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=255)] = None,
-) -> dict[str, Any]:
+) -> None:
     """Hands in an answer: 201 with the verdict if it is instant, else 202."""
-    receipt = accept(context, who, body, idempotency_key)
-    response.status_code = receipt.http_status
-    response.headers["Location"] = f"{PREFIX}/submissions/{receipt.submission.id}"
-    shown = view_for(receipt.standing, receipt.submission, receipt.verdict)
-    response.headers["ETag"] = etag_for(receipt.standing, receipt.submission, shown)
-    return shown
+    raise AssertionError("HAND_IN serves this; it comes first")
 
 
 @router.get("/submissions", response_model=Page, responses=documented(401, 403, 422, 429))

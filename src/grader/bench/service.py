@@ -25,6 +25,7 @@ from urllib.request import urlopen
 import numpy as np
 from matplotlib.figure import Figure
 
+from grader.bench.answers import backends, beside_bare
 from grader.bench.study import Measurement, Record, Records, Study
 from grader.domain.run import Job, RunStatus
 from grader.sandbox import cell, policy
@@ -183,6 +184,18 @@ class Load(Measurement):
 
 
 @dataclass(frozen=True)
+class Beside(Measurement):
+    """Choice answers beside a bare route with one durable insert, by so many students at once."""
+
+    backend: str
+    students: int
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Rates, their ratio, wall times [s] and the servers' CPU times for one answer [s]."""
+        return beside_bare(self.backend, self.students, *((1, 1.0) if quick else (5, 5.0)))
+
+
+@dataclass(frozen=True)
 class Judging(Measurement):
     """Our own simulating for one exercise, without the script's run."""
 
@@ -248,7 +261,8 @@ def overhead_s(jail: Jail) -> float:
 def plan(_quick: bool) -> Sequence[Measurement]:
     """Typed numbers and scripts, by one student and by four at once, and what the jail and judging cost alone."""
     loads = [Load(load, students) for students in (1, STUDENTS) for load in ("answers", "scripts")]
-    return [Overhead(), *loads, *map(Judging, JUDGED)]
+    beside = [Beside(backend, students) for backend in backends() for students in (10, 50)]
+    return [Overhead(), *beside, *loads, *map(Judging, JUDGED)]
 
 
 def summarise(records: Records) -> Record:
@@ -275,6 +289,8 @@ def label_of(key: Measurement, row: Record) -> str:
     """What a bar shows."""
     if isinstance(key, Load):
         return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
+    if isinstance(key, Beside):
+        return f"choices on {key.backend}, {key.students} at once: {row['ratio']:.2f} of a bare route"
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 

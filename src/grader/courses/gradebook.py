@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import lru_cache
 
 from grader.domain.verdict import POINT_DIGITS
 
@@ -118,6 +119,7 @@ def guarded(text: str) -> str:
     return f"'{text}" if FORMULA.match(text) else text
 
 
+@lru_cache(maxsize=4096)
 def number(value: float) -> str:
     """Points to 9 digits without an exponent, which Canvas does not read, and without trailing zeros."""
     text = f"{value:.{POINT_DIGITS}f}".rstrip("0").rstrip(".")

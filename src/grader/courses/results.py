@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -10,13 +11,13 @@ from grader.courses.audit import COMMAND_LINE, Action, record
 from grader.courses.policy import NO_EXTENSION, Attempt, counted, due_of
 from grader.domain.policy import Extension, Policy
 from grader.domain.verdict import Status, Verdict
-from grader.errors import NotFound
 from grader.identity import Identity
 from grader.library import Library
-from grader.store import extensions, results, submissions
+from grader.store import answers, extensions, results, submissions
+from grader.store.answers import Found, Source
 from grader.store.database import Database
-from grader.store.results import LearnerAt
-from grader.store.tables import Member, Result, Submission
+from grader.store.results import COUNTED, LearnerAt
+from grader.store.tables import Member, Result, Submission, plain
 
 
 def append_verdict(
@@ -36,32 +37,65 @@ def append_verdict(
     recount(session, library, LearnerAt.of(submission))
 
 
-def count_new(session: Session, library: Library, submission: Submission, verdict: Verdict | None) -> None:
-    """Counts a new submission, with its verdict or waiting for one. The caller holds the learner's lock.
+@dataclass(frozen=True)
+class New:
+    """A new submission, with its verdict or waiting for one, and the learner's extension."""
 
-    Unless the policy takes the average, what counted before and a new attempt with a verdict decide together what
-    counts now: the time does not grow with the number of attempts.
+    library: Library
+    submission: Submission
+    verdict: Verdict | None
+    extension: Extension = NO_EXTENSION
+
+    @property
+    def key(self) -> LearnerAt:
+        """The result that it counts for."""
+        return LearnerAt.of(self.submission)
+
+
+def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Found]) -> None:
+    """Counts new submissions in the order of handing in; `found` is what was stored before, and is brought up to date.
+
+    The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
+    decide together what counts now: the time does not grow with the number of attempts.
     """
-    key = LearnerAt.of(submission)
+    changed: dict[LearnerAt, Result] = {}
+    first, averages, told = set[LearnerAt](), dict[LearnerAt, Library](), list[dict[str, Any]]()
+    for one in new:
+        here = found[one.key]
+        if here.result is not None and policy_of(one.library, one.key.quiz).counts == "average":
+            averages[one.key] = one.library
+        elif (values := with_new(one, here)) is not None:
+            columns, rows = results.change(here.result, one.key, values)
+            if here.result is None:
+                first.add(one.key)
+                here.result = plain(Result, columns)
+            elif columns:
+                vars(here.result).update(columns)
+            changed[one.key] = here.result
+            told += rows
+            if values["submission_id"] == one.submission.id:
+                here.source = source_of(one.submission, one.verdict)
+    old = [result for key, result in changed.items() if key not in first]
+    answers.put_results(session, [changed[key] for key in first], old, told)
+    for key, library in averages.items():
+        recount(session, library, key)
+
+
+def with_new(new: New, found: Found) -> dict[str, Any] | None:
+    """The columns of a result after one more submission; None if it changes nothing."""
+    before, submission, verdict = found.result, new.submission, new.verdict
     if verdict is None:
-        recount(session, library, key)
-        return
+        return None if before is None else {name: getattr(before, name) for name in COUNTED} | {"is_final": False}
     if not verdict.status.uses_attempt:
-        return
-    policy, extension = rules_at(session, library, key)
-    before = results.find(session, key)
-    if before is not None and policy.counts == "average":
-        recount(session, library, key)
-        return
-    attempts = [Attempt(submission.id, submission.attempt, submission.created_at, verdict.status, verdict.points)]
-    source = results.attempt(session, before.submission_id) if before is not None else None
-    if source is not None:
-        attempts.insert(0, attempt_of(source))
-    values = counting(attempts, policy, extension, {submission.id: verdict.max_points}, before)
+        return None
+    sources = [found.source, source_of(submission, verdict)]
+    attempts = [attempt_of(source) for source in sources if source is not None]
+    policy = policy_of(new.library, submission.quiz)
+    values = counting(attempts, policy, new.extension, {submission.id: verdict.max_points}, before)
     if before is None:
         values |= first_answer(verdict.status, verdict.evidence)
     told = [] if before is None else json.loads(before.diagnoses)
-    results.put(session, before, key, values | {"diagnoses": listed([*told, verdict.diagnosis])})
+    return values | {"diagnoses": listed([*told, verdict.diagnosis])}
 
 
 def recount(session: Session, library: Library, key: LearnerAt) -> None:
@@ -127,15 +161,23 @@ def grant(
 
 
 def rules_at(session: Session, library: Library, key: LearnerAt) -> tuple[Policy, Extension]:
-    """The policy of a quiz, and the learner's extension of it; the default policy where the quiz is gone."""
-    try:
-        policy = library.quiz(key.quiz).policy
-    except NotFound:
-        return Policy(), NO_EXTENSION
+    """The policy of a quiz, and the learner's extension of it."""
+    policy = policy_of(library, key.quiz)
     if policy.due is None:  # an extension moves dates, and attempts do not matter here
         return policy, NO_EXTENSION
     found = extensions.of_learner(session, key.course, key.learner, [key.quiz])
     return policy, found.get(key.quiz, NO_EXTENSION)
+
+
+def policy_of(library: Library, quiz: str) -> Policy:
+    """The policy of a quiz; the default policy where the quiz is gone."""
+    return library.quizzes[quiz].policy if quiz in library.quizzes else Policy()
+
+
+def source_of(submission: Submission, verdict: Verdict | None) -> Source:
+    """A new submission as an attempt."""
+    points = None if verdict is None else verdict.points
+    return Source(submission.id, submission.attempt, submission.created_at, submission.outcome, points)
 
 
 def attempt_of(row: Any) -> Attempt:

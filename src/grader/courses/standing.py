@@ -19,7 +19,7 @@ from grader.courses.policy import (
     redact,
     spoken,
 )
-from grader.domain.policy import Extension, Policy, Progress
+from grader.domain.policy import Extension, Progress
 from grader.domain.quiz import QuestionPart, Quiz
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
@@ -99,17 +99,17 @@ def standing_of(session: Session, library: Library, who: Identity, at: tuple[str
     else:
         progress = {at: submissions.progress_at(session, who.course, who.id, *at)}
         policies = {at[0]: library.quizzes[at[0]].policy} if at[0] in library.quizzes else {}
-    extensible = [quiz for quiz, policy in policies.items() if may_be_extended(policy, library, quiz, at)]
+    extensible = [quiz for quiz in policies if may_be_extended(library, quiz, None if at is None else at[1])]
     unpublished = [quiz for quiz, policy in policies.items() if policy.feedback == "after_publish"]
     extended = extensions.of_learner(session, who.course, who.id, extensible) if extensible else {}
     published = extensions.published(session, who.course, unpublished) if unpublished else {}
     return Standing(library, who.role, now(), progress, extended, published)
 
 
-def may_be_extended(policy: Policy, library: Library, quiz: str, at: tuple[str, str] | None) -> bool:
-    """Whether an extension could change anything: where there are dates, or limits of attempts."""
-    questions = library.quizzes[quiz].questions
-    limits = [one.attempts for one in questions if at is None or one.id == at[1]]
+def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
+    """Whether an extension could change anything at a question or any: where there are dates, or limited attempts."""
+    policy, questions = library.quizzes[quiz].policy, library.quizzes[quiz].questions
+    limits = [one.attempts for one in questions if question in (None, one.id)]
     return policy.due is not None or policy.attempts is not None or any(one is not None for one in limits)
 
 

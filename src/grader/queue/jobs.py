@@ -154,9 +154,9 @@ def release(session: Session, leases: list[str]) -> None:
         announce(session, NEWS)
 
 
-def waiting(session: Session) -> int:
-    """The number of jobs that are not done; those in progress count."""
-    return session.scalar(select(func.count()).select_from(JobRow)) or 0
+def waiting(session: Session, topic: str = GRADE) -> int:
+    """The number of jobs of a topic that are not done; those in progress count."""
+    return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Makes the table of answer keys on the instructor page: derives each again by simulation."""
 
 import json
-from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from grader.certify import Certificate, certify_question
@@ -9,14 +10,32 @@ from grader.domain.quiz import CodeQuestion, OpenQuestion
 from grader.library import Library
 
 
-def certificate_rows(library: Library) -> Iterator[dict[str, Any]]:
-    """A row for every question with an answer key. The whole lesson takes a few seconds at most."""
-    for quiz in library.quizzes.values():
-        for question in quiz.questions:
-            if isinstance(question, OpenQuestion | CodeQuestion):
-                continue
-            certificate = certify_question(question, library.model_xml)
-            yield {"quiz": quiz.id, "question": question.id, "kind": question.kind, **words(certificate)}
+@dataclass(frozen=True)
+class _Keyed:
+    """A quiz of a library; equal to another where its content is."""
+
+    digest: str
+    quiz: str
+    library: Library = field(compare=False)
+
+
+def certificate_rows(library: Library) -> list[dict[str, Any]]:
+    """A row for every question with an answer key. Those of a quiz are derived again when its content changes."""
+    return [row for quiz in library.quizzes for row in _rows_of(_Keyed(library.digest(quiz), quiz, library))]
+
+
+@lru_cache(maxsize=64)
+def _rows_of(keyed: _Keyed) -> tuple[dict[str, Any], ...]:
+    return tuple(
+        {
+            "quiz": keyed.quiz,
+            "question": question.id,
+            "kind": question.kind,
+            **words(certify_question(question, keyed.library.model_xml)),
+        }
+        for question in keyed.library.quiz(keyed.quiz).questions
+        if not isinstance(question, OpenQuestion | CodeQuestion)
+    )
 
 
 def words(certificate: Certificate | None) -> dict[str, Any]:

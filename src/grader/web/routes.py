@@ -73,7 +73,7 @@ def certificates(request: Request, pages: Pages, who: Visitor) -> Response:
     if who is None:
         raise Unauthorized(SIGN_IN)
     who.require(Role.INSTRUCTOR)
-    return page(request, "certificates.html", rows=list(certificate_rows(pages.library_for(who))))
+    return page(request, "certificates.html", rows=certificate_rows(pages.library_for(who)))
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")

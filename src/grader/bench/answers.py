@@ -1,0 +1,246 @@
+"""Instant answers beside a bare FastAPI route that makes one durable insert: both servers in turn, in one run.
+
+A busy machine flatters the ratio, since the bare route starves first. Both servers keep their default HTTP parser.
+"""
+
+import argparse
+import json
+import os
+import queue
+import secrets
+import socket
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import psycopg
+import uvicorn
+from fastapi import FastAPI
+from sqlalchemy.engine import make_url
+
+from grader.bench.study import Record
+from grader.courses.tokens import create_token
+from grader.store.database import Database
+
+POSTGRES = os.environ.get("GRADER_TEST_POSTGRES", "postgresql://postgres@127.0.0.1:5432/test")
+START_S = 120.0
+PATH = "/api/v1/submissions"
+ANSWER = {"quiz": "1.3-check", "question": "q1", "answer": 1}
+TABLE = "CREATE TABLE IF NOT EXISTS answers (id text PRIMARY KEY, body text NOT NULL)"
+UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000", "GRADER_WORKERS": "0"}
+
+
+def bare_app(url: str) -> FastAPI:
+    """One route that checks a body and commits one row before it answers."""
+    app, insert = FastAPI(), inserter(url)
+
+    @app.post(PATH, status_code=201)
+    def keep(body: dict[str, Any]) -> dict[str, Any]:
+        answer_id = secrets.token_hex(16)
+        insert(answer_id, json.dumps(body))
+        return {"id": answer_id, **body}
+
+    return app
+
+
+def inserter(url: str) -> Callable[[str, str], None]:
+    """Inserts and commits one row: with synchronous=FULL on SQLite, as PostgreSQL does by default."""
+    if url.startswith("sqlite:"):
+        turn = threading.Lock()
+        database = sqlite3.connect(url.removeprefix("sqlite:///"), check_same_thread=False)
+        database.executescript(f"PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; {TABLE}")
+
+        def insert_lite(answer_id: str, body: str) -> None:
+            with turn, database:
+                database.execute("INSERT INTO answers VALUES (?, ?)", (answer_id, body))
+
+        return insert_lite
+    free: queue.LifoQueue[psycopg.Connection[Any]] = queue.LifoQueue()
+    for _ in range(40):  # as many as threads that serve requests
+        free.put(psycopg.connect(url, autocommit=True))
+    with psycopg.connect(url, autocommit=True) as first:
+        first.execute(TABLE)
+
+    def insert(answer_id: str, body: str) -> None:
+        connection = free.get()
+        try:
+            connection.execute("INSERT INTO answers VALUES (%s, %s)", (answer_id, body))
+        finally:
+            free.put(connection)
+
+    return insert
+
+
+@contextmanager
+def database_of(backend: str) -> Iterator[str]:
+    """The URL of an empty database. Raises psycopg.OperationalError where no PostgreSQL answers at POSTGRES."""
+    if backend == "sqlite":
+        with TemporaryDirectory() as folder:
+            yield f"sqlite:///{folder}/bench.db"
+        return
+    name = f"grader_bench_{secrets.token_hex(4)}"
+    with psycopg.connect(POSTGRES, autocommit=True) as connection:
+        connection.execute(f"CREATE SCHEMA {name}")
+        try:
+            url = make_url(POSTGRES).update_query_dict({"options": f"-csearch_path={name}"})
+            yield url.render_as_string(hide_password=False)
+        finally:
+            connection.execute(f"DROP SCHEMA {name} CASCADE")
+
+
+@contextmanager
+def process(arguments: list[str], port: int, **environment: str) -> Iterator[int]:
+    """The id of a server on this port once it accepts connections. Raises RuntimeError if it does not start."""
+    server = subprocess.Popen(  # noqa: S603  our own command
+        [sys.executable, *arguments], env=os.environ | environment, stdout=subprocess.DEVNULL
+    )
+    try:
+        end = time.monotonic() + START_S
+        while True:
+            if server.poll() is not None or time.monotonic() > end:
+                raise RuntimeError(f"{arguments[0]} did not start")
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1).close()
+                break
+            except OSError:
+                time.sleep(0.1)
+        yield server.pid
+    finally:
+        server.terminate()
+        server.wait(timeout=30)
+
+
+def cpu_s(pid: int) -> float:
+    """The CPU time of a process so far, all its threads together [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def free_port() -> int:
+    """A port that nobody listens at."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+class Client:
+    """A kept connection that sends one request again and again; it costs the machine as little as possible."""
+
+    def __init__(self, port: int, token: str) -> None:
+        body = json.dumps(ANSWER).encode()
+        head = f"POST {PATH} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nAuthorization: Bearer {token}\r\n"
+        self.request = f"{head}Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+
+    def answer(self) -> float:
+        """Sends the answer; the time until the whole response is there [s]. Raises RuntimeError unless it is 201."""
+        begin = time.perf_counter()
+        self.socket.sendall(self.request)
+        got = self.socket.recv(65536)
+        while (end := got.find(b"\r\n\r\n")) < 0:
+            got += self.socket.recv(65536)
+        head = got[:end].lower()
+        length = int(head.split(b"content-length:")[1].split(b"\r\n")[0])
+        while len(got) < end + 4 + length:
+            got += self.socket.recv(65536)
+        if not got.startswith(b"HTTP/1.1 201"):
+            raise RuntimeError(f"the server answered {got[:500]!r}")
+        return time.perf_counter() - begin
+
+
+def burst(clients: list[Client], seconds: float) -> list[float]:
+    """Every client sends one answer after the other for so long; the times of all [s]."""
+    until = time.perf_counter() + seconds
+
+    def one(client: Client) -> list[float]:
+        times = []
+        while time.perf_counter() < until:
+            times.append(client.answer())
+        return times
+
+    with ThreadPoolExecutor(len(clients)) as pool:
+        return [time_s for times in pool.map(one, clients) for time_s in times]
+
+
+def beside_bare(backend: str, students: int, rounds: int, seconds: float) -> Record:
+    """Answers a second of the bare route and of the service, in turn; the ratio is the median of the pairs.
+
+    `cpu_s` and `bare_cpu_s` are the CPU times of the servers for one answer: they tell more on a busy machine.
+    """
+    with ExitStack() as stack:
+        urls = [stack.enter_context(database_of(backend)) for _ in range(2)]
+        ports = [free_port(), free_port()]
+        tokens = tokens_on(urls[1], students)
+        pids = [stack.enter_context(process(["-m", "grader.bench.answers", urls[0], str(ports[0])], ports[0]))]
+        serve = [
+            "-c",
+            "from grader.cli import main; main()",
+            "serve",
+            "--port",
+            str(ports[1]),
+            "--data",
+            stack.enter_context(TemporaryDirectory()),
+        ]
+        pids.append(stack.enter_context(process(serve, ports[1], **UNLIMITED, GRADER_DATABASE_URL=urls[1])))
+        bare, ours = ([Client(port, token) for token in tokens] for port in ports)
+        burst(bare, 0.5)
+        burst(ours, 0.5)
+        before = [cpu_s(pid) for pid in pids]
+        pairs = [(burst(bare, seconds), burst(ours, seconds)) for _ in range(rounds)]
+        counts = [sum(len(pair[place]) for pair in pairs) for place in (0, 1)]
+        costs = [(cpu_s(pid) - since) / count for pid, since, count in zip(pids, before, counts, strict=True)]
+        middle, late, last = np.percentile([time_s for _, times in pairs for time_s in times], [50, 95, 99])
+    return {
+        "submissions": counts[1],
+        "per_second": median(len(other) for _, other in pairs) / seconds,
+        "median_s": float(middle),
+        "p95_s": float(late),
+        "p99_s": float(last),
+        "bare_per_second": median(len(one) for one, _ in pairs) / seconds,
+        "ratio": median(len(other) / len(one) for one, other in pairs),
+        "cpu_s": costs[1],
+        "bare_cpu_s": costs[0],
+        "load_average": os.getloadavg()[0],
+    }
+
+
+def backends() -> list[str]:
+    """SQLite, and PostgreSQL where one answers at POSTGRES."""
+    try:
+        psycopg.connect(POSTGRES, connect_timeout=3).close()
+    except psycopg.OperationalError:
+        return ["sqlite"]
+    return ["sqlite", "postgresql"]
+
+
+def tokens_on(url: str, students: int) -> list[str]:
+    """A token for each student."""
+    database = Database(url)
+    database.migrate()
+    with database.write() as session:
+        tokens = [create_token(session, f"student{number}", "student", None) for number in range(students)]
+    database.close()
+    return tokens
+
+
+def serve_bare(arguments: list[str]) -> None:
+    """Serves the bare route: URL PORT."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("url")
+    parser.add_argument("port", type=int)
+    given = parser.parse_args(arguments)
+    uvicorn.run(bare_app(given.url), port=given.port, log_level="warning", access_log=False)
+
+
+if __name__ == "__main__":
+    serve_bare(sys.argv[1:])
