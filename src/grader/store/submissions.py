@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
+from grader.metrics import VERDICTS
 from grader.store.signals import announce
 from grader.store.tables import Event, Submission, VerdictRow, insert_rows, now, values_of
 
