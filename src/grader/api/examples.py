@@ -50,6 +50,31 @@ QUEUED = GRADED | {
 }  # fmt: skip
 WAITING = LISTED | {"question": "q6", "status": "needs_review", "verdict": VERDICT | {"status": "needs_review"}}
 CLAIM = {"by": "tina", "expires_at": "2026-10-05T09:45:00Z"}
+COMMENT = {
+    "id": "5f0c8e1d5a424a2c9d1f8f3f0a2b4c6d", "quiz": "1.3-check", "question": "q6", "text": "Name the damping.",
+    "saved_by": "tina", "saved_at": AT,
+}  # fmt: skip
+FOR_REVIEW = WAITING | {
+    "user": "learner-mfzgcy3d", "answer": "because", "seed": None, "claim": CLAIM, "reference": None,
+    "rubric": [{"id": "damping", "title": "Names the damping", "points": 1.0, "group": None}], "comments": [COMMENT],
+}  # fmt: skip
+DISAGREEMENT = WAITING | {
+    "seed": None, "first": {"by": "tina", "points": 1.0},
+    "second": {"by": "otto", "points": 0.0, "comment": "No reason given.", "rubric": []},
+}  # fmt: skip
+
+REGRADE = {
+    "id": "0c5b6d0f8d3c4be79a7b7b7a0f6d9f3e", "quiz": "1.3-check", "question": "q2", "scope": "best", "dry_run": True,
+    "status": "done", "reason": None, "content_digest": DIGEST, "created_by": "tina", "created_at": AT,
+    "finished_at": AT, "progress": {"total": 55, "done": 55, "outcomes": {"changed": 12, "same": 43}},
+}  # fmt: skip
+DIFFERENCE = {
+    "place": 1, "learner": LEARNER, "user": "ada", "question": "q2", "before": 0.0, "after": 1.0, "difference": 1.0,
+    "submissions": [{
+        "submission_id": SUBMISSION, "outcome": "changed", "old": {"status": "incorrect", "points": 0.0},
+        "new": {"status": "correct", "points": 1.0},
+    }],
+}  # fmt: skip
 
 QUESTION = {
     "id": "q2", "kind": "numeric", "label": None, "title": None, "q": "How long is the step?", "points": 1.0,
@@ -132,8 +157,22 @@ EXAMPLES: dict[str, dict[int, Any]] = {
     "POST /answers:validate": {200: {"valid": True, "read_as": "5000 ms", "message": None}},
     "POST /labs:run": {200: LAB_RUN},
     "GET /reviews": {200: page(WAITING | {"seed": None, "claim": CLAIM})},
-    "POST /reviews:claim": {200: WAITING | {"answer": "because", "seed": None, "claim": CLAIM, "reference": None}},
+    "GET /reviews/disagreements": {200: page(DISAGREEMENT)},
+    "POST /reviews:claim": {200: FOR_REVIEW},
+    "POST /reviews:heartbeat": {200: CLAIM},
+    "POST /reviews:recompute": {200: {"changed": 3}},
+    "GET /reviews/comments": {200: page(COMMENT)},
+    "POST /reviews/comments": {201: COMMENT},
+    "PUT /reviews/comments/{comment_id}": {200: COMMENT},
+    "GET /submissions/{submission_id}/review": {200: FOR_REVIEW},
     "PUT /submissions/{submission_id}/review": {200: GRADED | {"revision": 2}},
+    "PUT /submissions/{submission_id}/review/second": {
+        200: {"submission_id": SUBMISSION, "points": 0.0, "comment": "No reason given.", "agrees": False}
+    },
+    "POST /regrades": {202: REGRADE | {"status": "queued", "finished_at": None}},
+    "GET /regrades": {200: page(REGRADE)},
+    "GET /regrades/{regrade_id}": {200: REGRADE | page(DIFFERENCE)},
+    "POST /regrades/{regrade_id}:cancel": {200: REGRADE | {"status": "cancelled"}},
     "GET /members": {200: page(MEMBER)},
     "PATCH /members/{member_id}": {200: MEMBER},
     "GET /invitations": {200: page(CREDENTIAL)},

@@ -65,6 +65,7 @@ class Interpretation(BaseModel):
 async def hand_in(request: Request) -> Response:
     """Reads, stores and answers."""
     context = context_in(request.app)
+    request.scope["route"] = HAND_IN  # as FastAPI's routes do: the log and the metrics name it
     try:
         who = await learner(request)
         if not is_json(request):
