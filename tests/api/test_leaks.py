@@ -113,23 +113,24 @@ def judge(site: Site, submission_id: str, verdict: Verdict, cause: str) -> None:
         )
 
 
+def reads(route: Any) -> bool:
+    return "GET" in (getattr(route, "methods", None) or ())
+
+
 def get_paths(site: Site, quiz: str, made: list[str]) -> list[str]:
     """Every GET route of the app, of the API and of the pages, with each parameter that the learner may know."""
-    paths = set()
-    for route in site.app.routes:
-        for inner in walk(route):
-            if "GET" not in (getattr(inner, "methods", None) or ()):
-                continue
-            templates = {inner.path}
-            for name, values in {
-                "quiz_id": [quiz],
-                "question_id": QUESTIONS,
-                "submission_id": made,
-                "regrade_id": ["f" * 32],
-                "path": ["page.js"],
-            }.items():
-                templates = {re.sub(rf"\{{{name}(:path)?\}}", value, one) for one in templates for value in values}
-            paths |= templates
+    documented = site.app.openapi()["paths"]
+    pages = {inner.path for route in site.app.routes for inner in walk(route) if reads(inner)}
+    paths = {path for path in documented if "get" in documented[path]}
+    paths |= {path for path in pages if API + path not in paths}
+    for name, values in {
+        "quiz_id": [quiz],
+        "question_id": QUESTIONS,
+        "submission_id": made,
+        "regrade_id": ["f" * 32],
+        "path": ["page.js"],
+    }.items():
+        paths = {re.sub(rf"\{{{name}(:path)?\}}", value, one) for one in paths for value in values}
     lists = {f"{API}/submissions?quiz={quiz}", f"{API}/submissions?quiz={quiz}&question=choice", f"/?quiz={quiz}",
              f"{API}/gradebook.csv?quiz={quiz}"}  # fmt: skip
     assert not [path for path in paths if "{" in path], paths
