@@ -66,12 +66,13 @@ def settings_on(database_url: str | None, folder: Path, workers: int = 1, tries:
 
 
 def wait_until_ready(process: "subprocess.Popen[bytes]", settings: Settings) -> None:
-    deadline = time.monotonic() + START_S
+    """A server without workers of its own is ready only beside others: until it answers then."""
+    deadline, path = time.monotonic() + START_S, "/readyz" if settings.workers else "/healthz"
     while True:
         assert process.poll() is None, "the server ended"
         assert time.monotonic() < deadline, "the server does not become ready"
         try:
-            if httpx.get(f"{settings.origin}/readyz", timeout=5).status_code == 200:
+            if httpx.get(f"{settings.origin}{path}", timeout=5).status_code == 200:
                 return
         except httpx.TransportError:
             pass

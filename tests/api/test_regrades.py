@@ -67,8 +67,8 @@ def test_a_wrong_key_is_corrected_over_http(site: Site, content: Path) -> None:
     assert after.json()["verdict"]["status"] == "correct"
     assert after.headers["etag"] != before.headers["etag"]
     feed = site.client("lms", "service").get(f"{API}/results").json()["items"]
-    assert [(row["user"], row["points"], row["revision"]) for row in feed] == [
-        ("ann", 0, 1), ("bob", 1, 1), ("ann", 1, 2), ("bob", 0, 2),
+    assert sorted((row["user"], row["revision"], row["points"]) for row in feed) == [
+        ("ann", 1, 0), ("ann", 2, 1), ("bob", 1, 1), ("bob", 2, 0),
     ]  # fmt: skip
     listed = teacher.get(f"{API}/regrades").json()["items"]
     assert [one["dry_run"] for one in listed] == [False, True]
