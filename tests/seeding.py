@@ -60,7 +60,9 @@ def statements(course: Course) -> list[tuple[int, str]]:
     status = "CASE WHEN i % 50 = 0 THEN 'needs_review' ELSE 'graded' END"
     submission = f"{made}, {place}, {name}, '1', 'd', {status}, 1 + i / {learners * questions}, true, 'correct', 1, 1"
     values = {
-        "members (id, course, name, account, role, created_at)": f"{someone}, :course, {name}, 'name:' || {name}, 'student'",
+        "members (id, course, name, account, role, created_at)": (
+            f"{someone}, :course, {name}, 'name:' || {name}, 'student'"
+        ),
         'submissions (id, course, learner, quiz, question, "user", answer, content_digest, status, attempt, '
         "uses_attempt, outcome, revision, version, created_at)": submission,
         "verdicts (submission_id, revision, cause, status, points, max_points, course, content_digest, body, "

@@ -111,7 +111,7 @@ def problem_of(error: GraderError) -> Response:
 
 
 def problem_of_unexpected(error: Exception) -> Response:
-    """The problem document of an error that nobody raises on purpose: 503 if the database is away, else 500."""
+    """The problem document of an unexpected error: 503 if the database is away, else 500."""
     if is_away(error):
         return problem(503, "The service cannot reach or write its data now. Try again.", {"Retry-After": str(RETRY_S)})
     return problem(500, "Something went wrong on our side.")

@@ -1,4 +1,4 @@
-"""What is told of every request: its id, one line in the log, and its place in the metrics."""
+"""Gives every request an id, one line in the log and its place in the metrics."""
 
 import re
 import secrets

@@ -109,7 +109,7 @@ class ReviewView(SubmissionView):
 
 
 class SecondMark(BaseModel):
-    """A second mark, and whether it agrees with the first. The first one's points are shown to nobody by this."""
+    """A second mark, and whether it agrees with the first. It does not show the first one's points."""
 
     submission_id: str
     points: float

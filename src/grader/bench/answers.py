@@ -127,7 +127,7 @@ def cpu_s(pid: int) -> float:
 
 
 def free_port() -> int:
-    """A port that nobody listens at."""
+    """A free port on 127.0.0.1."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
