@@ -115,7 +115,7 @@ def test_an_open_answer_waits_for_an_instructor_also_after_a_reload(visit: Visit
 
 def test_a_script_is_uploaded_and_its_verdict_awaited(visit: Visit) -> None:
     card = visit.card("1.3-exercises", "servo-threshold")
-    card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__half_a_second.py")
+    card.get_by_label("Your script, as a file").set_input_files(REFERENCES / "partial__constants.py")
     card.get_by_role("button", name="Hand in").click()
     expect(visit.status("1.3-exercises", "servo-threshold")).to_have_text("Partly correct")
     expect(card.locator(".diagnosis")).to_be_visible()
