@@ -193,7 +193,7 @@ def view(
 ) -> dict[str, Any]:
     """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says.
 
-    A `pseudonym` stands for the learner's name and id.
+    A `pseudonym` replaces the learner's name and id.
     """
     shown = {
         "id": submission.id,

@@ -16,7 +16,7 @@ from grader.store.tables import Review, Submission
 
 @dataclass(frozen=True)
 class Blinded:
-    """Verdicts by submission, without what this reviewer may not see, and the pseudonyms that stand for names."""
+    """Verdicts by submission, without what this reviewer may not see, and pseudonyms in place of names."""
 
     verdicts: Mapping[str, Any]
     names: Mapping[str, str]

@@ -1,4 +1,4 @@
-"""Erases a learner: the points stay for statistics, and nobody can tell whose they were."""
+"""Erases a learner: the points stay for statistics, without the name."""
 
 from sqlalchemy.orm import Session
 

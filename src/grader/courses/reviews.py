@@ -22,7 +22,7 @@ CLAIM = timedelta(minutes=15)
 """How long a claim holds after it was made or prolonged."""
 
 FOLLOWING = "a change of the rubric"
-"""Who recomputes points in the audit log, where nobody asked for it."""
+"""The audit log's author of points that were recomputed without a request."""
 
 
 def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
