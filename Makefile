@@ -4,8 +4,11 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 DATA ?= .data
 UV ?= uv
+FOREIGN ?= $(DATA)/openedx
 
 BIN := .venv/bin
+# Two processes share the tests file by file: the tests of a file share its server.
+TOGETHER := -n 2 --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 PAGES := README.md docs/measured.md
 
@@ -14,8 +17,12 @@ STATE := $(shell cat requirements.lock requirements-dev.lock pyproject.toml | ck
 SERVING := .venv/serving-$(STATE)
 DEVELOPING := .venv/developing-$(STATE)
 
+# Python keeps what it has compiled: pytest would otherwise rewrite every test file again in each of its processes.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
-.PHONY: help install serve test test-fast check lint lock bench-check measured measured-tables clean jail-package
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts lint lock bench-check measured measured-tables \
+	clean jail-package
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -26,15 +33,27 @@ serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HO
 	@exec $(BIN)/grader serve --host $(HOST) --port $(PORT) --data $(DATA)
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser
-	@.ci/system-packages chromium:chromium node:nodejs nginx:nginx openssl:openssl \
+	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy systemd-analyze:systemd pg_dump:postgresql-client
-	$(BIN)/python -m pytest
+	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build the labs are not compared with it.'
+	$(BIN)/python -m pytest $(TOGETHER)
+
+wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
+
+build/wasm/node_modules: tests/labs/wasm/package-lock.json
+	@mkdir -p build/wasm
+	@cp tests/labs/wasm/package.json tests/labs/wasm/package-lock.json build/wasm/
+	@cd build/wasm && npm ci --silent --ignore-scripts --no-audit --no-fund
+	@touch $@
 
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: under a minute
-	$(BIN)/python -m pytest -q -n 2 -m fast
+	$(BIN)/python -m pytest -q $(TOGETHER) -m fast
 
 check: install ## every answer key re-derived, every reference solution graded
 	$(BIN)/grader check
+
+verdicts: install ## every reference solution under sixty draws of the hidden cases (half an hour)
+	$(BIN)/grader check --draws 60
 
 lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/ruff check .
@@ -44,7 +63,7 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 
 lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
-	$(LOCK) --group build --group dev --extra bench --extra oidc --constraint requirements.lock -o requirements-dev.lock
+	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
 
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.bench.floors
@@ -55,6 +74,11 @@ measured: install ## measure all over again (half an hour), and rewrite the figu
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
 	$(BIN)/python -m grader.bench.measured docs $(PAGES) --tables-only
+
+lti-foreign: $(DEVELOPING) ## launches and scores against Open edX's platform code, in an environment of its own
+	@$(FOREIGN)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(FOREIGN)
+	@$(FOREIGN)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/lms/foreign/requirements.txt
+	PYTHONPATH=src:tests $(BIN)/python tests/lms/foreign/run.py $(FOREIGN)/bin/python
 
 clean: ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
