@@ -1,8 +1,9 @@
 """The lab configs that authors write: `sim` of a predict question, and the labs of a lesson."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import AliasChoices, BaseModel, ConfigDict, Discriminator, Field, Tag
 
 Expression = str
 """An expression or statement in a small subset of JavaScript; it is compiled when content is loaded."""
@@ -17,7 +18,8 @@ class LabPart(BaseModel):
 class Slider(LabPart):
     """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`).
 
-    With `init` it is written again after `setup`, because it sets state that `setup` or a reset overwrites.
+    With `init` it is written again after `setup`, because it sets state that `setup` or a reset overwrites. Without a
+    `step` it takes every value of its range.
     """
 
     type: Literal["slider"] = "slider"
@@ -28,7 +30,7 @@ class Slider(LabPart):
     param: str | None = None
     min: float
     max: float
-    step: float = Field(gt=0)
+    step: float | None = Field(default=None, gt=0)
     value: float
     digits: int | None = Field(default=None, ge=0, le=12)
     reset: bool = False
@@ -93,7 +95,9 @@ class PlotTrace(LabPart):
 class Plot(LabPart):
     """Traces against time."""
 
+    xlabel: str | None = None
     ylabel: str | None = None
+    height: float | None = Field(default=None, gt=0)
     window: float | None = Field(default=None, gt=0)
     ymin: float | None = None
     ymax: float | None = None
@@ -101,8 +105,16 @@ class Plot(LabPart):
     traces: tuple[PlotTrace, ...] = Field(min_length=1)
 
 
+OVERLAYS = ("frames", "joints", "contacts", "forces", "com", "sites")
+"""What can be drawn over the scene; `com` are the bodies' centres of mass."""
+
+
 class LabConfig(LabPart):
-    """One simulation with its controls, readouts and plots."""
+    """One simulation with its controls, readouts and plots.
+
+    `seconds` is the length of a run; `forceScale` the length of a contact force's arrow [m/N]. `overlays` says what is
+    drawn at first, `toggles` what the learner may turn on and off.
+    """
 
     title: str | None = None
     model: str | None = None
@@ -115,34 +127,79 @@ class LabConfig(LabPart):
     plots: tuple[Plot, ...] = ()
     trail: Any = None
     camera: dict[str, Any] | None = None
-    overlays: Any = None
-    toggles: Any = None
+    overlays: dict[str, bool] | tuple[str, ...] | None = None
+    toggles: tuple[str, ...] | None = None
+    forceScale: float | None = Field(default=None, gt=0)
+    seconds: float | None = Field(default=None, gt=0, le=60)
     stopAt: float | Expression | None = None
     autoplay: bool = False
     note: str | None = None
     height: float | None = None
     dock: bool = False
 
+    @property
+    def over_the_scene(self) -> tuple[str, ...]:
+        """Every overlay that the lab names: drawn at first, or offered to the learner."""
+        return tuple(dict.fromkeys((*(self.overlays or ()), *(self.toggles or ()))))
+
 
 class SimLab(LabConfig):
     """A lab of a lesson that runs one scene."""
 
     id: str
-    kind: Literal["simlab"]
+    kind: Literal["simlab"] = "simlab"
+
+
+def _first_model(fields: dict[str, Any]) -> str:
+    """The name of the first of `models`; "" where there is none."""
+    first = next(iter(fields.get("models", ())), "")
+    return str(first[0] if isinstance(first, tuple) else first)
 
 
 class IntegratorsLab(LabPart):
-    """A lab of a lesson that runs one scene under all five integrators from one state."""
+    """A lab of a lesson that runs one scene under all five integrators from one state.
+
+    `models` are names, or pairs of name and label; without `model` it begins with the first. `duration` is another word
+    for `seconds`.
+    """
 
     id: str
     kind: Literal["integrators"]
     title: str | None = None
-    model: str
-    models: tuple[str, ...] = ()
+    models: tuple[str | tuple[str, str], ...] = ()
+    model: str = Field(default_factory=_first_model)
     key: int | str | None = None
     timestep: float = Field(default=0.002, gt=0)
-    seconds: float = Field(default=20.0, gt=0, le=60)
+    seconds: float = Field(default=20.0, gt=0, le=60, validation_alias=AliasChoices("seconds", "duration"))
+    note: str | None = None
     dock: bool = False
 
+    @property
+    def offered(self) -> dict[str, str]:
+        """The label of every model that may be chosen, by name."""
+        pairs = [one if isinstance(one, tuple) else (one, one) for one in self.models]
+        return {self.model: self.model} | dict(pairs)
 
-Lab = Annotated[SimLab | IntegratorsLab, Field(discriminator="kind")]
+
+class UnknownLab(LabPart):
+    """A lab of a kind that this service does not have: the page shows a placeholder, and the author gets a remark."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    id: str
+    kind: str
+    title: str | None = None
+
+
+def _lab_kind(lab: Any) -> str:
+    """The class of a lab; a lab without a kind runs one scene."""
+    kind = lab.get("kind", "simlab") if isinstance(lab, Mapping) else getattr(lab, "kind", "simlab")
+    return kind if kind in ("simlab", "integrators") else "unknown"
+
+
+Lab = Annotated[
+    Annotated[SimLab, Tag("simlab")]
+    | Annotated[IntegratorsLab, Tag("integrators")]
+    | Annotated[UnknownLab, Tag("unknown")],
+    Discriminator(_lab_kind),
+]

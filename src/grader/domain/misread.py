@@ -50,7 +50,7 @@ def place_in(raw: Any, detail: ErrorDetails) -> Iterator[str | int]:
         if is_there or (detail["type"] == "missing" and step == loc[-1]):
             yield step
     if detail["type"].startswith("union_tag") and isinstance(raw, Mapping):
-        yield detail["ctx"]["discriminator"].strip("'") if "controls" not in loc else "type"
+        yield "type" if "controls" in loc else detail["ctx"]["discriminator"].strip("'")
 
 
 def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str, str]) -> str:

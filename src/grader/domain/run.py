@@ -30,7 +30,7 @@ class Job:
     The driver is executed before the student's module is imported, so that the student's `from mujoco import ...`
     finds its patches. After the import its `run(student, inputs, submit)` is called: `student` is the module,
     `inputs` plain JSON, and `submit(name, array)` returns one named array of numbers (text as uint8). The inputs reach
-    the process after the import.
+    the process after the import. A driver that defines `compile_source(source, filename)` compiles the module itself.
 
     `hidden_inputs` reach it when the driver calls `hidden_inputs()`, a name that the jail defines. Output after that
     call is dropped, and results are kept apart.

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from grader.domain.lab import IntegratorsLab, Lab, LabConfig
+from grader.domain.lab import IntegratorsLab, Lab, LabConfig, UnknownLab
 from grader.domain.quiz import CodeQuestion, PredictQuestion, Question, Quiz
 
 COMMON = ("id", "kind", "label", "title", "q", "points", "attempts")
@@ -16,12 +16,13 @@ BY_KIND = {
     "open": (),
     "code": ("entry",),
 }
-LAB = ("id", "kind", "title", "note", "camera", "height", "autoplay")
-INTEGRATORS_LAB = ("id", "kind", "title", "model", "models", "timestep", "seconds")
+LAB = ("id", "kind", "title", "note", "camera", "height", "autoplay", "overlays", "toggles", "forceScale")
+INTEGRATORS_LAB = ("id", "kind", "title", "model", "models", "timestep", "seconds", "note")
+UNKNOWN_LAB = ("id", "kind", "title")
 CONTROL = ("type", "label", "unit", "min", "max", "step", "value", "digits", "options", "reset")
 READOUT = ("label", "digits", "unit")
 TRACE = ("label", "dash", "color")
-PLOT = ("ylabel", "window", "ymin", "ymax")
+PLOT = ("xlabel", "ylabel", "height", "window", "ymin", "ymax")
 
 
 def student_view(quiz: Quiz) -> dict[str, Any]:
@@ -56,6 +57,8 @@ def lab_view(lab: Lab | LabConfig) -> dict[str, Any]:
     """The controls of a lab and the labels of its readouts and traces, without expressions or MJCF."""
     if isinstance(lab, IntegratorsLab):
         return _pick(lab, INTEGRATORS_LAB)
+    if isinstance(lab, UnknownLab):
+        return _pick(lab, UNKNOWN_LAB)
     return _pick(lab, LAB) | {
         "controls": [_pick(control, CONTROL) for control in lab.controls],
         "readouts": [_pick(readout, READOUT) for readout in lab.readouts],

@@ -1,8 +1,8 @@
 """`verify`: how the key of a question is derived again."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from grader.domain.lab import Expression
 
@@ -19,26 +19,54 @@ class VerifyPart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class Claim(VerifyPart):
+    """A claim about the history of a run, read at every step from `since` to `until` [s] (both included).
+
+    `expr` is true at the `end` of that window, `always` or `ever` in it; or a number that is counted or measured lies
+    between `at_least` and `at_most`: how many `times` the expression becomes true (a start at which it is true counts
+    not), the `first` time [s] at which it is true, or its largest (`max`) or smallest (`min`) value.
+    """
+
+    expr: Expression
+    when: Literal["end", "always", "ever", "times", "first", "max", "min"] = "end"
+    at_least: float | None = None
+    at_most: float | None = None
+    since: float = Field(default=0.0, ge=0)
+    until: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _bounds_fit(self) -> Self:
+        bounded = self.at_least is not None or self.at_most is not None
+        if bounded != (self.when in ("times", "first", "max", "min")):
+            raise ValueError("give at_least or at_most with times, first, max and min, and only with these")
+        if self.until is not None and self.until <= self.since:
+            raise ValueError("until must be later than since")
+        return self
+
+
 class ByOptions(VerifyPart):
     """Run the lab of a predict question under each option's setting; `criterion` holds for the right option only.
 
-    `criterion` is `stable` (no warning over the run) or an expression, true at the `end`, `always` or `ever`.
-    `settings` has one entry per option, null for an option such as "None of them"; by default the options are labels
-    of a select of the lab.
+    `criterion` is `stable` (no warning over the run), an expression that is true at the `end`, `always` or `ever`, or
+    a Claim. `settings` has one entry per option, null for an option such as "None of them"; by default the options are
+    labels of a select of the lab.
     """
 
     by: Literal["options"]
     settings: tuple[Setting | None, ...] | None = None
-    criterion: Expression = "stable"
+    criterion: Expression | Claim = "stable"
     when: When = "end"
     seconds: float | None = Field(default=None, gt=0, le=60)
 
 
 class ByOutcome(VerifyPart):
-    """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true at `when`."""
+    """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true.
+
+    A claim is an expression, true at `when`, or a Claim.
+    """
 
     by: Literal["outcome"]
-    claims: tuple[Expression, ...] = Field(min_length=2)
+    claims: tuple[Expression | Claim, ...] = Field(min_length=2)
     controls: Setting = {}
     when: When = "end"
     seconds: float | None = Field(default=None, gt=0, le=60)
@@ -69,8 +97,9 @@ class ByThreshold(VerifyPart):
     """Derive the largest stable timestep of a numeric question between `low` and `high` [s].
 
     The criterion `decays` takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep
-    without a warning within `seconds`. The scene is a `servo`, or a `model` or `xml` with `key`, `qpos`, `qvel` and
-    fields of the model to `set`. The answer is `scale` times the limit in seconds.
+    without a warning within `seconds`; where these are too short to decide, the linear stability limit. The scene is a
+    `servo`, or a `model` or `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. The answer is `scale`
+    times the limit in seconds.
     """
 
     by: Literal["threshold"]
