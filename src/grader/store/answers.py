@@ -1,14 +1,13 @@
-"""What is asked about many new answers at once, and what they leave in the results: one statement for each table."""
+"""What is asked about many new answers at once, in one query, and what they leave in the results."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
     ColumnElement,
-    Select,
     String,
     and_,
     bindparam,
@@ -16,16 +15,16 @@ from sqlalchemy import (
     func,
     literal,
     select,
-    update,
 )
 from sqlalchemy.ext.compiler import compiles
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, aliased
 from sqlalchemy.sql.functions import FunctionElement
 
 from grader.domain.policy import Extension, Progress
 from grader.domain.verdict import Status
 from grader.store import extensions
-from grader.store.results import NEWEST, LearnerAt
+from grader.store.results import LearnerAt
+from grader.store.rows import insert_rows
 from grader.store.tables import (
     Credential,
     ExtensionRow,
@@ -34,7 +33,6 @@ from grader.store.tables import (
     ResultRevision,
     Submission,
     VerdictRow,
-    insert_rows,
     plain,
     values_of,
 )
@@ -52,6 +50,23 @@ class Part(FunctionElement[str]):
 
     type = String()
     inherit_cache = True
+
+
+class Listed(FunctionElement[str]):
+    """Numbers as the text of a JSON list: several aggregates of one subquery."""
+
+    type = String()
+    inherit_cache = True
+
+
+@compiles(Listed, "sqlite")
+def _listed_in_sqlite(element: Listed, compiler: Any, **kw: Any) -> str:
+    return f"json_array({compiler.process(element.clauses, **kw)})"
+
+
+@compiles(Listed, "postgresql")
+def _listed_in_postgresql(element: Listed, compiler: Any, **kw: Any) -> str:
+    return f"CAST(json_build_array({compiler.process(element.clauses, **kw)}) AS text)"
 
 
 @compiles(Given, "sqlite")
@@ -79,63 +94,72 @@ def _part_in_postgresql(element: Part, compiler: Any, **kw: Any) -> str:
 GIVEN = Given(bindparam("given", type_=String)).table_valued("value", name="given")
 
 
-def _equal(*columns: Any) -> ColumnElement[bool]:
-    """Whether columns are those of a given item, in order."""
-    return and_(*(column == Part(GIVEN.c.value, literal(place)) for place, column in enumerate(columns)))
+class Asked(NamedTuple):
+    """A new answer: the learner at the question, the credential, and the idempotency key, which is empty for none."""
+
+    course: str
+    learner: str
+    quiz: str
+    question: str
+    credential: str
+    key: str
+
+    @property
+    def at(self) -> LearnerAt:
+        """The learner at the question."""
+        return LearnerAt(*self[:4])
 
 
-def _key(table: Any) -> list[Any]:
-    return [getattr(table, name) for name in LearnerAt._fields]
+def _given(name: str) -> Part:
+    return Part(GIVEN.c.value, literal(Asked._fields.index(name)))
 
 
-def _among(rows: Any, joined: type[Any], on: ColumnElement[bool]) -> Any:
-    return rows.select_from(GIVEN).join(joined, on)
+def _same(table: Any, *names: str) -> ColumnElement[bool]:
+    """Whether these columns of a table are those of the given answer."""
+    return and_(*(getattr(table, name) == _given(name) for name in names))
 
 
-ALIVE = _among(select(Credential.id, Credential.expires_at), Credential, _equal(Credential.id)).where(
-    Credential.revoked_at.is_(None)
-)
-KEYS = _among(
-    select(*IdempotencyKey.__table__.columns),
-    IdempotencyKey,
-    _equal(IdempotencyKey.course, IdempotencyKey.learner, IdempotencyKey.key),
-)
-PROGRESS = _among(
+ATTEMPTS = (
     select(
-        *_key(Submission),
-        func.count(),
-        func.sum(case((Submission.outcome.is_(None), 1), else_=0)),
-        func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0)),
-    ),
-    Submission,
-    _equal(*_key(Submission)) & Submission.uses_attempt,
-).group_by(*_key(Submission))
-RESULTS = (
-    _among(
-        select(
-            *Result.__table__.columns,
-            Submission.id.label("source_id"),
-            Submission.attempt.label("source_attempt"),
-            Submission.created_at.label("source_at"),
-            Submission.outcome.label("source_outcome"),
-            VerdictRow.points.label("source_points"),
-        ),
-        Result,
-        _equal(*_key(Result)),
+        Listed(
+            func.count(),
+            func.count(case((Submission.outcome.is_(None), 1))),
+            func.count(case((Submission.outcome == Status.CORRECT.value, 1))),
+        )
     )
-    .outerjoin(Submission, (Submission.id == Result.submission_id) & Submission.uses_attempt)
-    .outerjoin(VerdictRow, NEWEST)
+    .where(_same(Submission, *LearnerAt._fields), Submission.uses_attempt)
+    .scalar_subquery()
 )
-EXTENSIONS = _among(
-    select(*ExtensionRow.__table__.columns),
-    ExtensionRow,
-    _equal(ExtensionRow.course, ExtensionRow.learner, ExtensionRow.quiz),
-)
+SOURCE = aliased(Submission)
+NEWEST = (VerdictRow.submission_id == SOURCE.id) & (VerdictRow.revision == SOURCE.revision)
 RESULT_COLUMNS = tuple(Result.__table__.columns.keys())
-CHANGE = (
-    update(Result)
-    .where(*(getattr(Result, name) == bindparam(f"of_{name}") for name in LearnerAt._fields))
-    .values({name: bindparam(name) for name in RESULT_COLUMNS if name not in LearnerAt._fields})
+QUERY = (
+    select(
+        *Result.__table__.columns,
+        *(_given(name).label(f"given_{name}") for name in Asked._fields),
+        ATTEMPTS.label("attempts_made"),
+        Credential.id.label("alive"),
+        Credential.expires_at,
+        SOURCE.id.label("source_id"),
+        SOURCE.attempt.label("source_attempt"),
+        SOURCE.created_at.label("source_at"),
+        SOURCE.outcome.label("source_outcome"),
+        VerdictRow.points.label("source_points"),
+        IdempotencyKey.submission_id.label("earlier_id"),
+        IdempotencyKey.request_digest,
+        IdempotencyKey.http_status,
+        ExtensionRow.quiz.label("extended"),
+        ExtensionRow.due,
+        ExtensionRow.until,
+        ExtensionRow.attempts,
+    )
+    .select_from(GIVEN)
+    .outerjoin(Credential, (Credential.id == _given("credential")) & Credential.revoked_at.is_(None))
+    .outerjoin(Result, _same(Result, *LearnerAt._fields))
+    .outerjoin(SOURCE, (SOURCE.id == Result.submission_id) & SOURCE.uses_attempt)
+    .outerjoin(VerdictRow, NEWEST)
+    .outerjoin(IdempotencyKey, _same(IdempotencyKey, "course", "learner", "key"))
+    .outerjoin(ExtensionRow, _same(ExtensionRow, "course", "learner", "quiz"))
 )
 
 
@@ -156,47 +180,57 @@ class Found:
     progress: Progress = field(default_factory=Progress)
     result: Result | None = None
     source: Source | None = None
+    extension: Extension | None = None
 
 
-def alive(session: Session, credentials: Collection[str], clock: datetime) -> set[str]:
-    """Those of the credentials that are neither revoked nor expired."""
-    rows = _ask(session, ALIVE, [(one,) for one in credentials])
-    return {row.id for row in rows if row.expires_at is None or row.expires_at > clock}
+class Earlier(NamedTuple):
+    """The submission that an earlier request with the same idempotency key made."""
+
+    submission_id: str
+    request_digest: str
+    http_status: int
 
 
-def keys(session: Session, wanted: Collection[tuple[str, str, str]]) -> dict[tuple[str, str, str], Any]:
-    """The rows of earlier requests by course, learner and idempotency key."""
-    return {(row.course, row.learner, row.key): row for row in _ask(session, KEYS, wanted)}
+@dataclass
+class Stored:
+    """What the database holds about new answers."""
+
+    alive: set[str] = field(default_factory=set)
+    """The credentials that are neither revoked nor expired."""
+    at: dict[LearnerAt, Found] = field(default_factory=dict)
+    earlier: dict[tuple[str, str, str], Earlier] = field(default_factory=dict)
+    """By course, learner and idempotency key."""
 
 
-def found(session: Session, places: Collection[LearnerAt]) -> dict[LearnerAt, Found]:
-    """What is stored of every learner at every question that is asked for."""
-    at = {place: Found() for place in places}
-    for row in _ask(session, PROGRESS, places):
-        at[LearnerAt(*row[:4])].progress = Progress(row[4], row[5], bool(row[6]))
-    for row in _ask(session, RESULTS, places):
-        here = at[LearnerAt(*row[:4])]
-        here.result = plain(Result, dict(zip(RESULT_COLUMNS, row, strict=False)))
-        here.source = None if row.source_id is None else Source(*row[-len(Source._fields) :])
-    return at
+def stored(session: Session, asked: Iterable[Asked], clock: datetime) -> Stored:
+    """What the database holds about new answers; in one query, however many they are."""
+    known = Stored()
+    for row in session.connection().execute(QUERY, {"given": json.dumps(list(dict.fromkeys(asked)))}):
+        one = Asked(*row[len(RESULT_COLUMNS) :][: len(Asked._fields)])
+        if row.alive is not None and (row.expires_at is None or row.expires_at > clock):
+            known.alive.add(one.credential)
+        if row.earlier_id is not None:
+            known.earlier[one.course, one.learner, one.key] = Earlier(
+                row.earlier_id, row.request_digest, row.http_status
+            )
+        if one.at not in known.at:
+            known.at[one.at] = _found(row)
+    return known
 
 
-def granted(session: Session, wanted: Collection[tuple[str, str, str]]) -> dict[tuple[str, str, str], Extension]:
-    """Extensions by course, learner and quiz."""
-    return {(row.course, row.learner, row.quiz): extensions.extension(row) for row in _ask(session, EXTENSIONS, wanted)}
+def _found(row: Any) -> Found:
+    made, pending, correct = json.loads(row.attempts_made)
+    found = Found(Progress(made, pending, bool(correct)))
+    if row.submission_id is not None:
+        found.result = plain(Result, dict(zip(RESULT_COLUMNS, row, strict=False)))
+    if row.source_id is not None:
+        found.source = Source(row.source_id, row.source_attempt, row.source_at, row.source_outcome, row.source_points)
+    if row.extended is not None:
+        found.extension = extensions.extension(row)
+    return found
 
 
-def put_results(session: Session, new: Sequence[Result], old: Sequence[Result], told: Sequence[dict[str, Any]]) -> None:
-    """Inserts new results, writes changed ones, and appends the rows of the feed."""
-    insert_rows(session, Result, [values_of(result) for result in new])
-    if old:
-        rows = [values_of(result) for result in old]
-        keyed = [{f"of_{name}": row.pop(name) for name in LearnerAt._fields} | row for row in rows]
-        session.connection().execute(CHANGE, keyed)
+def put_results(session: Session, changed: Sequence[Result], told: Sequence[dict[str, Any]]) -> None:
+    """Writes new and changed results, and appends the rows of the feed."""
+    insert_rows(session, Result, [values_of(result) for result in changed], replace=True)
     insert_rows(session, ResultRevision, told)
-
-
-def _ask(session: Session, query: Select[Any], wanted: Collection[Sequence[str]]) -> Sequence[Any]:
-    if not wanted:
-        return ()
-    return session.connection().execute(query, {"given": json.dumps(list(wanted))}).all()

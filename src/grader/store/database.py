@@ -10,7 +10,6 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-import psycopg
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -26,6 +25,9 @@ BUSY_S = 30.0
 AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
 """What SQLAlchemy raises while a database is away, locked, full or read-only."""
 
+READ_ONLY = "25006"
+"""The code of PostgreSQL's error read_only_sql_transaction."""
+
 PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
 """How long PostgreSQL may not answer before it counts as away: a connection [s], what was sent over one [ms]."""
 
@@ -33,8 +35,13 @@ MIGRATION_LOCK = 7_105_114_101
 """The PostgreSQL advisory lock for migrations; the number is arbitrary."""
 
 
+ANALYZED_AT = (100, 1_000, 10_000)
+"""Numbers of stored answers after which PostgreSQL gathers statistics at once."""
+
 LOCK_ALL = text(
-    "SELECT pg_advisory_xact_lock(key) FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
+    "SELECT pg_advisory_xact_lock(key), set_config('enable_seqscan', 'off', true), "
+    "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true) "
+    "FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
     "FROM json_array_elements_text(CAST(:names AS json)) AS name ORDER BY key) AS keys"
 )
 
@@ -58,6 +65,7 @@ class Database:
             _set_up_sqlite(self.engine)
         self.signals = Signals(self.engine, self.is_sqlite)
         self._writer = self.engine.execution_options(writes=True)
+        self._stored = 0
         # SQLite's own wait for a lock sleeps in steps; within one process a queue of threads is fair and quicker.
         self._turn = Lock() if self.is_sqlite else nullcontext()
 
@@ -91,10 +99,23 @@ class Database:
         self.lock(session, f"{course}\n{learner}")
 
     def lock_learners(self, session: Session, learners: Iterable[tuple[str, str]]) -> None:
-        """As `lock_learner`, for several (course, learner) at once: in one order, so that nobody waits in a circle."""
+        """As `lock_learner`, for several (course, learner) at once: in one order, so that nobody waits in a circle.
+
+        Until the end of the transaction PostgreSQL finds rows by their indices, also where it has no statistics yet.
+        """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
             session.connection().execute(LOCK_ALL, {"names": names})
+
+    def tell_planner(self, session: Session, stored: int) -> None:
+        """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
+
+        Its autovacuum looks once a minute. Without statistics it takes any index for as good as another, and reads the
+        answers of all learners to find those of one.
+        """
+        before, self._stored = self._stored, self._stored + stored
+        if not self.is_sqlite and any(before < step <= self._stored for step in ANALYZED_AT):
+            session.execute(text("ANALYZE submissions, verdicts, results"))
 
     @property
     def free_bytes(self) -> int | None:
@@ -148,7 +169,7 @@ def is_away(error: BaseException) -> bool:
     cause = error.orig if isinstance(error, DBAPIError) else None
     if isinstance(cause, sqlite3.OperationalError) and cause.sqlite_errorcode == sqlite3.SQLITE_ERROR:
         return False
-    return isinstance(error, AWAY) or isinstance(cause, psycopg.errors.ReadOnlySqlTransaction)
+    return isinstance(error, AWAY) or getattr(cause, "sqlstate", None) == READ_ONLY
 
 
 def driver_error(error: Exception) -> str:

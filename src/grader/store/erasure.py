@@ -9,6 +9,7 @@ from sqlalchemy import ColumnElement, delete, func, insert, select, text, update
 from sqlalchemy.orm import Session
 
 from grader.domain.verdict import Verdict
+from grader.store import outbox, platforms
 from grader.store.courses import AuditEntry
 from grader.store.results import COUNTED, LearnerAt
 from grader.store.reviews import DECIDED, DIFFERS, NONE, WAITING
@@ -53,9 +54,12 @@ def erase(session: Session, member: Member) -> str:
     _verdicts(session, member)
     _submissions(session, member, pseudonym)
     _results(session, member)
+    platforms.forget_member(session, member.id)
+    outbox.erase(session, member.course, member.id)
     for row, theirs in ((Credential, Credential.member), (IdempotencyKey, IdempotencyKey.learner)):
         session.execute(delete(row).where(theirs == member.id), execution_options=UNCHANGED)
     member.name, member.account, member.removed_at = pseudonym, None, now()
+    member.namespace = member.external_id = member.email = None
     return pseudonym
 
 

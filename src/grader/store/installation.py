@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 from grader.store.database import Database
 from grader.store.tables import InstallationSecret
 
-HIDDEN_CASES, BLIND_REVIEWS = "hidden-cases", "blind-reviews"
+HIDDEN_CASES, BLIND_REVIEWS, LTI_KEYS = "hidden-cases", "blind-reviews", "lti-keys"
 SECRET_BYTES = 32
 
 
@@ -34,6 +34,17 @@ def _secret(database: Database, name: str) -> bytes:
             kept = InstallationSecret(name=name, value=secrets.token_bytes(SECRET_BYTES))
             session.add(kept)
         return kept.value
+
+
+def lti_keys(session: Session) -> bytes | None:
+    """The private keys with which this tool signs for learning platforms, as `lms.keys` wrote them; None before."""
+    kept = session.get(InstallationSecret, LTI_KEYS)
+    return None if kept is None else kept.value
+
+
+def keep_lti_keys(session: Session, value: bytes) -> None:
+    """Replaces the private keys for learning platforms."""
+    session.merge(InstallationSecret(name=LTI_KEYS, value=value))
 
 
 def rotate_hidden_case_secret(session: Session) -> None:

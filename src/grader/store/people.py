@@ -27,6 +27,11 @@ def page(session: Session, course: str, after: str | None, limit: int) -> Sequen
     return session.scalars(wanted.order_by(Member.id).limit(limit)).all()
 
 
+def everybody(session: Session, course: str) -> Sequence[Member]:
+    """All members of a course by name, with those who were removed."""
+    return session.scalars(select(Member).where(Member.course == course).order_by(Member.name, Member.id)).all()
+
+
 def prune(session: Session, member_ids: Iterable[str]) -> None:
     """Deletes those of the members that have no account, no credential and no submission."""
     has_credential = exists().where(Credential.member == Member.id)

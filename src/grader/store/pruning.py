@@ -9,17 +9,23 @@ from sqlalchemy.orm import InstrumentedAttribute, aliased
 
 from grader.store import credentials, people
 from grader.store.database import Database
+from grader.store.outbox import SENT, WEBHOOK, Delivery, Destination
 from grader.store.submissions import AT_REST
 from grader.store.tables import Base, Event, IdempotencyKey, Submission, now
+from grader.store.tickets import Ticket
 
 BATCH = 500
 """Rows that one transaction deletes."""
 
 
 def prune(database: Database, age: timedelta) -> int:
-    """Deletes the idempotency keys and the events that are older than `age`. Returns how many."""
+    """Deletes idempotency keys, events and sent webhook deliveries that are older than `age`, and expired tickets.
+
+    Returns how many.
+    """
     before = now() - age
-    return idempotency_keys(database, before) + events(database, before)
+    old = idempotency_keys(database, before) + events(database, before) + deliveries(database, before)
+    return old + expired_tickets(database, now())
 
 
 def idempotency_keys(database: Database, before: datetime) -> int:
@@ -38,6 +44,21 @@ def events(database: Database, before: datetime) -> int:
     graded = select(Event).join(Submission, Submission.id == Event.submission_id).where(Submission.status.in_(AT_REST))
     passed = graded.where(Event.created_at < before, followed)
     return _delete(database, Event, [Event.submission_id, Event.number], passed)
+
+
+def expired_tickets(database: Database, before: datetime) -> int:
+    """Deletes tickets that expired before a time, such as logins that were never answered. Returns how many."""
+    return _delete(database, Ticket, [Ticket.hash], select(Ticket).where(Ticket.expires_at < before))
+
+
+def deliveries(database: Database, before: datetime) -> int:
+    """Deletes deliveries to webhooks that were sent before a time. Returns how many.
+
+    Those of scores stay: they tell our own score at a platform from a person's.
+    """
+    rows = select(Delivery).join(Destination, Destination.id == Delivery.destination)
+    sent = rows.where(Destination.kind == WEBHOOK, Delivery.state == SENT, Delivery.sent_at < before)
+    return _delete(database, Delivery, [Delivery.id], sent)
 
 
 def ended_credentials(database: Database, kinds: Sequence[str], before: datetime) -> int:

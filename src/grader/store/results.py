@@ -1,13 +1,15 @@
 """Every query on results and on their feed."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
-from sqlalchemy import ColumnElement, Text, bindparam, func, select, update
+from sqlalchemy import ColumnElement, Text, bindparam, case, func, select, update
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
+from grader.store.rows import insert_rows
 from grader.store.tables import (
     Credential,
     Member,
@@ -15,7 +17,6 @@ from grader.store.tables import (
     ResultRevision,
     Submission,
     VerdictRow,
-    insert_rows,
     now,
 )
 
@@ -72,8 +73,8 @@ def find(session: Session, key: LearnerAt) -> Result | None:
     return session.get(Result, key)
 
 
-def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> None:
-    """Writes a result, and a row of the feed if one of the columns `COUNTED` has changed.
+def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> bool:
+    """Writes a result, and a row of the feed if one of the columns `COUNTED` has changed. Returns whether one has.
 
     `before` is what `find` returned in this transaction, under the lock of the learner.
     """
@@ -84,6 +85,7 @@ def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping
         for name, value in changed.items():
             setattr(before, name, value)
     insert_rows(session, ResultRevision, told)
+    return bool(told)
 
 
 def change(
@@ -109,16 +111,87 @@ def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[s
     return {result.question: result for result in session.scalars(theirs)}
 
 
+def everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, str], Result]:
+    """The results of a learner in all quizzes, by (quiz, question)."""
+    theirs = select(Result).where(Result.course == course, Result.learner == learner)
+    return {(result.quiz, result.question): result for result in session.scalars(theirs)}
+
+
 def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> Iterator[Any]:
-    """Learner, quiz, points by question as a JSON object, and name; a row for each learner and quiz, by name.
+    """Learner, quiz, points by question as a JSON object, name and member; a row for each learner and quiz, by name.
 
     The database gathers the questions: to fetch one row for each takes several times as long.
     """
     gathered = select(Result.learner, Result.quiz, Gathered(Result.question, Result.points).label("points"))
     theirs = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz).subquery()
     name = func.coalesce(Member.name, theirs.c.learner).label("name")
-    rows = select(theirs, name).outerjoin(Member, Member.id == theirs.c.learner).order_by(name, theirs.c.learner)
+    known = [getattr(Member, column) for column in KNOWN]
+    rows = (
+        select(theirs, name, *known).outerjoin(Member, Member.id == theirs.c.learner).order_by(name, theirs.c.learner)
+    )
     yield from session.execute(rows.execution_options(yield_per=BATCH))
+
+
+class Standing(NamedTuple):
+    """A learner in a quiz: the points that count, at how many questions, and at how many something waits."""
+
+    learner: str
+    name: str
+    points: float
+    answered: int
+    waiting: int
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Which learners of a quiz are looked for, and in which order. `questions` is their number in the quiz."""
+
+    course: str
+    quiz: str
+    questions: int
+    without: Collection[str] = ()
+    find: str = ""
+    """A part of the name, in any case."""
+    show: str = "all"
+    """Of `SHOWS`."""
+    by: str = "name"
+    """Of `ORDERS`."""
+    descending: bool = False
+
+
+SHOWS = ("all", "waiting", "incomplete")
+ORDERS = ("name", "points", "answered")
+
+
+def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[Standing]:
+    """At most `limit` learners of a quiz after the first `start`. Reads the results of the quiz once."""
+    name = func.coalesce(Member.name, Result.learner)
+    waits = func.sum(case((Result.is_final, 0), else_=1))
+    columns = {"name": func.lower(name), "points": func.sum(Result.points), "answered": func.count()}
+    theirs = (Result.course == wanted.course, Result.quiz == wanted.quiz, Result.learner.not_in(wanted.without))
+    rows = (
+        select(Result.learner, name, columns["points"], columns["answered"], waits)
+        .outerjoin(Member, Member.id == Result.learner)
+        .where(*theirs, func.lower(name).contains(wanted.find.lower(), autoescape=True))
+        .group_by(Result.learner, Member.name)
+    )
+    if wanted.show == "waiting":
+        rows = rows.having(waits > 0)
+    elif wanted.show == "incomplete":
+        rows = rows.having(columns["answered"] < wanted.questions)
+    first = columns[wanted.by].desc() if wanted.descending else columns[wanted.by]
+    found = session.execute(rows.order_by(first, columns["name"], Result.learner).offset(start).limit(limit))
+    return [Standing(*row) for row in found]
+
+
+def of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[tuple[str, str], Result]:
+    """The results of some learners in a quiz, by (learner, question)."""
+    theirs = select(Result).where(Result.course == course, Result.quiz == quiz, Result.learner.in_(learners))
+    return {(result.learner, result.question): result for result in session.scalars(theirs)}
+
+
+KNOWN = ("account", "namespace", "external_id", "email")
+"""The columns of a member that say who somebody is to other systems."""
 
 
 class Gathered(FunctionElement[str]):
@@ -159,6 +232,12 @@ def state(session: Session, course: str, quizzes: Sequence[str]) -> tuple[int, i
         select(func.count(), func.coalesce(func.sum(Result.changes), 0)).where(*theirs)
     ).one()
     return count, changes
+
+
+def touch(session: Session, course: str, learner: str) -> None:
+    """Says that what gradebooks show of a learner has changed, such as the name, so that none is taken for current."""
+    theirs = update(Result).where(Result.course == course, Result.learner == learner)
+    session.execute(theirs.values(changes=Result.changes + 1), execution_options={"synchronize_session": False})
 
 
 def keys(session: Session, course: str, quiz: str, learner: str | None = None) -> list[LearnerAt]:
@@ -202,8 +281,13 @@ def _among(quizzes: Sequence[str]) -> ColumnElement[bool]:
     return Result.quiz == quizzes[0] if len(quizzes) == 1 else Result.quiz.in_(quizzes)
 
 
-def feed(session: Session, course: str, after: int, limit: int) -> list[tuple[ResultRevision, str]]:
-    """At most `limit` rows of the feed after a position, in order, each with the learner's name."""
-    rows = select(ResultRevision, Submission.user).join(Submission, Submission.id == ResultRevision.submission_id)
+def feed(session: Session, course: str, after: int, limit: int) -> list[tuple[ResultRevision, str, Member | None]]:
+    """At most `limit` rows of the feed after a position, in order, each with the learner's name, and as a member."""
+    rows = (
+        select(ResultRevision, Submission.user, Member)
+        .join(Submission, Submission.id == ResultRevision.submission_id)
+        .outerjoin(Member, Member.id == ResultRevision.learner)
+    )
     later = rows.where(ResultRevision.course == course, ResultRevision.position > after)
-    return [(row, name) for row, name in session.execute(later.order_by(ResultRevision.position).limit(limit))]
+    found = session.execute(later.order_by(ResultRevision.position).limit(limit))
+    return [(row, name, member) for row, name, member in found]

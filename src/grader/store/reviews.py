@@ -4,9 +4,9 @@ import json
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, or_, select
+from sqlalchemy import ColumnElement, Select, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from grader.store.submissions import GRADED, NEEDS_REVIEW, SubmissionFilter
@@ -16,6 +16,15 @@ NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs"
 """Where the second marking of a submission stands."""
 
 Waiting = tuple[Submission, ReviewClaim | None]
+
+
+class Waits(NamedTuple):
+    """How many answers to a question wait for a person, and since when the oldest does."""
+
+    quiz: str
+    question: str
+    answers: int
+    since: datetime
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,27 @@ def disagreements(
     if after is not None:
         differ = differ.where(Review.submission_id > after)
     return [(row[0], row[1]) for row in session.execute(differ.order_by(Review.submission_id).limit(limit))]
+
+
+def waits(session: Session, queue: Queue, limit: int) -> list[Waits]:
+    """What waits in a queue, by question; of the oldest `limit` submissions. The question that waits longest first."""
+    return _by_question(session, select(*_WAITS).where(*queue.conditions()), limit)
+
+
+def differing(session: Session, course: str, limit: int) -> list[Waits]:
+    """As `waits`: the submissions whose two marks differ."""
+    differ = select(*_WAITS).join(Review, Review.submission_id == Submission.id)
+    return _by_question(session, differ.where(Review.course == course, Review.second == DIFFERS), limit)
+
+
+_WAITS = (Submission.quiz, Submission.question, Submission.created_at)
+
+
+def _by_question(session: Session, waiting: Select[str, str, datetime], limit: int) -> list[Waits]:
+    oldest = waiting.order_by(Submission.id).limit(limit).subquery()
+    since = func.min(oldest.c.created_at)
+    rows = select(oldest.c.quiz, oldest.c.question, func.count(), since).group_by(oldest.c.quiz, oldest.c.question)
+    return [Waits(*row) for row in session.execute(rows.order_by(since))]
 
 
 def graders_verdicts(session: Session, submissions: Iterable[str]) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import psycopg
 import structlog
 from sqlalchemy import Engine, func, select
 from sqlalchemy.exc import DBAPIError
@@ -90,6 +89,8 @@ class Signals:
                 log.exception("a listener failed", topic=key[0])
 
     def _follow(self) -> None:
+        import psycopg  # not needed on SQLite
+
         while not self._closed.is_set():
             try:
                 self._listen()
@@ -98,6 +99,8 @@ class Signals:
                 self._closed.wait(RETRY_S)
 
     def _listen(self) -> None:
+        import psycopg
+
         pooled = self._engine.raw_connection()
         try:
             connection = pooled.driver_connection

@@ -11,8 +11,9 @@ from sqlalchemy.orm import Session
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
+from grader.store.rows import insert_rows
 from grader.store.signals import announce
-from grader.store.tables import Event, Submission, VerdictRow, insert_rows, now, values_of
+from grader.store.tables import Event, Submission, VerdictRow, now, values_of
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -88,6 +89,14 @@ def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: 
     if before is not None:
         newest_first = newest_first.where(Submission.id < before)
     return session.scalars(newest_first).all()
+
+
+def newest(session: Session, course: str, learner: str) -> Sequence[Submission]:
+    """A learner's newest submission at each question; answers that could not be read are left out."""
+    readable = Submission.outcome.is_(None) | (Submission.outcome != Status.INVALID_ANSWER.value)
+    theirs = (Submission.course == course, Submission.learner == learner, readable)
+    ids = select(func.max(Submission.id)).where(*theirs).group_by(Submission.quiz, Submission.question)
+    return session.scalars(select(Submission).where(Submission.id.in_(ids))).all()
 
 
 THEIRS = (Submission.course == bindparam("course"), Submission.learner == bindparam("learner"), Submission.uses_attempt)

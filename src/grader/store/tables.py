@@ -13,11 +13,13 @@ members     ──< credentials  bearer tokens, browser sessions and one-time si
 saved_comments             texts that the reviewers of a question use again
 idempotency_keys           the submission that a request with this key made
 installation_secrets       keys of the installation, never shown
+lti_*                      learning platforms, in platforms.py
+tickets                    single-use secrets that expire, in tickets.py
 """
 
 import secrets
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, TypeVar
 
@@ -32,10 +34,9 @@ from sqlalchemy import (
     String,
     Text,
     UniqueConstraint,
-    insert,
     text,
 )
-from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
 
 ERASED = ""
@@ -43,6 +44,9 @@ ERASED = ""
 
 NAME = 200
 """Longest name of a user or course [characters]."""
+
+NAMESPACE, EXTERNAL_ID, EMAIL = 64, 255, 254
+"""Longest name of another system, id of a person in it, and address [characters]. Source: LTI 1.3; RFC 5321."""
 
 
 def now() -> datetime:
@@ -345,10 +349,14 @@ class Member(Base):
     course: Mapped[str] = mapped_column(String(NAME))
     name: Mapped[str] = mapped_column(String(NAME))
     account: Mapped[str | None] = mapped_column(String(NAME + 10))
-    """How the member is found again: `name:NAME` or `oidc:DIGEST`. None if a browser session is the only way."""
+    """How the member is found again: `name:NAME`, `oidc:DIGEST` or `lms:DIGEST`. None if only by a browser session."""
     role: Mapped[str] = mapped_column(String(20))
     created_at: Mapped[datetime] = mapped_column(default=now)
     removed_at: Mapped[datetime | None]
+    namespace: Mapped[str | None] = mapped_column(String(NAMESPACE))
+    """The other system that knows the member as `external_id`; the account is a digest of both."""
+    external_id: Mapped[str | None] = mapped_column(String(EXTERNAL_ID))
+    email: Mapped[str | None] = mapped_column(String(EMAIL))
 
 
 class Credential(Base):
@@ -372,6 +380,8 @@ class Credential(Base):
     """Names of scopes, separated by blanks; None for all that the role may."""
     created_by: Mapped[str | None] = mapped_column(String(NAME))
     """The name of the member who issued it, if one did."""
+    platform: Mapped[int | None]
+    """The learning platform whose launch opened a browser session."""
     created_at: Mapped[datetime] = mapped_column(default=now)
     expires_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]
@@ -403,24 +413,12 @@ class InstallationSecret(Base):
 
 
 Row = TypeVar("Row", bound=Base)
-INSERTS = {table.name: insert(table) for table in Base.metadata.sorted_tables}
-
-
-def insert_row(session: Session, row: Base) -> None:
-    """Inserts a row without the unit of work; defaults of columns are not set on `row`."""
-    insert_rows(session, type(row), [values_of(row)])
-
-
-def insert_rows(session: Session, table: type[Base], rows: Sequence[dict[str, Any]]) -> None:
-    """As `insert_row`, for many rows of one table that have the same columns; in one round trip."""
-    if rows:
-        session.connection().execute(INSERTS[table.__tablename__], rows)
 
 
 def plain(table: type[Row], values: Mapping[str, Any]) -> Row:
     """A row that no session follows: half of the time to store an answer would go into noting changes of columns.
 
-    It is read as any other, inserted by `insert_rows`, and changed by `vars(row).update`.
+    It is read as any other, inserted by `rows.insert_rows`, and changed by `vars(row).update`.
     """
     row = table.__new__(table)
     vars(row).update(values)

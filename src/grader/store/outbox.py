@@ -1,0 +1,300 @@
+"""The outbox: what has to be delivered, in one row for each destination and learner, and every query on it.
+
+A row says that something changed, and no more: its sender reads the result when it sends, so that the newest one wins.
+`version` counts the changes. Every row that waits has one job of the queue, and `has_job` says so; both change under
+the row's lock.
+"""
+
+import hashlib
+import json
+from collections.abc import Collection, Iterator, Sequence
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    ForeignKey,
+    Index,
+    Integer,
+    String,
+    Text,
+    UniqueConstraint,
+    bindparam,
+    case,
+    delete,
+    func,
+    literal,
+    or_,
+    select,
+    text,
+    update,
+)
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.orm import Mapped, Session, mapped_column
+
+from grader.store.answers import GIVEN, Part
+from grader.store.results import LearnerAt
+from grader.store.tables import NAME, Base, Result, UtcDateTime, new_id, now
+
+WEBHOOK, SCORES = KINDS = ("webhook", "scores")
+"""The kinds of destinations."""
+
+WAITING, HELD, SENT, DEAD = STATES = ("waiting", "held", "sent", "dead")
+"""Of a row. `held` waits until its learner may see the feedback."""
+
+AT_ONCE = 500
+"""Rows read at a time."""
+
+ALL = ""
+"""Any quiz or question of a destination; as the question of a row, the whole quiz."""
+
+
+class Destination(Base):
+    """Where results of a course go: to a webhook, or as scores to the learning platforms of its learners."""
+
+    __tablename__ = "destinations"
+    __table_args__ = (Index("ix_destinations_course", "course", "id"),)
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    course: Mapped[str] = mapped_column(String(NAME))
+    kind: Mapped[str] = mapped_column(String(10))
+    quiz: Mapped[str] = mapped_column(String(64), default=ALL)
+    """Only results of this quiz; `ALL` for every quiz."""
+    question: Mapped[str] = mapped_column(String(64), default=ALL)
+    """Only results of this question. The scores of a destination with `ALL` are those of the whole quiz."""
+    url: Mapped[str | None] = mapped_column(Text)
+    """Of a webhook, as are the columns of secrets."""
+    secret: Mapped[str | None] = mapped_column(String(80))
+    old_secret: Mapped[str | None] = mapped_column(String(80))
+    old_until: Mapped[datetime | None]
+    """Until then deliveries are signed with the old secret too."""
+    created_by: Mapped[str] = mapped_column(String(NAME))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    disabled_at: Mapped[datetime | None]
+    why_disabled: Mapped[str | None] = mapped_column(Text)
+
+
+class Delivery(Base):
+    """The newest change of a learner's result for one destination, and how far its delivery is."""
+
+    __tablename__ = "outbox"
+    __table_args__ = (
+        UniqueConstraint("destination", "learner", "quiz", "question", name="uq_outbox"),
+        Index("ix_outbox_course", "course", "state", "id"),
+        Index("ix_outbox_learner", "course", "learner"),
+        Index(
+            "ix_outbox_open",
+            "state",
+            sqlite_where=text("state <> 'sent'"),
+            postgresql_where=text("state <> 'sent'"),
+        ),
+    )
+
+    id: Mapped[int] = mapped_column(BigInteger().with_variant(Integer, "sqlite"), primary_key=True)
+    destination: Mapped[str] = mapped_column(ForeignKey("destinations.id"))
+    course: Mapped[str] = mapped_column(String(NAME))
+    learner: Mapped[str] = mapped_column(String(32))
+    quiz: Mapped[str] = mapped_column(String(64))
+    question: Mapped[str] = mapped_column(String(64))
+    state: Mapped[str] = mapped_column(String(10))
+    version: Mapped[int]
+    """Counts the changes of the result, from 1."""
+    noted_at: Mapped[datetime]
+    """When the newest change was noted."""
+    has_job: Mapped[bool]
+    attempts: Mapped[int]
+    """Failed tries to deliver this version."""
+    next_at: Mapped[datetime | None]
+    """When the next try is due, after a failed one."""
+    sent_at: Mapped[datetime | None]
+    """When the receiver last took a delivery."""
+    error: Mapped[str | None] = mapped_column(Text)
+    """What the last try failed with."""
+    timestamp: Mapped[datetime | None]
+    """The last one given to a score, in whole seconds."""
+    sent: Mapped[str | None] = mapped_column(Text)
+    """The score that the platform is known to have taken, as JSON."""
+    tried: Mapped[str | None] = mapped_column(Text)
+    """Scores of which it is not known whether the platform took them, as a JSON list."""
+    forced: Mapped[bool]
+    """Whether a person asked to overwrite what the platform has."""
+
+
+class Noted(NamedTuple):
+    """A row in which a change was noted."""
+
+    id: int
+    destination: str
+    has_job: bool
+
+
+_NEW: dict[str, Any] = {
+    "destination": Destination.id,
+    "course": Destination.course,
+    "learner": Part(GIVEN.c.value, literal(1)),
+    "quiz": Part(GIVEN.c.value, literal(2)),
+    "question": case(
+        (Destination.kind == SCORES, Destination.question), else_=Part(GIVEN.c.value, literal(3))
+    ),
+    "state": literal(WAITING),
+    "version": literal(1),
+    "noted_at": bindparam("noted_at", type_=UtcDateTime()),
+    "has_job": literal(False),
+    "attempts": literal(0),
+    "forced": literal(False),
+}  # fmt: skip
+_RETURNED = (Delivery.id, Delivery.destination, Delivery.has_job)
+
+
+def _note_with(dialect: Any) -> Any:
+    """Adds a row for every given result and destination, or counts one more change of it: one statement."""
+    course, _, quiz, question = (Part(GIVEN.c.value, literal(place)) for place in range(4))
+    wanted = (
+        select(*(value.label(name) for name, value in _NEW.items()))
+        .select_from(GIVEN)
+        .join(Destination, Destination.course == course)
+        .where(
+            Destination.disabled_at.is_(None),
+            or_(Destination.quiz == ALL, Destination.quiz == quiz),
+            or_(Destination.question == ALL, Destination.question == question),
+            or_(bindparam("only", type_=String()) == ALL, Destination.id == bindparam("only", type_=String())),
+        )
+        .distinct()  # two questions of a quiz that has one score
+    )
+    row = dialect.insert(Delivery).from_select(list(_NEW), wanted, include_defaults=False)
+    change = {"state": WAITING, "version": Delivery.version + 1, "noted_at": row.excluded.noted_at, "attempts": 0,
+              "error": None}  # fmt: skip
+    key = [Delivery.destination, Delivery.learner, Delivery.quiz, Delivery.question]
+    return row.on_conflict_do_update(index_elements=key, set_=change).returning(*_RETURNED)
+
+
+_NOTE = {"sqlite": _note_with(sqlite), "postgresql": _note_with(postgresql)}
+
+
+def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> list[Noted]:
+    """Notes changed results for the destinations of their courses, or `only` one. The caller holds the learners' locks.
+
+    Without destinations this is one statement that finds none.
+    """
+    if not changed:
+        return []
+    statement = _NOTE[session.get_bind().dialect.name]
+    named = {"given": json.dumps(list(changed)), "noted_at": now(), "only": only}
+    return [Noted(*row) for row in session.connection().execute(statement, named)]
+
+
+def release_held(session: Session, course: str, quiz: str) -> list[Noted]:
+    """Makes the held rows of a quiz wait; they have no jobs."""
+    held = update(Delivery).where(Delivery.course == course, Delivery.quiz == quiz, Delivery.state == HELD)
+    rows = session.execute(held.values(state=WAITING).returning(*_RETURNED), execution_options=_UNCHANGED)
+    return [Noted(*row) for row in rows]
+
+
+def mark_queued(session: Session, ids: Sequence[int]) -> None:
+    """Says that these rows have their jobs."""
+    session.execute(update(Delivery).where(Delivery.id.in_(ids)).values(has_job=True), execution_options=_UNCHANGED)
+
+
+_UNCHANGED = {"synchronize_session": False}
+
+
+def locked(session: Session, row_id: int) -> Delivery | None:
+    """A row, which nobody else changes until the transaction ends."""
+    row = select(Delivery).where(Delivery.id == row_id).with_for_update().execution_options(populate_existing=True)
+    return session.scalars(row).one_or_none()
+
+
+def delivery(session: Session, row_id: int, course: str | None) -> Delivery | None:
+    """As `locked`, within a course; None for any course."""
+    found = locked(session, row_id)
+    return found if found is not None and course in (None, found.course) else None
+
+
+def destination(session: Session, destination_id: str, course: str) -> Destination | None:
+    """A destination of a course."""
+    found = session.get(Destination, destination_id)
+    return found if found is not None and found.course == course else None
+
+
+def webhooks(session: Session, course: str) -> Sequence[Destination]:
+    """The webhooks of a course, oldest first."""
+    theirs = select(Destination).where(Destination.course == course, Destination.kind == WEBHOOK)
+    return session.scalars(theirs.order_by(Destination.id)).all()
+
+
+def add_scores(session: Session, course: str, quiz: str, question: str, by: str) -> str:
+    """Makes results of a quiz, or of one question, go to learning platforms; once. Returns the destination's id."""
+    key = "\n".join((course, quiz, question))
+    made = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
+    values = {"id": made, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
+              "created_at": now()}  # fmt: skip
+    insert = (postgresql if session.get_bind().dialect.name == "postgresql" else sqlite).insert
+    session.execute(insert(Destination).values(values).on_conflict_do_nothing())
+    return made
+
+
+def remove(session: Session, found: Destination) -> None:
+    """Deletes a destination with its rows; their jobs find nothing."""
+    session.execute(delete(Delivery).where(Delivery.destination == found.id), execution_options=_UNCHANGED)
+    session.delete(found)
+
+
+def disable(session: Session, destination_id: str, why: str) -> None:
+    """Delivers nothing more to a destination. What waits for it is dead."""
+    found = session.get_one(Destination, destination_id)
+    found.disabled_at, found.why_disabled = now(), why
+    theirs = update(Delivery).where(Delivery.destination == destination_id, Delivery.state.in_((WAITING, HELD)))
+    session.execute(theirs.values(state=DEAD, error=why, next_at=None), execution_options=_UNCHANGED)
+
+
+def results_of(session: Session, course: str, quiz: str, learner: str) -> list[LearnerAt]:
+    """The keys of a learner's results in a quiz."""
+    theirs = (Result.course == course, Result.quiz == quiz, Result.learner == learner)
+    rows = session.execute(select(*(getattr(Result, name) for name in LearnerAt._fields)).where(*theirs))
+    return [LearnerAt(*row) for row in rows]
+
+
+def page(
+    session: Session, where: Sequence[ColumnElement[bool]], after: int, limit: int
+) -> Sequence[tuple[Delivery, str]]:
+    """At most `limit` rows after an id, in the order of ids, each with the kind of its destination."""
+    rows = select(Delivery, Destination.kind).join(Destination, Destination.id == Delivery.destination)
+    found = session.execute(rows.where(*where, Delivery.id > after).order_by(Delivery.id).limit(limit))
+    return [(row, kind) for row, kind in found]
+
+
+def every(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, str]]:
+    """Every row in a state, of one course or of all, in the order of ids, each with the kind of its destination."""
+    where = [Delivery.state == state, *([Delivery.course == course] if course is not None else [])]
+    after = 0
+    while rows := page(session, where, after, AT_ONCE):
+        yield from rows
+        after = rows[-1][0].id
+
+
+def dead(session: Session, destination_id: str, limit: int) -> Sequence[Delivery]:
+    """At most `limit` dead rows of a destination, locked, oldest first."""
+    rows = select(Delivery).where(Delivery.destination == destination_id, Delivery.state == DEAD)
+    return session.scalars(rows.order_by(Delivery.id).limit(limit).with_for_update()).all()
+
+
+def counts(session: Session) -> dict[tuple[str, str], int]:
+    """The number of rows that are not sent, by kind and state."""
+    rows = select(Destination.kind, Delivery.state, func.count()).join(Destination).where(text("state <> 'sent'"))
+    grouped = session.execute(rows.group_by(Destination.kind, Delivery.state))
+    return {(kind, state): count for kind, state, count in grouped}
+
+
+def erase(session: Session, course: str, learner: str) -> None:
+    """Deletes the rows of a learner."""
+    theirs = delete(Delivery).where(Delivery.course == course, Delivery.learner == learner)
+    session.execute(theirs, execution_options=_UNCHANGED)
+
+
+def add_webhook(session: Session, course: str, values: dict[str, Any]) -> Destination:
+    """Adds a webhook."""
+    made = Destination(course=course, kind=WEBHOOK, quiz=ALL, question=ALL, **values)
+    session.add(made)
+    session.flush()
+    return made

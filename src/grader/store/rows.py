@@ -1,0 +1,152 @@
+"""Rows inserted without the unit of work, many at once.
+
+SQLite takes the rows of a table with `executemany`. PostgreSQL takes them as one JSON document, and those of several
+tables in one statement: a round trip costs more than the rows do.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from operator import itemgetter
+from typing import Any
+
+from pydantic_core import to_json
+from sqlalchemy import Connection, Executable, Table, text
+from sqlalchemy.dialects import sqlite
+from sqlalchemy.orm import Session
+
+from grader.store.tables import Base
+
+WAITING = "rows"
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Which columns of a table are inserted; whether a row replaces the one with its key."""
+
+    table: Table
+    columns: tuple[str, ...]
+    replaces: bool
+
+
+def insert_rows(session: Session, table: type[Base], rows: Sequence[dict[str, Any]], *, replace: bool = False) -> None:
+    """Inserts rows of one table, which have the same columns; `replace` overwrites all columns of rows with their keys.
+
+    Columns that are left out get their defaults.
+    """
+    if not rows:
+        return
+    target = Base.metadata.tables[table.__tablename__]
+    kind = _Kind(target, tuple(rows[0]), replace)
+    connection = session.connection()
+    if connection.dialect.name == "sqlite":
+        _insert_in_sqlite(connection, kind, rows)
+    elif (waiting := session.info.get(WAITING)) is not None:
+        waiting.setdefault(kind, []).extend(rows)
+    else:
+        _insert_in_postgresql(session, {kind: rows})
+
+
+@contextmanager
+def inserted_together(session: Session) -> Iterator[None]:
+    """Lets `insert_rows` wait on PostgreSQL for the end of the block, and inserts everything in one statement then.
+
+    Queries within the block do not see the rows, unless `insert_waiting` is called before.
+    """
+    session.info[WAITING] = {}
+    try:
+        yield
+        insert_waiting(session)
+    finally:
+        del session.info[WAITING]
+
+
+def insert_waiting(session: Session) -> None:
+    """Inserts the rows that wait."""
+    if waiting := session.info.get(WAITING):
+        _insert_in_postgresql(session, waiting)
+        waiting.clear()
+
+
+def _insert_in_postgresql(session: Session, rows: dict[_Kind, Any]) -> None:
+    values = {f"rows{place}": _as_json(kind, several) for place, (kind, several) in enumerate(rows.items())}
+    session.connection().execute(_statement(tuple(rows)), values)
+
+
+def _as_json(kind: _Kind, rows: Sequence[dict[str, Any]]) -> str:
+    return to_json(
+        _completed(kind, rows), inf_nan_mode="strings"
+    ).decode()  # PostgreSQL reads the text "Infinity" as a number
+
+
+def _completed(kind: _Kind, rows: Sequence[dict[str, Any]]) -> Sequence[dict[str, Any]]:
+    """The rows with the defaults of columns that are left out."""
+    made = _defaults(kind)
+    return [row | {name: make(None) for name, make in made.items()} for row in rows] if made else rows
+
+
+@cache
+def _defaults(kind: _Kind) -> dict[str, Any]:
+    """What makes the values of columns that are left out."""
+    missing = [column for column in kind.table.columns if column.name not in kind.columns]
+    return {column.name: _made_by(column.default) for column in missing if column.default is not None}
+
+
+def _made_by(default: Any) -> Any:
+    return default.arg if default.is_callable else lambda _context: default.arg
+
+
+@cache
+def _statement(kinds: tuple[_Kind, ...]) -> Executable:
+    """Inserts rows of several tables at once. Foreign keys are checked at the end of a statement, so in any order."""
+    inserts = [_insert_of(kind, f":rows{place}") for place, kind in enumerate(kinds)]
+    first = ", ".join(f"insert{place} AS ({insert})" for place, insert in enumerate(inserts[:-1]))
+    return text(f"WITH {first} {inserts[-1]}" if first else inserts[-1])
+
+
+def _insert_of(kind: _Kind, given: str) -> str:
+    columns = _quoted(_names(kind))
+    rows = f'json_populate_recordset(CAST(NULL AS "{kind.table.name}"), CAST({given} AS json))'
+    insert = f'INSERT INTO "{kind.table.name}" ({columns}) SELECT {columns} FROM {rows}'  # noqa: S608  no values
+    return insert + _conflict(kind)
+
+
+def _insert_in_sqlite(connection: Connection, kind: _Kind, rows: Sequence[dict[str, Any]]) -> None:
+    """Hands the rows to the driver: SQLAlchemy would take longer with each than the database does."""
+    take, converted = itemgetter(*_names(kind)), _converted(kind).items()
+    values = [take(row | {name: convert(row[name]) for name, convert in converted}) for row in _completed(kind, rows)]
+    connection.exec_driver_sql(_statement_in_sqlite(kind), values)
+
+
+@cache
+def _statement_in_sqlite(kind: _Kind) -> str:
+    names = _names(kind)
+    places = ", ".join("?" * len(names))
+    insert = f'INSERT INTO "{kind.table.name}" ({_quoted(names)}) VALUES ({places})'  # noqa: S608  no values
+    return insert + _conflict(kind)
+
+
+@cache
+def _converted(kind: _Kind) -> dict[str, Any]:
+    """What converts the values of some columns, such as times, to those that the driver stores."""
+    dialect = sqlite.dialect()
+    made = {name: kind.table.columns[name].type.dialect_impl(dialect).bind_processor(dialect) for name in _names(kind)}
+    return {name: convert for name, convert in made.items() if convert is not None}
+
+
+def _names(kind: _Kind) -> tuple[str, ...]:
+    return (*kind.columns, *_defaults(kind))
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _conflict(kind: _Kind) -> str:
+    """What to do where a row has the key of another."""
+    if not kind.replaces:
+        return ""
+    key = [column.name for column in kind.table.primary_key]
+    replaced = ", ".join(f'"{name}" = excluded."{name}"' for name in _names(kind) if name not in key)
+    return f" ON CONFLICT ({_quoted(key)}) DO UPDATE SET {replaced}"
