@@ -25,6 +25,7 @@ class Action(StrEnum):
     MEMBER_REMOVED = "member removed"
     MEMBER_ERASED = "member erased"
     ROLE_CHANGED = "role changed"
+    ROSTER_IMPORTED = "roster imported"
     LINK_ROTATED = "course link rotated"
     LINK_CLOSED = "course link closed"
     REVIEWED = "reviewed"
@@ -40,7 +41,20 @@ class Action(StrEnum):
     WITHDRAWN = "feedback withheld"
     REGRADED = "regrade started"
     REGRADE_CANCELLED = "regrade cancelled"
+    WEBHOOK_CREATED = "webhook created"
+    WEBHOOK_ROTATED = "webhook secret rotated"
+    WEBHOOK_ENABLED = "webhook enabled"
+    WEBHOOK_DELETED = "webhook deleted"
+    REPLAYED = "delivery replayed"
     CONTENT_RELOADED = "content reloaded"
+    PLATFORM_ADDED = "platform added"
+    PLATFORM_APPROVED = "platform approved"
+    PLATFORM_REMOVED = "platform removed"
+    KEYS_ROTATED = "platform keys rotated"
+    CONTEXT_WANTED = "platform course asks for a link"
+    CONTEXT_LINKED = "platform course linked"
+    CONTEXT_UNLINKED = "platform course unlinked"
+    ROSTER_PULLED = "roster pulled"
 
 
 def record(

@@ -1,6 +1,5 @@
 """The gradebook as CSV, row by row: a generic form, and what Canvas and Moodle import. Pure."""
 
-import csv
 import math
 import re
 from collections import Counter
@@ -9,11 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache
 
+from grader.courses.cells import BOM, guarded, lines
 from grader.domain.verdict import POINT_DIGITS
-
-BOM = "\ufeff"
-FORMULA = re.compile(r"'*(?:\s*[=+\-@＝＋－＠]|[\t\r\n])")
-"""Texts that a spreadsheet may run as a formula. Source: OWASP, CSV injection."""
 
 
 class Form(StrEnum):
@@ -37,9 +33,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """One learner, with the points that count by (quiz, question); what is missing is an empty cell."""
+    """One learner, with the points that count by (quiz, question); what is missing is an empty cell.
+
+    `login` is a name that an instructor gave. A name that learners chose themselves finds nobody in an LMS: it may be
+    the login of another one. `lms_id` is the learner's number in Canvas.
+    """
 
     user: str
+    login: str = ""
     name: str = ""
     email: str = ""
     section: str = ""
@@ -51,22 +52,28 @@ class Row:
 LEARNER: Mapping[Form, Mapping[str, Callable[[Row], str]]] = {
     Form.GENERIC: {"user": lambda row: row.user, "name": lambda row: row.name, "email": lambda row: row.email},
     Form.CANVAS: {
-        "Student": lambda row: row.name or row.user,
+        "Student": lambda row: no_points_row(row.name or row.user),
         "ID": lambda row: row.lms_id,
         "SIS User ID": lambda row: row.sis_id,
-        "SIS Login ID": lambda row: row.user,
+        "SIS Login ID": lambda row: row.login,
         "Section": lambda row: row.section,
     },
-    Form.MOODLE: {"Username": lambda row: row.user, "Email address": lambda row: row.email},
+    Form.MOODLE: {
+        "Username": lambda row: row.login,
+        "Email address": lambda row: row.email,
+        "ID number": lambda row: row.sis_id,
+    },
 }
 """The columns before the questions, in the order that the form needs."""
 
+POINTS_ROW = "Points Possible"
+"""Canvas takes every row for the points of the assignments whose first cell holds this."""
 
-class _Line:
-    """A file whose `write` returns the text, so that csv.writer.writerow returns the line."""
+TOTALS = re.compile("(Current|Final) (Score|Points|Grade)|Override (Score|Grade|Status)")
+"""Canvas drops every column whose heading holds one of these."""
 
-    def write(self, text: str) -> str:
-        return text
+NUMBERED = re.compile(r".*\s\(\d+\)", re.DOTALL)
+"""Canvas takes the number at the end of such a heading for the id of an assignment."""
 
 
 def gradebook_csv(
@@ -75,25 +82,42 @@ def gradebook_csv(
     r"""The lines of the gradebook, ended by "\r\n" (RFC 4180); one learner is held at a time.
 
     The generic form ends with `points` and `max_points`, the sums over all columns. `bom` marks the text as UTF-8
-    for Excel, which takes it for the local code page otherwise; Canvas and Moodle read it with and without.
+    for Excel, which takes it for the local code page otherwise; Canvas and Moodle read it with and without. The form
+    for Canvas has a second row with the points of each assignment, or new ones would be made without.
     """
-    line = csv.writer(_Line()).writerow
+    mark = BOM if bom else ""
+    for line in lines(cells_of(rows, columns, form)):
+        yield mark + line
+        mark = ""
+
+
+def cells_of(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
+    """The heading, for Canvas the points of the assignments, and a row for each learner."""
     names, cells = headings(columns, form), LEARNER[form]
     sums = ["points", "max_points"] if form is Form.GENERIC else []
-    yield (BOM if bom else "") + line([*cells, *names, *sums])
+    yield [*cells, *names, *sums]
+    if form is Form.CANVAS:
+        blank = [""] * (len(cells) - 1)
+        yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
     full = number(math.fsum(column.max_points for column in columns))
     for row in rows:
         points = [row.points.get((column.quiz, column.question)) for column in columns]
         total = [number(math.fsum(value for value in points if value is not None)), full] if sums else []
         texts = [guarded(cell(row)) for cell in cells.values()]
-        yield line([*texts, *("" if value is None else number(value) for value in points), *total])
+        yield [*texts, *("" if value is None else number(value) for value in points), *total]
+
+
+def no_points_row(name: str) -> str:
+    """The name of a learner, who cannot pass for the row of points."""
+    return name.replace(POINTS_ROW, POINTS_ROW.replace(" ", "_"))
 
 
 def headings(columns: Sequence[Column], form: Form) -> list[str]:
     """One heading for each column: `quiz/question` in the generic form, else the title.
 
     Canvas takes the points of both columns from the first where two have one heading: `[quiz/question]` is appended
-    to repeated titles.
+    to repeated titles, and to those that end like the id of an assignment. Titles that look like a total, which it
+    would drop, are replaced. A title that no assignment has makes a new one, so titles should stay as they are.
     """
     if form is Form.GENERIC:
         return [guarded(f"{column.quiz}/{column.question}") for column in columns]
@@ -105,18 +129,17 @@ def headings(columns: Sequence[Column], form: Form) -> list[str]:
     ]
     if form is Form.MOODLE:
         return [guarded(title) for title in unique]
-    return [
-        guarded(f"{title} ({column.lms_id})" if column.lms_id else title)
-        for title, column in zip(unique, columns, strict=True)
-    ]
+    return [guarded(canvas_heading(title, column)) for title, column in zip(unique, columns, strict=True)]
 
 
-def guarded(text: str) -> str:
-    """The text as a cell that no spreadsheet runs: an apostrophe before what looks like a formula.
-
-    Guarding a guarded text adds another apostrophe, so removing one always gives the text back.
-    """
-    return f"'{text}" if FORMULA.match(text) else text
+def canvas_heading(title: str, column: Column) -> str:
+    """The heading by which Canvas finds an assignment, or makes one of this title."""
+    name = f"{column.quiz}/{column.question}"
+    if TOTALS.search(title):
+        title = name
+    if column.lms_id:
+        return f"{title} ({column.lms_id})"
+    return f"{title} [{name}]" if NUMBERED.fullmatch(title) else title
 
 
 @lru_cache(maxsize=4096)

@@ -4,13 +4,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cached_property
 from typing import Any
 
 from sqlalchemy.orm import Session
 
-from grader.courses.policy import NO_EXTENSION
 from grader.courses.results import New, count_new
-from grader.courses.standing import Standing, may_be_extended
+from grader.courses.standing import Standing
 from grader.domain.verdict import Verdict
 from grader.errors import CallerError, Conflict, TooManyRequests, Unauthorized, Unprocessable
 from grader.identity import FAILED, Identity
@@ -20,8 +20,9 @@ from grader.queue import jobs
 from grader.store import answers, extensions, submissions
 from grader.store.database import Database
 from grader.store.results import LearnerAt
+from grader.store.rows import insert_rows, inserted_together
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import IdempotencyKey, Submission, insert_rows, new_id, now, plain
+from grader.store.tables import IdempotencyKey, Submission, new_id, now, plain
 
 CREATED, ACCEPTED = 201, 202
 RETRY_S = 30
@@ -57,10 +58,15 @@ class Answer:
     outcome: Receipt | CallerError | None = None
     """Set by `hand_in`."""
 
-    @property
+    @cached_property
     def at(self) -> LearnerAt:
         """The learner at the question."""
         return LearnerAt(self.who.course, self.who.id, self.parsed.quiz_id, self.parsed.question.id)
+
+    @property
+    def asked(self) -> answers.Asked:
+        """What is asked about it before it is taken."""
+        return answers.Asked(*self.at, self.who.credential, self.key or "")
 
     @property
     def named(self) -> Key:
@@ -81,7 +87,7 @@ def hand_in(database: Database, session: Session, waiting: Sequence[Answer]) -> 
             one.outcome = batch.take(one)
         except CallerError as refused:
             one.outcome = refused
-    batch.store()
+    database.tell_planner(session, batch.store())
 
 
 class Batch:
@@ -89,11 +95,7 @@ class Batch:
 
     def __init__(self, session: Session, waiting: Sequence[Answer]) -> None:
         self._session, self._clock = session, now()
-        self._alive = answers.alive(session, {one.who.credential for one in waiting}, self._clock)
-        self._found = answers.found(session, {one.at for one in waiting})
-        self._keys = answers.keys(session, {one.named for one in waiting if one.key is not None})
-        extended = {one.at[:3] for one in waiting if may_be_extended(one.library, *one.at[2:])}
-        self._extensions = answers.granted(session, extended)
+        self._stored = answers.stored(session, [one.asked for one in waiting], self._clock)
         self._published: dict[tuple[str, str], Mapping[str, datetime]] = {}
         self._taken: dict[str, tuple[Answer, Receipt]] = {}
         self._receipts: dict[Key, tuple[Answer, Receipt]] = {}
@@ -101,7 +103,7 @@ class Batch:
 
     def take(self, answer: Answer) -> Receipt:
         """Decides on one answer. Raises Unauthorized, Unprocessable, Conflict, TooManyRequests."""
-        if answer.who.credential not in self._alive:
+        if answer.who.credential not in self._stored.alive:
             raise Unauthorized(FAILED)
         standing = self._standing(answer)
         if answer.key is not None and (earlier := self._earlier(answer, standing)) is not None:
@@ -114,39 +116,38 @@ class Batch:
             self._refuse_flood(answer)
         submission = submission_of(answer, 1 + standing.progress_at(quiz, question).used)
         after = standing.with_attempt((quiz, question), None if answer.verdict is None else answer.verdict.status)
-        self._found[answer.at].progress = after.progress_at(quiz, question)
+        self._stored.at[answer.at].progress = after.progress_at(quiz, question)
         receipt = Receipt(submission, answer.verdict, ACCEPTED if answer.verdict is None else CREATED, after)
         self._taken[submission.id] = answer, receipt
         if answer.key is not None:
             self._receipts[answer.named] = answer, receipt
         return receipt
 
-    def store(self) -> None:
-        """Stores the answers that were taken, with everything that follows from them."""
+    def store(self) -> int:
+        """Stores the answers that were taken, with everything that follows from them. Returns how many."""
         session, taken = self._session, list(self._taken.values())
-        submissions.add(session, [(receipt.submission, receipt.verdict) for _, receipt in taken])
-        insert_rows(session, IdempotencyKey, [key_row(*one) for one in self._receipts.values()])
-        new = [
-            New(one.library, receipt.submission, receipt.verdict, self._extensions.get(one.at[:3], NO_EXTENSION))
-            for one, receipt in taken
-        ]
-        count_new(session, new, self._found)
+        with inserted_together(session):
+            submissions.add(session, [(receipt.submission, receipt.verdict) for _, receipt in taken])
+            insert_rows(session, IdempotencyKey, [key_row(*one) for one in self._receipts.values()])
+            new = [New(one.library, receipt.submission, receipt.verdict) for one, receipt in taken]
+            count_new(session, new, self._stored.at)
         for answer, receipt in taken:
             if receipt.verdict is None:
                 jobs.put(session, jobs.GRADE, receipt.submission.id, share=answer.who.id)
+        return len(taken)
 
     def _standing(self, answer: Answer) -> Standing:
         course, _, quiz, question = answer.at
         if (course, quiz) not in self._published:
             withheld = answer.library.quiz(quiz).policy.feedback == "after_publish"
             self._published[course, quiz] = extensions.published(self._session, course, [quiz]) if withheld else {}
-        granted = self._extensions.get(answer.at[:3])
+        stored = self._stored.at[answer.at]
         return Standing(
             answer.library,
             answer.who.role,
             self._clock,
-            {(quiz, question): self._found[answer.at].progress},
-            {} if granted is None else {quiz: granted},
+            {(quiz, question): stored.progress},
+            {} if stored.extension is None else {quiz: stored.extension},
             self._published[course, quiz],
         )
 
@@ -155,7 +156,7 @@ class Batch:
         if (here := self._receipts.get(answer.named)) is not None:
             first, receipt = here
             digest, earlier = first.parsed.digest, replace(receipt, standing=standing)
-        elif (row := self._keys.get(answer.named)) is not None:
+        elif (row := self._stored.earlier.get(answer.named)) is not None:
             submission = self._session.get_one(Submission, row.submission_id)
             body = submissions.verdicts(self._session, [submission]).get(submission.id)
             verdict = None if body is None else Verdict.model_validate(body)

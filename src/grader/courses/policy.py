@@ -34,8 +34,8 @@ FEEDBACK_FIELDS = (*RECEIPT_FIELDS, "status", "points", "diagnosis", "timing_ms"
 FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "message", "measured")
 RECEIPT_TIMES = ("script_cpu", "script_wall")
 """Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
-FEEDBACK_EVIDENCE = ("option", "value", "unit", "angles", "differences", "order")
-"""Pictures of the learner's own answer. `stability` draws the limit itself, so it is part of the solution."""
+FEEDBACK_EVIDENCE = ("option", "value", "unit", "angles", "claims", "differences", "order", "tableau")
+"""Pictures of the learner's own answer. `limits` and `stability` tell the limit itself: they are the solution's."""
 
 
 class Shown(IntEnum):

@@ -3,10 +3,12 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from sqlalchemy.orm import Session
 
+from grader.courses import outbox
 from grader.courses.audit import COMMAND_LINE, Action, record
 from grader.courses.policy import NO_EXTENSION, Attempt, counted, due_of
 from grader.domain.policy import Extension, Policy
@@ -17,6 +19,7 @@ from grader.store import answers, extensions, results, submissions
 from grader.store.answers import Found, Source
 from grader.store.database import Database
 from grader.store.results import COUNTED, LearnerAt
+from grader.store.rows import insert_waiting
 from grader.store.tables import Member, Result, Submission, plain
 
 
@@ -39,14 +42,13 @@ def append_verdict(
 
 @dataclass(frozen=True)
 class New:
-    """A new submission, with its verdict or waiting for one, and the learner's extension."""
+    """A new submission, with its verdict or waiting for one."""
 
     library: Library
     submission: Submission
     verdict: Verdict | None
-    extension: Extension = NO_EXTENSION
 
-    @property
+    @cached_property
     def key(self) -> LearnerAt:
         """The result that it counts for."""
         return LearnerAt.of(self.submission)
@@ -59,7 +61,7 @@ def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Fo
     decide together what counts now: the time does not grow with the number of attempts.
     """
     changed: dict[LearnerAt, Result] = {}
-    first, averages, told = set[LearnerAt](), dict[LearnerAt, Library](), list[dict[str, Any]]()
+    averages, told = dict[LearnerAt, Library](), list[dict[str, Any]]()
     for one in new:
         here = found[one.key]
         if here.result is not None and policy_of(one.library, one.key.quiz).counts == "average":
@@ -67,16 +69,16 @@ def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Fo
         elif (values := with_new(one, here)) is not None:
             columns, rows = results.change(here.result, one.key, values)
             if here.result is None:
-                first.add(one.key)
                 here.result = plain(Result, columns)
-            elif columns:
-                vars(here.result).update(columns)
+            vars(here.result).update(columns)
             changed[one.key] = here.result
             told += rows
             if values["submission_id"] == one.submission.id:
                 here.source = source_of(one.submission, one.verdict)
-    old = [result for key, result in changed.items() if key not in first]
-    answers.put_results(session, [changed[key] for key in first], old, told)
+    answers.put_results(session, list(changed.values()), told)
+    outbox.note(session, {LearnerAt(*(row[name] for name in LearnerAt._fields)) for row in told})
+    if averages:
+        insert_waiting(session)
     for key, library in averages.items():
         recount(session, library, key)
 
@@ -91,7 +93,7 @@ def with_new(new: New, found: Found) -> dict[str, Any] | None:
     sources = [found.source, source_of(submission, verdict)]
     attempts = [attempt_of(source) for source in sources if source is not None]
     policy = policy_of(new.library, submission.quiz)
-    values = counting(attempts, policy, new.extension, {submission.id: verdict.max_points}, before)
+    values = counting(attempts, policy, found.extension or NO_EXTENSION, {submission.id: verdict.max_points}, before)
     if before is None:
         values |= first_answer(verdict.status, verdict.evidence)
     told = [] if before is None else json.loads(before.diagnoses)
@@ -110,7 +112,8 @@ def recount(session: Session, library: Library, key: LearnerAt) -> None:
     bodies = [json.loads(row.body) for row in decided]
     if bodies:
         values |= first_answer(Status(decided[0].outcome), bodies[0]["evidence"])
-    results.put(session, before, key, values | {"diagnoses": listed([body["diagnosis"] for body in bodies])})
+    if results.put(session, before, key, values | {"diagnoses": listed([body["diagnosis"] for body in bodies])}):
+        outbox.note(session, [key])
 
 
 def would_count(
@@ -133,6 +136,8 @@ def recount_quiz(database: Database, library: Library, course: str, quiz: str) -
         with database.write() as session:
             database.lock_learner(session, course, key.learner)
             recount(session, library, key)
+    with database.write() as session:
+        outbox.release(session, course, quiz)
     return len(keys)
 
 

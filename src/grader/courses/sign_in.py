@@ -1,6 +1,6 @@
 """Browser sessions, and the single-use links that open them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 
 from sqlalchemy.orm import Session
@@ -38,12 +38,18 @@ def create_sign_in_code(session: Session, user: str, role: Role | str, course: s
     return issue(session, Kind.SIGN_IN, named(session, user, checked, course), checked, SIGN_IN_CODE)
 
 
-def start_session(session: Session, member: Member, role: Role) -> BrowserSession:
-    """Starts a browser session, and deletes sessions and codes that have ended."""
+def start_session(session: Session, member: Member, role: Role, platform: int | None = None) -> BrowserSession:
+    """Starts a browser session, and deletes sessions and codes that have ended.
+
+    `platform` is the learning platform that launched it; each launch opens another one, so they are short.
+    """
     people.prune(session, credentials.prune(session, PRUNED, now()))
-    lifetime = INSTRUCTOR_SESSION if role is Role.INSTRUCTOR else LEARNER_SESSION
-    secret = issue(session, Kind.SESSION, member, role, lifetime)
-    return BrowserSession(Identity(member.id, member.name, role, member.course, by_cookie=True), secret, lifetime)
+    is_short = role is Role.INSTRUCTOR or platform is not None
+    lifetime = INSTRUCTOR_SESSION if is_short else LEARNER_SESSION
+    secret = issue(session, Kind.SESSION, member, role, lifetime, platform=platform)
+    credential = find(session, Kind.SESSION, secret)
+    assert credential is not None
+    return BrowserSession(replace(identity_of(credential), by_cookie=True), secret, lifetime)
 
 
 def start_anonymous_session(session: Session) -> BrowserSession:

@@ -1,0 +1,55 @@
+"""Revocations, sign-in links and extensions for the database of an installation, as the command line gives them."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from sqlalchemy.orm import Session
+
+from grader.courses import people
+from grader.courses.sign_in import create_sign_in_code
+from grader.courses.tokens import revoke_all
+from grader.domain.policy import Extension
+from grader.identity import Role
+from grader.settings import Settings
+from grader.store.database import Database
+
+Result = TypeVar("Result")
+
+
+def in_database(settings: Settings, change: Callable[[Session], Result]) -> Result:
+    """Calls `change` in a transaction on a newly opened database, and returns its result."""
+    database = Database(settings.database)
+    try:
+        database.migrate()
+        with database.write() as session:
+            return change(session)
+    finally:
+        database.close()
+
+
+def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:
+    """Revokes the tokens and sessions of a user. Returns how many were valid."""
+    return in_database(settings, lambda session: revoke_all(session, user, course))
+
+
+def sign_in_url(settings: Settings) -> str:
+    """The address where the instructor signs in; good for one sign-in."""
+    code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
+    return f"{settings.origin}/signin?code={code}"
+
+
+def give_extension(settings: Settings, key: tuple[str | None, str, str], granted: Extension) -> None:
+    """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz, and Unprocessable."""
+    from grader.courses import results  # it loads MuJoCo, which the other functions do not need
+    from grader.library import load
+
+    course, quiz, user = key
+    database = Database(settings.database)
+    try:
+        database.migrate()
+        with database.write() as session:
+            learner = people.named(session, user, Role.STUDENT, course)
+            library = load(settings.courses.get(learner.course, settings.content))
+            results.grant(database, library, session, learner, quiz, granted=granted, by=None)
+    finally:
+        database.close()
