@@ -1,0 +1,124 @@
+"""The score that a learner's results come to, as Assignment and Grade Services says it. Pure."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Protocol, Self
+
+FULLY_GRADED, PENDING_MANUAL = "FullyGraded", "PendingManual"
+
+DIGITS = 6
+"""Decimals of points: sums of floats do not show their round-off."""
+
+SAME = 0.01
+"""Points by which a platform's copy may differ: gradebooks round to hundredths."""
+
+CANVAS = "https://canvas.instructure.com/lti/submission"
+
+
+class Counted(Protocol):
+    """What counts for a learner at a question: a result."""
+
+    @property
+    def points(self) -> float:
+        """Points that count."""
+
+    @property
+    def max_points(self) -> float:
+        """Points that the question is worth."""
+
+    @property
+    def is_final(self) -> bool:
+        """Whether no grading is to come."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score in real points. `given` is None while nothing of it is decided."""
+
+    given: float | None
+    maximum: float
+    activity: str
+    grading: str
+
+    @property
+    def is_final(self) -> bool:
+        """Whether grading is over."""
+        return self.grading == FULLY_GRADED
+
+    def body(self, user: str, timestamp: datetime) -> bytes:
+        """The JSON document of the score service. Canvas is told not to count it as one more submission."""
+        points = {} if self.given is None else {"scoreGiven": self.given, "scoreMaximum": self.maximum}
+        document = {
+            "userId": user,
+            "timestamp": timestamp.strftime("%Y-%m-%dT%H:%M:%S.000Z"),
+            "activityProgress": self.activity,
+            "gradingProgress": self.grading,
+            **points,
+            CANVAS: {"new_submission": False},
+        }
+        return json.dumps(document).encode()
+
+    def is_at(self, result: "PlatformResult") -> bool:
+        """Whether a platform shows this score; it may have scaled it to another maximum."""
+        if self.given is None or result.score is None:
+            return self.given is None and result.score is None
+        shown = result.score if result.maximum is None else result.score / result.maximum * self.maximum
+        return abs(shown - self.given) <= SAME
+
+    def to_json(self) -> str:
+        """As it is stored."""
+        return json.dumps([self.given, self.maximum, self.activity, self.grading])
+
+    @classmethod
+    def from_json(cls, stored: str) -> Self:
+        """What `to_json` has made."""
+        return cls(*json.loads(stored))
+
+
+@dataclass(frozen=True)
+class PlatformResult:
+    """What a platform shows for a learner; a maximum of None is that of the line item."""
+
+    score: float | None = None
+    maximum: float | None = None
+
+    @classmethod
+    def of(cls, listed: Any, user: str) -> Self:
+        """The result of a user in the answer of the result service; without a score if there is none."""
+        for item in listed if isinstance(listed, list) else ():
+            if isinstance(item, dict) and str(item.get("userId")) == user:
+                score, maximum = item.get("resultScore"), item.get("resultMaximum")
+                return cls(number(score), number(maximum) or None)
+        return cls()
+
+
+def number(given: Any) -> float | None:
+    """A JSON number; None for anything else."""
+    return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
+
+
+def score_of(results: Mapping[str, Counted], worth: Mapping[str, float], question: str) -> Score | None:
+    """The score of one question, or with an empty `question` of the whole quiz.
+
+    `results` are the learner's, by question, and `worth` the points of the quiz's questions. None if there is nothing
+    to score.
+    """
+    if question:
+        found = {question: results[question]} if question in results else {}
+        asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}
+    else:
+        found = {name: one for name, one in results.items() if name in worth}
+        asked = dict(worth)
+    maximum = round(sum(asked.values()), DIGITS)
+    if not found or maximum <= 0:
+        return None
+    decided = [one.points for one in found.values() if one.is_final]
+    is_final = len(decided) == len(found)
+    given = round(sum(one.points for one in found.values()), DIGITS) if decided else None
+    if len(found) < len(asked):
+        activity = "InProgress"
+    else:
+        activity = "Completed" if is_final else "Submitted"
+    return Score(given, maximum, activity, FULLY_GRADED if is_final else PENDING_MANUAL)
