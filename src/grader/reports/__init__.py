@@ -1,0 +1,7 @@
+"""Verdicts in the formats of other graders: Gradescope's results.json, and JUnit XML."""
+
+from grader.reports.graded import Graded
+from grader.reports.gradescope import results_json
+from grader.reports.junit import junit_xml
+
+__all__ = ["Graded", "junit_xml", "results_json"]
