@@ -1,18 +1,24 @@
 """Runs a kind's driver for every trial, inside the jail: the visible trials first, then the hidden ones.
 
-The text of this file is sent to the jail with the kind's driver; it imports nothing of the grader. The jail defines two
-names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden", "out_of_memory"), and
-`hidden_inputs()` fetches the hidden trials, which the process does not know before. What it prints then is dropped.
+The code of this file is sent to the jail with that of the recorder and of the kind's driver; it imports nothing of the
+grader. The jail defines two names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden",
+"out_of_memory"), and `hidden_inputs()` fetches the hidden trials, which the process does not know before. What it
+prints then is dropped.
 
 An exception ends its trial alone: the result `raised` holds its name and line. SystemExit and its like, a refusal of
 the jail, and lack of memory end the whole script: they are raised again.
+
+The result `trace` of a trial holds what the recorder noted in it. The driver finds among its names `note`, which adds
+to it, and `hidden`, which says whether the current trial is.
 """
 
 import builtins
 import contextlib
+import difflib
 import json
 import os
 import traceback
+import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -21,15 +27,24 @@ import numpy as np
 Submit = Callable[[str, Any], None]
 
 GIVEN: dict[str, Any] = {name: globals().get(name) for name in ("kind_of", "hidden_inputs")}
+RECORDER: dict[str, Any] = {"__name__": "recorder", "__builtins__": builtins}
 KIND: dict[str, Any] = {"__name__": "kind", "__builtins__": builtins}
-TEXT_CHARS_MAX = 500
+TEXT_CHARS_MAX = 1000
 
 
-def load(source: str) -> None:
-    """Executes the text of the kind's driver in a namespace of its own, before the student's module is imported."""
-    exec(compile(source, "<driver>", "exec"), KIND)  # noqa: S102
+def load(recorder: types.CodeType, driver: types.CodeType) -> None:
+    """Executes the recorder and the kind's driver, before the student's module is imported."""
+    exec(recorder, RECORDER)  # noqa: S102
+    KIND["note"] = RECORDER["note"]
+    exec(driver, KIND)  # noqa: S102
     if "before_import" in KIND:
         KIND["before_import"]()
+
+
+def compile_source(source: str, filename: str) -> types.CodeType:
+    """Called by the jail to compile the student's module."""
+    code: types.CodeType = RECORDER["compiled"](source, filename)
+    return code
 
 
 def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
@@ -56,22 +71,38 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
             raise ValueError(f"the result {name} holds a number that is not finite (nan or inf)")
         submit(f"t{index}_{name}", numbers)
 
+    KIND["hidden"] = trial["hidden"]
+    RECORDER["begin"](trial["hidden"])
     try:
-        functions = tuple(function_of(student, name) for name in trial["entries"])
+        functions = tuple(RECORDER["traced"](function_of(student, name)) for name in trial["entries"])
         KIND["trial"](functions, trial["inputs"], submit_result)
     except BaseException as error:
         if ends_the_script(error):
             raise
         submit_result("raised", np.frombuffer(account(error, student, trial["hidden"]), dtype=np.uint8))
+    submit_result("trace", np.frombuffer(RECORDER["end"](), dtype=np.uint8))
 
 
 def function_of(student: object, name: str) -> Callable[..., Any]:
     """Returns a function of the student's module. Raises TypeError if there is none of that name."""
     found = getattr(student, name, None)
     if not callable(found):
-        raise TypeError(f"the script defines no function {name}")
+        raise TypeError(f"the script defines no function {name}{instead_of(student, name)}")
     function: Callable[..., Any] = found
     return function
+
+
+def instead_of(student: object, name: str) -> str:
+    """Returns what the script defines in place of a function, to end a sentence."""
+    defined = {key: value for key, value in vars(student).items() if not key.startswith("_")}
+    for key, value in defined.items():
+        if isinstance(value, type) and name in vars(value):
+            return f"; it is a method of the class {key}: define it outside of the class"
+    own = [
+        key for key, value in defined.items() if getattr(value, "__module__", "") == getattr(student, "__name__", "")
+    ]
+    near = difflib.get_close_matches(name, own, n=1) or own[:3]
+    return f"; it defines {' and '.join(near)}" if near else ""
 
 
 def ends_the_script(error: BaseException) -> bool:

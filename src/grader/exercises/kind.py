@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.exercises.parameters import Case, ExerciseParameters
+from grader.exercises.trace import NO_TRACE, Trace
 
 TextOf = Callable[[str], str]
 """Returns the text of a file of the content folder by its path in it; raises GraderError if it cannot be read."""
@@ -101,11 +102,15 @@ class Judgement(Generic[Outcome]):
 
 @dataclass(frozen=True, eq=False)
 class Judged(Generic[Problem, Outcome]):
-    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too."""
+    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too.
+
+    `trace` is what the script did in the trial, as it claims: it explains, and never decides.
+    """
 
     trial: Trial[Problem]
     judgement: Judgement[Outcome]
     counts: bool
+    trace: Trace = NO_TRACE
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
     It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
     numbers. It may define `before_import()`, called before the student's module is imported. What it raises in a trial
-    counts as raised by the student, and so does a result that is not finite.
+    counts as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
+    its names, which adds to the trial's trace; see grader.exercises.recorder.
     """
 
     parameters: type[P]
@@ -152,6 +158,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds.
 
         The student's process may have forged the results: check names, shapes and types. Floating numbers are finite.
+        The trace is not among them.
         """
 
     def mistake(self, parameters: P, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:

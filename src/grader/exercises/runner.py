@@ -1,7 +1,9 @@
 """Checks, plans and judges exercises of every kind; the only place that hides hidden cases."""
 
+import base64
 import builtins
 import json
+import marshal
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -10,6 +12,7 @@ from inspect import getsource
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from grader.domain.misread import misread, without_remarks
@@ -17,7 +20,8 @@ from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError, NotFound
-from grader.exercises import harness
+from grader.exercises import harness, recorder
+from grader.exercises.crashes import clear, hidden_slip
 from grader.exercises.kind import (
     Content,
     DrawnCase,
@@ -38,6 +42,10 @@ from grader.exercises.parameters import (
     known_keys,
     with_numbers,
 )
+from grader.exercises.trace import read_trace
+
+TRACE = "trace"
+"""The name of the result that holds a trial's trace."""
 
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
@@ -46,6 +54,12 @@ STEPPED = (
     "The function let MuJoCo take the step (mj_step or another integrator), which this exercise does not allow: take "
     "accelerations from mujoco.mj_forward, and write the step yourself."
 )
+
+
+RAISED_CHARS_MAX = 1000
+
+
+OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
 
 
 def no_text(path: str) -> str:
@@ -181,13 +195,29 @@ def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int, text_o
         one = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
         inputs[trial.hidden].append(one)
     return Plan(
-        driver=f"{getsource(harness)}\n\nload({kind.driver!r})\n",
+        driver=driver_of(kind),
         inputs={"trials": inputs[False], "more": bool(inputs[True])},
         hidden_inputs={"trials": inputs[True]} if inputs[True] else {},
         without_integrators=kind.without_integrators,
         parameters=parameters,
         trials=tuple(trials),
     )
+
+
+def driver_of(kind: AnyKind) -> str:
+    """Returns the driver of the jail: the harness, which loads the recorder and the kind's own driver."""
+    harness_code, recorder_code, kind_code = map(code_of, (getsource(harness), getsource(recorder), kind.driver))
+    return f"import base64, marshal\nexec({harness_code})\nload({recorder_code}, {kind_code})\n"
+
+
+@cache
+def code_of(source: str) -> str:
+    """Returns an expression for the code object of a source.
+
+    The jail runs the interpreter of this process, and compiling these sources there would cost every run milliseconds.
+    """
+    code = marshal.dumps(compile(source, "<driver>", "exec", dont_inherit=True))
+    return f"marshal.loads(base64.b64decode({base64.b64encode(code).decode()!r}))"
 
 
 def lazy_answers(
@@ -243,17 +273,18 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     if report.stepped:
         return failed(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
-        return failed(question, Status(report.status.value), report.reason)
+        return failed(question, Status(report.status.value), clear(report.reason))
     kind = installed_kinds()[question.check.kind]
     results = [
         results_of(report.hidden_results if trial.hidden else report.results, index)
         for index, trial in enumerate(plan.trials)
     ]
+    traces = [read_trace(part.pop(TRACE, None)) for part in results]
     raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
     judged = settled(
         [
-            Judged(trial, why or kind.judge(plan.parameters, trial, part), False)
-            for trial, part, why in zip(plan.trials, results, raised, strict=True)
+            Judged(trial, why or kind.judge(plan.parameters, trial, part), False, trace)
+            for trial, part, why, trace in zip(plan.trials, results, raised, traces, strict=True)
         ]
     )
     titles = titles_of(plan)
@@ -278,7 +309,7 @@ def failed(question: CodeQuestion, status: Status, why: str, findings: tuple[Fin
     return Verdict(status=status, points=0.0, max_points=question.points, findings=findings, diagnosis=why or None)
 
 
-def results_of(results: Results, index: int) -> Results:
+def results_of(results: Results, index: int) -> dict[str, NDArray[np.generic]]:
     """Returns the results of one trial under the driver's own names."""
     prefix = f"t{index}_"
     return {name.removeprefix(prefix): values for name, values in results.items() if name.startswith(prefix)}
@@ -293,13 +324,13 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
         return None
     try:
         said = json.loads(results["raised"].tobytes())
-        what, line = str(said["raised"])[:600], said["line"]
+        what, line = str(said["raised"])[:RAISED_CHARS_MAX], said["line"]
     except (ValueError, KeyError, TypeError):
         what, line = "", None
     if trial.hidden and not isinstance(vars(builtins).get(what), type):
         what = ""
     place = f", in line {line} of your script" if isinstance(line, int) else ""
-    return Judgement(False, f"{what or 'An exception'}{place}.", None)
+    return Judgement(False, f"{clear(what or 'An exception', place)}.", None)
 
 
 def settled(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
@@ -368,6 +399,9 @@ def diagnosis_of(kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: 
     first = judged[wrong]
     message = f"{titles_of(plan)[wrong]}: {message_of(first)}"
     if first not in whole:
-        return message
+        return f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
+    slip = hidden_slip([one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden])
+    if slip is not None:
+        return slip
     hint = first.trial.case.hint if first.trial.case else None
     return kind.mistake(plan.parameters, whole) or hint or message

@@ -6,8 +6,14 @@ step, up to the first that is not finite).
 While it steps, mj_forward adds a smooth force f(q, v, t) = a sin(P q + V v + w t + p) in every dof. No other function
 of MuJoCo adds it, so a trajectory that another function has computed differs. The force is drawn for each submission,
 so a recorded trajectory differs too. `with_force` also runs in our own process, around the judge's mj_forward.
+
+The trace of a trial holds some steps of its runs: the first two, and the first two with an active constraint. After
+the runs of a trial with a `probe` it also holds single steps from drawn states, at several timesteps and under a
+strong force: there the slopes of the stages differ so much that recorded.py and tableau.py can tell them apart.
 """
 
+import contextlib
+import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,8 +21,23 @@ import mujoco
 import numpy as np
 
 Forward = Callable[[mujoco.MjModel, mujoco.MjData], object]
+Step = Callable[[mujoco.MjModel, mujoco.MjData], object]
+Row = np.ndarray[Any, np.dtype[np.float64]]
+Rows = dict[str, Row]
 
 STATE = {"q": "qpos", "v": "qvel", "a": "act", "t": "time"}
+
+CALLS_MAX = 16
+"""A step with more calls of mj_forward is not noted."""
+
+NOTED = 2
+"""Steps that are noted in one place."""
+
+GLANCE = 16
+"""Whether a constraint is active is looked up every so many steps."""
+
+note: Callable[..., bool] = globals().get("note", lambda *_: False)
+"""Adds to the trial's trace: the harness defines it."""
 
 
 def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
@@ -56,39 +77,85 @@ def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
     return forced
 
 
+class Tape:
+    """Keeps what mj_forward is asked and what it answers: of each call time, (qpos, qvel, act, ctrl), and the answer
+    (qacc, act_dot, qacc_smooth)."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[float, Row, Row]] = []
+
+    def over(self, forward: Forward, *, bounded: bool = False) -> Forward:
+        """Returns `forward`, taped. A call beyond the tape is not kept; where `bounded`, it raises TooMany."""
+        calls, join, data_type = self.calls, np.concatenate, mujoco.MjData
+
+        def taped(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            if bounded and len(calls) > CALLS_MAX:
+                raise TooMany
+            if len(calls) > CALLS_MAX or type(data) is not data_type:
+                forward(model, data)
+                return
+            time, asked = data.time, join((data.qpos, data.qvel, data.act, data.ctrl))
+            forward(model, data)
+            calls.append((time, asked, join((data.qacc, data.act_dot, data.qacc_smooth))))
+
+        return taped
+
+    def step(self, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, *, probe: bool = False) -> None:
+        """Takes one step and notes it: whether it is of the probe, the number of calls, the timestep; the state before,
+        each call, the state after."""
+        self.calls.clear()
+        head = float(probe), model.opt.timestep
+        before = np.concatenate(((data.time,), data.qpos, data.qvel, data.act, data.ctrl, data.qacc))
+        entry(model, data)
+        if len(self.calls) > CALLS_MAX:
+            return
+        calls = [piece for time, asked, answer in self.calls for piece in ((time,), asked, answer)]
+        after = (data.time,), data.qpos, data.qvel, data.act
+        note("step", None, np.concatenate(((len(self.calls), *head), before, *calls, *after)))
+
+
+class TooMany(BaseException):
+    """Ends a step that calls mj_forward too often to be read, such as one that chooses its own substeps."""
+
+
 def before_import() -> None:
-    """Replaces mj_forward by one whose force can be switched, before the student's module imports it."""
+    """Replaces mj_forward by one that can be exchanged, before the student's module imports it."""
     raw = mujoco.mj_forward
     chosen: list[Forward] = [raw]
 
     def mj_forward(m: mujoco.MjModel, d: mujoco.MjData) -> None:
         chosen[0](m, d)
 
-    def choose_force(spec: Mapping[str, Any] | None) -> None:
-        chosen[0] = raw if spec is None else with_force(raw, spec)
-
     mj_forward.__doc__, mj_forward.__module__, mj_forward.__qualname__ = raw.__doc__, raw.__module__, raw.__qualname__
     mujoco.mj_forward = mj_forward
-    globals()["choose_force"] = choose_force
+    globals().update(raw=raw, chosen=chosen)
 
 
-def trial(
-    functions: Sequence[Callable[..., object]], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]
-) -> None:
+def trial(functions: Sequence[Step], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
     """Simulates every run from its start by the student's steps."""
     (entry,) = functions
-    choose_force: Callable[[Mapping[str, Any] | None], None] = globals()["choose_force"]
+    raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape()
+    forward, untraced = with_force(raw, inputs["force"]), getattr(entry, "__wrapped__", entry)
     for index, run in enumerate(inputs["runs"]):
         model = mujoco.MjModel.from_xml_string(inputs["model"])
         model.opt.timestep = run["timestep_s"]
-        choose_force(inputs["force"])
+        data = started(model, inputs["start"])
+
+        def taped(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
+            chosen[0] = tape.over(forward)
+            tape.step(entry, model, data)
+            chosen[0] = forward
+
+        chosen[0] = forward
         try:
-            rows = record(entry, model, started(model, inputs["start"]), run["steps"])
+            rows = record(untraced, model, data, run["steps"], taped if inputs["taped"] else None)
         finally:
-            choose_force(None)
+            chosen[0] = raw
         finite = np.logical_and.accumulate(np.isfinite(np.hstack(list(rows.values()))).all(axis=1))
         for name, values in rows.items():
             submit(f"{name}{index}", values[: int(np.sum(finite))])
+        if "probe" in inputs:
+            probe(entry, model, data, inputs["probe"])
 
 
 def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujoco.MjData:
@@ -100,12 +167,45 @@ def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujo
 
 
 def record(
-    entry: Callable[..., object], model: mujoco.MjModel, data: mujoco.MjData, steps: int
-) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
-    """Returns the state after every step, by its short name."""
+    entry: Step, model: mujoco.MjModel, data: mujoco.MjData, steps: int, taped: Callable[[], None] | None
+) -> Rows:
+    """Returns the state after every step, by its short name.
+
+    `taped()` takes a step in place of `entry`: the first NOTED ones, and as many once a constraint is active. It is
+    None where no step is noted.
+    """
     rows = {short: np.empty((steps, np.size(getattr(data, name)))) for short, name in STATE.items()}
-    for step in range(steps):
-        entry(model, data)
-        for short, name in STATE.items():
-            rows[short][step] = getattr(data, name)
+    parts = [(rows[short], name) for short, name in STATE.items()]
+    due, watched = NOTED, taped is not None
+    for begin in range(0, steps, GLANCE):
+        if begin and watched and data.nefc:
+            due, watched = NOTED, False
+        for step in range(begin, min(begin + GLANCE, steps)):
+            if due and taped:
+                due -= 1
+                taped()
+            else:
+                entry(model, data)
+            for values, name in parts:
+                values[step] = getattr(data, name)
     return rows
+
+
+def probe(entry: Step, model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> None:
+    """Notes single steps from the drawn states. What they print or raise is dropped: they are no part of the run."""
+    raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape()
+    forward, timestep = with_force(raw, inputs["force"]), model.opt.timestep
+    chosen[0] = tape.over(forward, bounded=True)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            mujoco.mj_resetData(model, data)
+            for start in inputs["starts"]:
+                model.opt.timestep = start["timestep_s"]
+                data.time = start["time"]
+                for name in ("qpos", "qvel", "act", "ctrl"):
+                    getattr(data, name)[:] = start[name]
+                tape.step(entry, model, data, probe=True)
+    except BaseException:  # noqa: S110 - the run has been judged without it
+        pass
+    finally:
+        chosen[0], model.opt.timestep = raw, timestep

@@ -1,5 +1,6 @@
 """The parameters of an `rk4` exercise, and the runs that they define."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -21,6 +22,15 @@ Source: measured; it leaves honest code at 2e-14 and moves any route through mj_
 
 RATE = 5.0
 """Angular frequency of the force of a time-dependent case [rad/s]."""
+
+PROBE_SPEED = 3.0
+"""What a slope of the probe adds to a velocity within a step [m/s, rad/s]: more than round-off by 15 decades."""
+
+PROBE_TIMESTEPS = (1.0, 1.25)
+"""Timesteps of the probe, as multiples of the case's: they tell h from a number of the same size."""
+
+PROBE_EQUATIONS = 8
+"""Equations for each coefficient row, beside those of the run; a row of the classical method has four unknowns."""
 
 Floats = tuple[float, ...]
 Matrix = tuple[Floats, ...]
@@ -75,6 +85,17 @@ class Force:
 
 
 @dataclass(frozen=True)
+class Probe:
+    """Single steps after the runs of the first case, under a strong force; see driver.py.
+
+    `starts`: of each step `timestep_s`, `time` [s], `qpos`, `qvel`, `act` and `ctrl`.
+    """
+
+    force: Force
+    starts: tuple[Mapping[str, Any], ...]
+
+
+@dataclass(frozen=True)
 class Run:
     """One run of the student's step; hashable, so that our own simulation of it is cached."""
 
@@ -106,6 +127,7 @@ class Problem:
     order: OrderCheck | None = None
     order_runs: tuple[Run, ...] = ()
     asks_order: bool = False
+    probe: Probe | None = None
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -114,7 +136,9 @@ class Problem:
 
     def inputs(self) -> dict[str, Any]:
         """Returns the inputs of the driver."""
-        return {
+        probe = {"force": vars(self.probe.force), "starts": list(self.probe.starts)} if self.probe else None
+        return ({"probe": probe} if probe and not self.asks_order else {}) | {
+            "taped": not self.asks_order,
             "model": self.run.xml,
             "start": {name: list(getattr(self.run, name)) for name in ("qpos", "qvel", "act", "ctrl")},
             "force": vars(self.run.force),
@@ -134,7 +158,10 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     run = Run(xml, qpos, qvel, act, ctrl, case.timestep_s, case.steps, force)
     problem = Problem(case, run, parameters.accept != "mujoco")
     check = parameters.order
-    if check is None or case.id != parameters.cases[0].id:
+    if case.id != parameters.cases[0].id:
+        return problem
+    problem = replace(problem, probe=draw_probe(scene.model, run, drawn.rng))
+    if check is None:
         return problem
     order_runs = tuple(retimed(run, h, round(check.seconds / h)) for h in check.timesteps_s)
     return replace(problem, order=check, order_runs=order_runs)
@@ -150,6 +177,33 @@ def check_muscles(xml: str) -> None:
 def retimed(run: Run, timestep_s: float, steps: int) -> Run:
     """Returns the same run at another timestep."""
     return replace(run, timestep_s=timestep_s, steps=steps)
+
+
+def draw_probe(model: mujoco.MjModel, run: Run, rng: np.random.Generator) -> Probe:
+    """Draws states near the start of a run, and a force that changes much within a step."""
+    h = run.timestep_s
+    drawn = draw_force(model, rng, PROBE_SPEED / 4 / h)
+    strong = Force(
+        amplitude=tuple(a * PROBE_SPEED / h / ACCELERATION for a in drawn.amplitude),
+        position=tuple(tuple(p / 10 / h / PROBE_SPEED for p in row) for row in drawn.position),
+        velocity=tuple(tuple(4 * v for v in row) for row in drawn.velocity),
+        phase=drawn.phase,
+        rate=drawn.rate,
+    )
+    starts = []
+    for index in range(int(np.clip(np.ceil(PROBE_EQUATIONS / model.nv), 3, PROBE_EQUATIONS))):
+        qpos = np.array(run.qpos)
+        mujoco.mj_integratePos(model, qpos, rng.normal(size=model.nv), 0.1)
+        start = {
+            "timestep_s": h * PROBE_TIMESTEPS[index % len(PROBE_TIMESTEPS)],
+            "time": rng.uniform(0.1, 1),
+            "qpos": qpos.tolist(),
+            "qvel": rng.normal(scale=PROBE_SPEED, size=model.nv).tolist(),
+            "act": (np.array(run.act) + rng.uniform(0, 0.1, len(run.act))).tolist(),
+            "ctrl": list(run.ctrl),
+        }
+        starts.append(start)
+    return Probe(strong, tuple(starts))
 
 
 def draw_force(model: mujoco.MjModel, rng: np.random.Generator, rate: float) -> Force:

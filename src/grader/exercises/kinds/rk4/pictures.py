@@ -10,18 +10,28 @@ from numpy.typing import NDArray
 from grader.exercises.kind import Judged
 from grader.exercises.kinds.rk4.judge import OrderOutcome, Outcome, RunOutcome
 from grader.exercises.kinds.rk4.parameters import Problem
+from grader.exercises.kinds.rk4.tableau import tableau_picture
+from grader.exercises.kinds.rk4.told import reading_of
 
 POINTS_MAX = 300
 
 
 def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
-    """Returns `differences` of cases (for a logarithmic axis), and `order`."""
+    """Returns `differences` of cases (for a logarithmic axis), `order`, and the `tableau` of the first case."""
     outcomes = [one.judgement.outcome for one in visible]
     order = next((one for one in outcomes if isinstance(one, OrderOutcome)), None)
     return {
         "differences": [difference_picture(one) for one in outcomes if isinstance(one, RunOutcome)],
         "order": order_picture(order) if order else None,
+        "tableau": tableau_of(visible),
     }
+
+
+def tableau_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any] | None:
+    """Returns the tableau in the trace of the first case; None if it is hidden, or no tableau gives its steps."""
+    first = next((one for one in visible if isinstance(one.judgement.outcome, RunOutcome)), None)
+    reading = reading_of(first) if first and first.trial.problem.probe else None
+    return tableau_picture(reading) if reading else None
 
 
 def difference_picture(outcome: RunOutcome) -> dict[str, Any]:

@@ -2,13 +2,162 @@
 
 Runs in the jail. The result `claim` holds the numbers of the claim: none for None, one, or two. For anything else the
 result `other` holds its text.
+
+The trace has one note, `search`: which runs were made. A run begins at the first mj_step after a data was created or
+reset, and ends at the next such moment or with the trial. Only its first step is seen: a call in every step would slow
+the script.
 """
 
+import contextlib
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
+
+note: Callable[..., bool] = globals().get("note", lambda *_: False)
+
+RUNS_MAX = 300
+"""Runs that are noted in a trial, the first ones."""
+RUNS_HIDDEN_MAX = 3
+"""The same for a hidden trial, of whose numbers nothing is told; only its first model is compared."""
+MODELS_MAX = 8
+"""Different models whose differences from the given one are noted."""
+FIELDS = (
+    *("actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange", "actuator_forcerange"),
+    *("body_mass", "body_inertia", "body_ipos", "body_pos"),
+    *("dof_damping", "dof_armature", "dof_frictionloss", "jnt_stiffness", "qpos_spring"),
+)
+OPTIONS = ("gravity", "solver", "disableflags", "enableflags", "iterations", "tolerance", "density", "viscosity")
+OTHER_STEPS = ("mj_step1", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta", "mjd_transitionFD")
+"""Other functions that step or linearise; the names of those that were called, once in a run, are noted."""
+
+plain = {name: getattr(mujoco, name) for name in ("mj_step", "mj_resetData", "mj_resetDataKeyframe")}
+
+
+class Search:
+    """The runs of one trial."""
+
+    def __init__(self) -> None:
+        self.restart(hidden=False)
+
+    def restart(self, *, hidden: bool) -> None:
+        """Forgets the runs of the last trial."""
+        self.runs_max = RUNS_HIDDEN_MAX if hidden else RUNS_MAX
+        self.models_max = 1 if hidden else MODELS_MAX
+        self.runs: list[list[float]] = []
+        self.total = 0
+        self.others: set[str] = set()
+        self.models: list[Any] = []
+        self.differs: list[list[str]] = []
+        self.given: dict[str, bytes] = {}
+        self.waiting = True
+        self.open: tuple[Any, Any, list[float]] | None = None
+
+    def begin(self, model: Any, data: Any) -> None:
+        """Notes how a run begins."""
+        self.waiting = False
+        self.total += 1
+        if len(self.runs) == self.runs_max:
+            return
+        index = next((i for i, known in enumerate(self.models) if known is model), len(self.models))
+        if index == len(self.models) and index < self.models_max:
+            self.models.append(model)
+            self.differs.append(sorted(name for name, value in values_of(model).items() if value != self.given[name]))
+        option = model.opt
+        start = data.qpos[0] if model.nq else 0.0, data.qvel[0] if model.nv else 0.0
+        ctrl = data.ctrl[0] if model.nu else 0.0
+        row = [index, option.timestep, option.integrator, data.time, *start, warned(data), ctrl]
+        self.open = model, data, [float(value) for value in row]
+
+    def finish(self) -> None:
+        """Notes how the last run ended, and waits for the next one."""
+        self.waiting = True
+        if self.open is None:
+            return
+        model, data, row = self.open
+        self.open = None
+        self.runs.append([*row, float(data.time), float(warned(data)), float(model.opt.timestep)])
+
+    def note(self, model: Any) -> None:
+        """Adds the note to the trace."""
+        given = next((i for i, known in enumerate(self.models) if known is model), None)
+        info = {
+            "total": self.total,
+            "models": self.differs,
+            "given": given,
+            "set_s": float(model.opt.timestep),
+            "others": sorted(self.others),
+        }
+        note("search", info, np.array(self.runs).reshape(-1))
+
+
+def values_of(model: Any) -> dict[str, bytes]:
+    """Returns what the motion of a model depends on, but for the timestep and the integrator."""
+    values = {name: getattr(model, name).tobytes() for name in FIELDS}
+    return values | {name: np.asarray(getattr(model.opt, name)).tobytes() for name in OPTIONS}
+
+
+def warned(data: Any) -> int:
+    """Returns the kinds of warning that have been raised, as the bits of a number."""
+    if data.warning.number.tobytes() == CLEAN:
+        return 0
+    return sum(1 << kind for kind in np.flatnonzero(data.warning.number).tolist())
+
+
+CLEAN = bytes(4 * int(mujoco.mjtWarning.mjNWARNING))
+search = Search()
+
+
+def before_import() -> None:
+    """Watches where runs begin; each function then does what it always does."""
+    create = mujoco.MjData.__init__
+
+    def created(data: Any, *arguments: Any, **named: Any) -> None:
+        between_runs()
+        create(data, *arguments, **named)
+
+    def reset(name: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            between_runs()
+            return plain[name](*arguments, **named)
+
+        return call
+
+    def other(place: Any, name: str) -> None:
+        function = getattr(place, name)
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            search.others.add(name)
+            setattr(place, name, function)
+            return function(*arguments, **named)
+
+        setattr(place, name, call)
+
+    mujoco.MjData.__init__ = created
+    for name in ("mj_resetData", "mj_resetDataKeyframe"):
+        setattr(mujoco, name, reset(name))
+    for name in OTHER_STEPS:
+        other(mujoco, name)
+    if "mujoco.rollout" in sys.modules:
+        other(sys.modules["mujoco.rollout"], "rollout")
+
+
+def between_runs() -> None:
+    """Ends the run in progress, and waits for the first step of the next one."""
+    with contextlib.suppress(Exception):  # a data that the script has broken: the trace ends here
+        search.finish()
+    mujoco.mj_step = first_step
+
+
+def first_step(*arguments: Any, **named: Any) -> Any:
+    """In place of mj_step until a run has begun; a script that imported the name itself keeps it."""
+    if search.waiting:
+        with contextlib.suppress(Exception):  # wrong arguments, which mj_step refuses below
+            search.begin(arguments[0] if arguments else named["m"], arguments[1] if len(arguments) > 1 else named["d"])
+        mujoco.mj_step = plain["mj_step"]
+    return plain["mj_step"](*arguments, **named)
 
 
 def trial(
@@ -16,7 +165,16 @@ def trial(
 ) -> None:
     """Makes one call on a fresh model, so that no call sees what another changed."""
     (entry,) = functions
-    claim = entry(mujoco.MjModel.from_xml_string(inputs["model"]), inputs["integrator"])
+    model = mujoco.MjModel.from_xml_string(inputs["model"])
+    search.restart(hidden=bool(globals().get("hidden")))
+    search.given = values_of(model)
+    mujoco.mj_step = first_step
+    try:
+        claim = entry(model, inputs["integrator"])
+    finally:
+        with contextlib.suppress(Exception):
+            search.finish()
+            search.note(model)
     numbers = read_numbers(claim)
     if numbers is None:
         submit("other", np.frombuffer(repr(claim)[:200].encode(errors="replace"), dtype=np.uint8))

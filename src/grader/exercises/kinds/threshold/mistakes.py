@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kind import Judged, Trial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, judge_claim, span_of, warns
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim, span_of, warns
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
@@ -147,6 +148,15 @@ def in_milliseconds(asked: Asked, claim: Claim) -> bool:
     return isinstance(claim, Bracket) and judge_claim(asked.parameters, asked.cell, claim.scaled(1e-3)).passed
 
 
+def in_hertz(asked: Asked, claim: Claim) -> bool:
+    """The reciprocal of the right claim."""
+    if not isinstance(claim, Bracket) or not all(end > 1 for end in claim.given):
+        return False
+    ends = sorted(1 / end for end in claim.given)
+    timestep = around(ends[0]) if len(ends) == 1 else Bracket(*ends)
+    return judge_claim(asked.parameters, asked.cell, timestep).passed
+
+
 def swapped(asked: Asked, claim: Claim) -> bool:
     """The right bracket with swapped ends."""
     if not isinstance(claim, Bracket) or claim.number is not None or claim.width >= 0:
@@ -212,6 +222,11 @@ METHODS: tuple[WrongMethod, ...] = (
         in_milliseconds,
     ),
     WrongMethod(
+        "hertz",
+        "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f.",
+        in_hertz,
+    ),
+    WrongMethod(
         "swapped",
         "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
         swapped,
@@ -223,6 +238,13 @@ METHODS: tuple[WrongMethod, ...] = (
         "MuJoCo resets the state to one at rest.",
         nothing_unstable,
         all_claims=True,
+        of_numbers=False,
+    ),
+    WrongMethod(
+        "search ends early",
+        "You returned None for some models that have a limit: search up to {longest} ms, and return None only if the "
+        "run is stable there.",
+        nothing_unstable,
         of_numbers=False,
     ),
     WrongMethod(
@@ -335,12 +357,16 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Ce
         for one in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
+    seen = [one for _, _, one in wrong]
+    certain = explain(parameters, seen, CERTAIN)
+    if certain is not None:
+        return certain
     for method in METHODS:
         if method.of_numbers and not any(isinstance(claim, Bracket) for _, claim, _ in wrong):
             continue
         if wrong and all(method.gives(asked, claim) for asked, claim, _ in (claims if method.all_claims else wrong)):
             return method.sentence.format(**particulars(parameters, judged))
-    return None
+    return explain(parameters, seen, FALLBACK)
 
 
 def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
@@ -367,6 +393,7 @@ def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, C
         "shift": shift,
         "start": start,
         "width": f"{1000 * parameters.width_s:g}",
+        "longest": f"{1000 * parameters.search_s[1]:g}",
         "horizon": f"{parameters.horizon_s:g}",
     }
 

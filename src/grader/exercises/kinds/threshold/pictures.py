@@ -1,29 +1,98 @@
-"""Pictures of judged claims: the angle at both ends of each claim, and the stability line."""
+"""Pictures of judged claims: the angle at both ends of each claim, the claims, the limits, and the stability line."""
 
 from collections.abc import Sequence
 from functools import lru_cache
+from math import isfinite, pi, sqrt
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from grader.exercises.kind import Judged, Trial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, at_rest
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, at_rest, span_of
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.numerics.linear import spectral_radius
+from grader.numerics.linear import EPS, spectral_radius
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 
-POINTS_MAX = 300
+POINTS_MAX = 200
 LINE_POINTS = 25
 
 
 def evidence_of(parameters: ThresholdParameters, visible: Sequence[Judged[Cell, Claim]]) -> dict[str, Any]:
-    """Returns `angles`: time [s] and the first coordinate at both ends; `stability`: timestep [ms], spectral radius."""
+    """Returns `angles`, `claims`, `limits` and `stability`, each a list with the trial's id as `case`.
+
+    `claims` holds what the learner said; `limits` and `stability` are part of the solution.
+    """
     return {
         "angles": [picture for one in visible for picture in angles(parameters, one.trial, one.judgement.outcome)],
+        "claims": [claim_picture(parameters, one.trial, one.judgement.outcome) for one in visible],
+        "limits": [limits(parameters, one.trial) for one in visible],
         "stability": [stability(parameters, one.trial) for one in visible],
     }
+
+
+def claim_picture(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> dict[str, Any]:
+    """Returns the claimed bracket [ms] on the axis of the search [ms]; `claim_ms` is None where there is no bracket."""
+    bracket = [claim.low, claim.high] if isinstance(claim, Bracket) else None
+    is_drawn = bracket is not None and all(map(isfinite, bracket))
+    return {
+        "case": trial.id,
+        "integrator": trial.problem.integrator.name,
+        "search_ms": [1000 * one for one in parameters.search_s],
+        "horizon_s": parameters.horizon_s,
+        "claim_ms": [figures(1000 * one) for one in bracket] if bracket is not None and is_drawn else None,
+        "said_none": isinstance(claim, NoLimit),
+    }
+
+
+def limits(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
+    """Returns the linear limit and the limit within the horizon [ms], None where nothing of the search is unstable.
+
+    `spring_ms` is the limit of the same scene without its damping: 2 over the largest frequency.
+    """
+    scene, code = trial.problem.scene, trial.problem.integrator.code
+    span = span_of(scene, code, parameters.search_s, parameters.horizon_s)
+    spring = undamped_limit(scene)
+    return {
+        "case": trial.id,
+        "linear_ms": None if span is None else figures(1000 * span[0]),
+        "within_ms": None if span is None else figures(1000 * span[1]),
+        "spring_ms": None if spring is None else figures(1000 * spring),
+    }
+
+
+@lru_cache(maxsize=64)
+def undamped_limit(scene: Scene) -> float | None:
+    """Returns 2 / omega [s], omega the largest frequency of small motions at rest without velocity-dependent forces.
+
+    The accelerations are differenced at zero velocity. None without an equilibrium or an oscillation.
+    Source: explicit (semi-implicit) Euler on q'' = -omega^2 q is stable up to h = 2 / omega.
+    """
+    rest = at_rest(scene)
+    if rest is None:
+        return None
+    with rest.borrow() as workspace:
+        model, data = workspace.model, workspace.data
+        nv, origin = int(model.nv), data.qpos.copy()
+        rates = np.empty((nv, nv))
+        for column, nudge in enumerate(EPS * np.eye(nv)):
+            pushed = []
+            for way in (-1, 1):
+                data.qpos[:] = origin
+                data.qvel[:] = 0
+                mujoco.mj_integratePos(model, data.qpos, way * nudge, 1.0)
+                mujoco.mj_forward(model, data)
+                pushed.append(data.qacc.copy())
+            rates[:, column] = (pushed[1] - pushed[0]) / (2 * EPS)
+    squared = float(np.max(-np.linalg.eigvals(rates).real, initial=0.0))
+    return 2 / sqrt(squared) if isfinite(squared) and squared > (0.01 * pi) ** 2 else None
+
+
+def figures(value: float) -> float:
+    """Returns a number to seven figures."""
+    return float(f"{value:.7g}")
 
 
 def angles(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> list[dict[str, Any]]:
@@ -53,7 +122,7 @@ def angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timeste
 def thinned(values: NDArray[np.float64]) -> list[float]:
     """Returns at most POINTS_MAX of the values to seven figures; the first and the last are kept."""
     chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS_MAX)).round().astype(int))
-    return [float(f"{value:.7g}") for value in values[chosen]]
+    return [figures(value) for value in values[chosen]]
 
 
 def stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
@@ -61,7 +130,7 @@ def stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, 
     line = np.linspace(*parameters.search_s, LINE_POINTS)
     return {
         "case": trial.id,
-        "timestep_ms": [float(f"{1000 * h:.7g}") for h in line],
+        "timestep_ms": [figures(1000 * h) for h in line],
         "radius": list(radii(trial.problem.scene, trial.problem.integrator.code, tuple(line.tolist()))),
     }
 
@@ -72,4 +141,4 @@ def radii(scene: Scene, code: int, timesteps_s: tuple[float, ...]) -> tuple[floa
     rest = at_rest(scene)
     if rest is None:
         return ()
-    return tuple(float(f"{spectral_radius(rest, timestep_s=h, integrator=code):.7g}") for h in timesteps_s)
+    return tuple(figures(spectral_radius(rest, timestep_s=h, integrator=code)) for h in timesteps_s)

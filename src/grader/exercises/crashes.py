@@ -1,0 +1,113 @@
+"""Says what an error of a student's script means, and what to do: the message without noise, and an advice.
+
+What the script's process says of its own end is a claim, so that nothing here decides.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+
+from grader.exercises.trace import Trace
+
+MESSAGE_CHARS_MAX = 400
+
+PACKAGES = "NumPy, SciPy, MuJoCo and Python's standard library"
+"""What a script can import."""
+
+OF_MODEL = frozenset({"opt", "nv", "nq", "nu", "body_mass", "actuator_gainprm", "actuator_biasprm", "stat", "joint"})
+OF_DATA = frozenset({"qpos", "qvel", "qacc", "time", "ctrl", "act", "warning", "energy"})
+
+SLIPS = frozenset(
+    {
+        *("AttributeError", "NameError", "UnboundLocalError", "TypeError", "IndexError", "KeyError", "ValueError"),
+        *("ImportError", "ModuleNotFoundError", "ZeroDivisionError"),
+    }
+)
+"""Exceptions of a slip in the script; an `except` clause that catches one hides it."""
+
+Advise = Callable[[re.Match[str]], str]
+
+
+def of_attribute(found: re.Match[str]) -> str:
+    """Advises on an attribute of the wrong object."""
+    kind, name = found[1].rpartition(".")[2], found[2]
+    if name in OF_MODEL and kind != "MjModel":
+        return f"{name} belongs to the model: the arguments may be in the wrong order"
+    if name in OF_DATA and kind != "MjData":
+        return f"{name} belongs to the data: the arguments may be in the wrong order"
+    return ""
+
+
+RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
+    (
+        re.compile(r"No module named '([\w.]+)'"),
+        lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
+    ),
+    (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), of_attribute),
+    (re.compile(r"EOFError: EOF when reading a line"), lambda _: "nobody answers input() here: write the value down"),
+    (
+        re.compile(r"(?:Error opening file|No such file or directory:) '([^']*?)\.xml'"),
+        lambda found: f'use the model that you are given, or mjcourse.model_path("{found[1].rpartition("/")[2]}")',
+    ),
+    (
+        re.compile(r"SyntaxError: .*\(line \d+: ([%!][^)]*)\)"),
+        lambda found: f"{found[1]} is a command of a notebook, not Python: delete that line",
+    ),
+    (
+        re.compile(r"(\w+)\(\) takes (?:from )?.*positional arguments? but (\d+) (?:was|were) given"),
+        lambda found: f"it is called with {found[2]}: keep the parameters of the starter",
+    ),
+    (
+        re.compile(r"(\w+)\(\) missing \d+ required positional argument"),
+        lambda _: "keep the parameters of the starter, in their order",
+    ),
+)
+
+BINDING = re.compile(
+    r"(?P<name>\w+)\(\): incompatible (?:function|constructor) arguments\..*?\n?\s*"
+    r"1\. \(?(?P<takes>[^\n]*?)\)?(?: -> [^\n]*)?"
+    r"(?:\n.*?)?(?:Invoked with: (?P<given>[^\n]*?)(?=, in line |$))",
+    re.DOTALL,
+)
+
+
+def clear(message: str, place: str = "") -> str:
+    """Returns the message of an error without the noise of bindings, its place, and an advice where one is known."""
+    message = without_binding(message)
+    advices = (advise(found) for pattern, advise in RULES if (found := pattern.search(message)))
+    advice = next(filter(None, advices), "")
+    return f"{message.rstrip('. ')}{place} ({advice})" if advice else f"{message}{place}"
+
+
+def without_binding(message: str) -> str:
+    """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes."""
+    found = BINDING.search(message)
+    if found is None:
+        return " ".join(message.split())[:MESSAGE_CHARS_MAX]
+    given = ", ".join(map(short_type, re.split(r", (?![^<]*>)(?![^\[]*\])", found["given"])))
+    takes = ", ".join(part.split(":")[0].strip() for part in re.split(r",\s*(?=\w+:)", found["takes"]))
+    told = f"{found['name']}() was called with ({given}); it takes ({takes})"
+    return " ".join((message[: found.start()] + told + message[found.end() :]).split())
+
+
+def short_type(text: str) -> str:
+    """Returns the name of the type in `<mujoco._structs.MjData object at 0x...>`; other values as they are."""
+    found = re.match(r"<(?:[\w.]+\.)?(\w+) object at", text)
+    return found[1] if found else text.strip()[:40]
+
+
+def hidden_slip(traces: Sequence[Trace]) -> str | None:
+    """Returns the sentence of a slip in the script that an `except` clause hid in all of these trials, or None."""
+    slips = [next((one for one in trace.handled if one.type in SLIPS), None) for trace in traces]
+    first = next(iter(slips), None)
+    if first is None or any(one is None or one.line != first.line for one in slips):
+        return None
+    said = f" ({first.message})" if first.message else ""
+    return (
+        f"Line {first.line} raised {article(first.type)}{said}, and the `except` in line {first.clause} hid it. "
+        f"Mend line {first.line}, and catch nothing that you do not expect."
+    )
+
+
+def article(name: str) -> str:
+    """Returns the name with its article."""
+    return f"{'an' if name[:1] in tuple('AEIOU') else 'a'} {name}"

@@ -1,0 +1,292 @@
+"""Reads how a step turns quaternions: predicts every orientation of a trace by each rule, and names the one that fits.
+
+A rule gets the tableau of the velocities and predicts, joint by joint, the quaternions at which mj_forward is asked and
+the last one. Quaternions are compared without their sign and length.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from grader.exercises.kinds.rk4.recorded import Rows, Step
+from grader.exercises.kinds.rk4.tableau import Matrix, padded
+
+EXACT = 1e-11
+"""The largest difference of a quaternion from its prediction."""
+
+OFFSETS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+"""Where quaternion and angular velocity begin in a joint's coordinates."""
+
+
+@dataclass(frozen=True)
+class Spin:
+    """The addresses of one quaternion in qpos, and of its angular velocity in qvel."""
+
+    qpos: int
+    dof: int
+
+
+@dataclass(frozen=True)
+class Turning:
+    """What a rule may use in one step: quaternions (n + 2, 4) and rates (n + 2, 3) of the start, the calls, the end."""
+
+    quats: Rows
+    rates: Rows
+    h: float
+
+    def rate(self, row: Sequence[float]) -> Rows:
+        """Returns the weighted sum of the calls' rates."""
+        calls = len(self.quats) - 2
+        return np.array(padded(row, calls) @ self.rates[1 : calls + 1])
+
+
+Rule = Callable[[Turning, Matrix, int], Rows]
+"""(turning, tableau, row) -> the quaternion (4,) after stage `row`, counted from 1; the last row is the result."""
+
+
+def spins_of(model: mujoco.MjModel) -> list[Spin]:
+    """Returns the quaternions of a model."""
+    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
+    return [Spin(at + OFFSETS[kind], dof + OFFSETS[kind]) for kind, at, dof in joints if kind in OFFSETS]
+
+
+def product(one: Rows, other: Rows) -> Rows:
+    """Returns the product of two quaternions (w, x, y, z)."""
+    result = np.zeros(4)
+    mujoco.mju_mulQuat(result, one, other)
+    return result
+
+
+def turn_by(vector: Rows) -> Rows:
+    """Returns the quaternion of a rotation vector [rad]."""
+    angle = float(np.linalg.norm(vector))
+    half = np.sin(angle / 2) / angle if angle else 0.5
+    return np.array([np.cos(angle / 2), *(half * vector)])
+
+
+def rotated(quat: Rows, vector: Rows) -> Rows:
+    """Returns a vector of the body's axes in the world's."""
+    result = np.zeros(3)
+    mujoco.mju_rotVecQuat(result, vector, quat)
+    return result
+
+
+def inverse(quat: Rows) -> Rows:
+    """Returns the conjugate."""
+    return np.array(quat * [1, -1, -1, -1])
+
+
+def shuffled(quat: Rows) -> Rows:
+    """Returns (w, x, y, z) as it is read by code that expects (x, y, z, w)."""
+    return np.array([quat[3], quat[0], quat[1], quat[2]])
+
+
+def unshuffled(quat: Rows) -> Rows:
+    """Returns what such code writes, as MuJoCo reads it."""
+    return np.array([quat[1], quat[2], quat[3], quat[0]])
+
+
+def in_the_body(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """mj_integratePos: one turn about the weighted mean of the rates."""
+    return product(turning.quats[0], turn_by(turning.h * turning.rate(rows[row - 1])))
+
+
+def in_the_world(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The same turn, from the left."""
+    return product(turn_by(turning.h * turning.rate(rows[row - 1])), turning.quats[0])
+
+
+def twice_as_far(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """A quaternion of the whole angle in place of the half."""
+    return product(turning.quats[0], turn_by(2 * turning.h * turning.rate(rows[row - 1])))
+
+
+def half_as_far(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """Half the angle, halved again."""
+    return product(turning.quats[0], turn_by(0.5 * turning.h * turning.rate(rows[row - 1])))
+
+
+def read_as_xyzw(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The order (x, y, z, w)."""
+    turn = turn_by(turning.h * turning.rate(rows[row - 1]))
+    return unshuffled(product(shuffled(turning.quats[0]), turn))
+
+
+def small_angle(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The turn (1, w h / 2), normalised."""
+    return product(turning.quats[0], np.array([1.0, *(turning.h / 2 * turning.rate(rows[row - 1]))]))
+
+
+def rate_turned(inward: bool) -> Rule:
+    """The rates are turned from the body's axes into the world's, or the other way round, though they need not be."""
+
+    def rule(turning: Turning, rows: Matrix, row: int) -> Rows:
+        calls = len(turning.quats) - 2
+        quats = [inverse(quat) if inward else quat for quat in turning.quats[1 : calls + 1]]
+        rates = [rotated(quat, rate) for quat, rate in zip(quats, turning.rates[1:], strict=False)]
+        mean = padded(rows[row - 1], calls) @ np.array(rates)
+        return product(turning.quats[0], turn_by(turning.h * mean))
+
+    return rule
+
+
+def in_place(last: bool) -> Rule:
+    """Each stage turns on from the stage before; `last`: the result too."""
+
+    def rule(turning: Turning, rows: Matrix, row: int) -> Rows:
+        is_result = row == len(rows)
+        start = turning.quats[0] if is_result and not last else turning.quats[row - 1]
+        return product(start, turn_by(turning.h * turning.rate(rows[row - 1])))
+
+    return rule
+
+
+def one_after_the_other(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The result is turned by one weighted rate after the other."""
+    if row < len(rows):
+        return in_the_body(turning, rows, row)
+    quat: Rows = turning.quats[0]
+    for weight, rate in zip(rows[-1], turning.rates[1:], strict=False):
+        quat = product(quat, turn_by(turning.h * weight * rate))
+    return quat
+
+
+def derivative(half: float, *, world: bool = False, xyzw: bool = False) -> Rule:
+    """The quaternion's own derivative, `half` times quat (0, w), or (0, w) quat in the world's axes."""
+
+    def rule(turning: Turning, rows: Matrix, row: int) -> Rows:
+        quats = [shuffled(quat) if xyzw else quat for quat in turning.quats]
+        change = np.zeros(4)
+        for weight, quat, rate in zip(rows[row - 1], quats[1:], turning.rates[1:], strict=False):
+            omega = np.array([0.0, *rate])
+            change += weight * half * (product(omega, quat) if world else product(quat, omega))
+        found: Rows = quats[0] + turning.h * change
+        return unshuffled(found) if xyzw else found
+
+    return rule
+
+
+BODY = "in the body"
+DERIVATIVE = "derivative"
+
+RIGHT: Mapping[str, Rule] = {BODY: in_the_body, DERIVATIVE: derivative(0.5)}
+"""Rules that are right: that of MuJoCo, and one of fourth order."""
+
+WRONG: Mapping[str, Rule] = {
+    "The angular velocity of a free or ball joint is given in the body's axes, not the world's: multiply the "
+    "quaternion by the rotation from the right.": in_the_world,
+    "Your orientations turn by half the angle that they should: the quaternion of a turn by an angle holds cos and sin "
+    "of angle / 2, and mj_integratePos and mju_axisAngle2Quat halve it themselves.": half_as_far,
+    "Your orientations turn twice as far as they should: the quaternion of a turn by an angle holds cos and sin of "
+    "angle / 2.": twice_as_far,
+    "The quaternion is read as (x, y, z, w): MuJoCo's order is (w, x, y, z), so put w first, or reorder before and "
+    "after a library that expects it last.": read_as_xyzw,
+    "The quaternion in its derivative is read as (x, y, z, w): MuJoCo's order is (w, x, y, z), so put w first.": (
+        derivative(0.5, xyzw=True)
+    ),
+    "Your turns are (1, h w/2), the form for small angles, which is not accurate enough: use mj_integratePos, or cos "
+    "and sin of half the angle.": small_angle,
+    "Your angular velocities are turned into the world's axes before they turn the quaternion from the right: they are "
+    "in the body's axes already, so leave them as they are in data.qvel.": rate_turned(inward=False),
+    "Your angular velocities are turned from the world's axes into the body's: they are in the body's axes already, so "
+    "leave them as they are in data.qvel.": rate_turned(inward=True),
+    "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos to the "
+    "start of the step before every stage.": in_place(last=False),
+    "The positions are moved in place by every stage and at the end; restore qpos to the start of the step before "
+    "every mj_integratePos.": in_place(last=True),
+    "The position is moved four times, by one weighted velocity after the other, but rotations do not add up: sum the "
+    "velocities first, then move once.": one_after_the_other,
+    "Your quaternion turns as if the angular velocity were given in the world's axes; it is in the body's axes, so "
+    "the derivative is quat * (0, omega) / 2.": derivative(0.5, world=True),
+    "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2.": (
+        derivative(1.0)
+    ),
+}
+"""The rule behind each sentence."""
+
+
+def turnings(steps: Sequence[Step], spin: Spin) -> list[Turning]:
+    """Returns what each step has of one quaternion."""
+    return [
+        Turning(step.qpos[:, spin.qpos : spin.qpos + 4], step.qvel[:, spin.dof : spin.dof + 3], step.timestep_s)
+        for step in steps
+    ]
+
+
+def fits(rule: Rule, turned: Sequence[Turning], rows: Matrix) -> bool:
+    """Whether a rule predicts every orientation."""
+    return all(alike(one.quats[row], rule(one, rows, row)) for one in turned for row in range(1, len(rows) + 1))
+
+
+def alike(one: Rows, other: Rows) -> bool:
+    """Whether two quaternions are the same orientation, whatever their signs and lengths."""
+    lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
+    if not lengths:
+        return False
+    apart = np.outer(one, other) - np.outer(other, one)
+    return bool(np.max(np.abs(apart)) <= EXACT * lengths)
+
+
+def rule_of(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+    """Returns the sentence of the wrong rule by which the quaternions turn, BODY, DERIVATIVE, or None if none fits."""
+    every = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
+    rules = {**RIGHT, **WRONG}
+    return next((name for name, rule in rules.items() if fits(rule, every, rows)), None)
+
+
+def linear_axes(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+    """Returns the sentence of a free joint whose linear velocity is turned by the orientation though it must not be."""
+    for kind, at, dof in zip(
+        model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True
+    ):
+        if kind != int(mujoco.mjtJoint.mjJNT_FREE):
+            continue
+        for inward in (False, True):
+            if all(drifts(step, at, dof, rows, inward=inward) for step in steps):
+                return (
+                    "The linear velocity of a free joint is in world axes already: your step turns it by the "
+                    "orientation before it moves the position. Add h times data.qvel[0:3] as it is."
+                )
+    return None
+
+
+def drifts(step: Step, at: int, dof: int, rows: Matrix, *, inward: bool) -> bool:
+    """Whether the place of a free joint moves by its velocity turned by the orientation of each call."""
+    quats = [quat / max(np.linalg.norm(quat), 1e-300) for quat in step.qpos[:, at + 3 : at + 7]]
+    turned = [
+        rotated(inverse(quat) if inward else quat, velocity)
+        for quat, velocity in zip(quats, step.qvel[:, dof : dof + 3], strict=True)
+    ][1 : step.calls + 1]
+    moves = np.array([padded(row, step.calls) @ np.array(turned) for row in rows]) * step.timestep_s
+    seen = step.qpos[1:, at : at + 3] - step.qpos[0, at : at + 3]
+    return bool(np.max(np.abs(moves - seen)) <= EXACT * (1 + np.max(np.abs(step.qpos))))
+
+
+def wrong_address(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *, hidden: bool) -> str | None:
+    """Returns the sentence of a hinge or slide that moves by the velocity of another dof."""
+    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
+    for joint, (kind, at, dof) in enumerate(joints, 1):
+        if kind in OFFSETS or moves_by(steps, at, dof, rows):
+            continue
+        other = next((one for one in range(int(model.nv)) if one != dof and moves_by(steps, at, one, rows)), None)
+        if other is None:
+            continue
+        name = "a joint" if hidden else f"joint {joint}"
+        seen = (
+            f"qvel of {name} is read at jnt_qposadr" if other == at else f"The velocity that moves {name} is another's"
+        )
+        return f"{seen}; its address in data.qvel is jnt_dofadr: behind a quaternion the two differ."
+    return None
+
+
+def moves_by(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
+    """Whether one position moves by one velocity, by the tableau."""
+    for step in steps:
+        moves = step.timestep_s * np.array(
+            [padded(row, step.calls) @ step.qvel[1 : step.calls + 1, dof] for row in rows]
+        )
+        if np.max(np.abs(step.qpos[1:, at] - step.qpos[0, at] - moves)) > EXACT * (1 + abs(step.qpos[0, at])):
+            return False
+    return True

@@ -1,0 +1,335 @@
+"""Says what is wrong with a step whose trace has been read: first what was seen, then what to do.
+
+The sentences hold the student's own coefficients, and no number of a case. `explain` tries the recognisers in order;
+the first that returns a sentence has found the mistake.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from grader.exercises.kinds.rk4.fits import Combination, Term
+from grader.exercises.kinds.rk4.methods import added_up, from_the_last
+from grader.exercises.kinds.rk4.stages import STAGES, method_sentence, number_word
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, SMOOTH, STALE, Matrix, Reading, plain, same, same_row
+from grader.exercises.trace import Returned
+
+Rows = Sequence[Combination | None]
+
+
+def explain(reading: Reading, returned: Sequence[Returned]) -> str | None:
+    """Returns the sentence of the first recogniser that knows the step; None if none does."""
+    sentence = unchanged(reading, returned)
+    if sentence or not reading.calls:
+        return sentence
+    recognisers = (borrowed_slopes, powers_of_h, asked_too_early, whole_method, apart)
+    return next((found for recognise in recognisers if (found := recognise(reading))), None)
+
+
+def unchanged(reading: Reading, returned: Sequence[Returned]) -> str | None:
+    """Returns the sentence of a step that leaves the state, or a part of it, as it is."""
+    q_stays = all(np.array_equal(step.qpos[0], step.qpos[-1]) for step in reading.steps)
+    v_stays = all(np.array_equal(step.qvel[0], step.qvel[-1]) for step in reading.steps)
+    if q_stays and v_stays:
+        return nothing_written(reading, returned)
+    if not reading.calls or not (q_stays or v_stays):
+        return None
+    moves, stays = ("data.qpos", "data.qvel") if v_stays else ("data.qvel", "data.qpos")
+    return (
+        f"Your step changes {moves} and leaves {stays} as it was: write the weighted sum of its slopes into {stays}[:] "
+        "too."
+    )
+
+
+def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | None:
+    """Returns the sentence of a step after which positions and velocities are as before."""
+    if returned and returned[0].type != "NoneType":
+        article = "an" if returned[0].type[:1].lower() in "aeiou" or returned[0].type == "ndarray" else "a"
+        return (
+            f"Your function returns its result ({article} {returned[0].type}) and leaves data as it was: write the new "
+            "state into data.qpos[:], data.qvel[:], data.act[:] and data.time; nothing need be returned."
+        )
+    if reading.calls:
+        times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"
+        return (
+            f"mj_forward is asked {times}, but after your step data.qpos and data.qvel are as before: write the new "
+            "state into data.qpos[:] and data.qvel[:]. Without [:], a = gives your own variable another value, not "
+            "data."
+        )
+    if any(reading.times):
+        return (
+            "Your step advances data.time and nothing else: ask mujoco.mj_forward for accelerations, and advance "
+            "data.qpos and data.qvel."
+        )
+    return (
+        "Your step changes nothing in data, and never asks mj_forward: evaluate the four stages, and write their "
+        "weighted sum into data."
+    )
+
+
+def borrowed_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of accelerations that are not those of the step's own calls."""
+    slopes = {term.slope for row in reading.velocities if row for term in row}
+    if STALE in slopes:
+        return (
+            "Your first acceleration is data.qacc as it stood before the step: nothing has computed it for this state. "
+            "Call mj_forward before you read data.qacc."
+        )
+    if SMOOTH in slopes:
+        return (
+            "Your accelerations are data.qacc_smooth, which leaves out constraint forces (joint limits, contacts): "
+            "use data.qacc."
+        )
+    return None
+
+
+def powers_of_h(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that are not multiplied by h exactly once."""
+    for rows, slope, what in ((reading.velocities, "a", "velocity"), (reading.positions, "v", "position")):
+        if any(row is None for row in rows):
+            continue
+        used = [{term.power for term in row if term.slope == slope} for row in rows if row is not None]
+        if not any(one - {1} for one in used):
+            continue
+        number = fixed_step(rows, slope)
+        if number is not None:
+            return (
+                f"Your step is {number:g} s long whatever the timestep of the model is: use model.opt.timestep, not a "
+                "fixed number."
+            )
+        return power_sentence(used, rows, slope, what)
+    return None
+
+
+def fixed_step(rows: Rows, slope: str) -> float | None:
+    """Returns the number [s] that stands for h in every row; None if there is none."""
+    weights = {term: value for term, value in (rows[-1] or {}).items() if term.slope == slope}
+    if not weights or any(term.power for row in rows if row for term in row if term.slope == slope):
+        return None
+    number = sum(weights.values())
+    return number if 0 < number < 0.1 else None  # the weights of a fixed step sum to it, those without h to about 1
+
+
+def power_sentence(used: Sequence[set[int]], rows: Rows, slope: str, what: str) -> str:
+    """Returns the sentence of a row that is multiplied by h too often, or not at all."""
+    *stages, result = used
+    weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
+    off = sum(power != 1 for power in weights.values())
+    if result == {2} and not any(2 in one for one in stages):
+        return (
+            f"h is applied twice to the {what}: once in k, once in the sum. If your k are already multiplied by h, the "
+            "result is the start plus (k1 + 2 k2 + 2 k3 + k4)/6."
+        )
+    if result == {0}:
+        return (
+            f"The weighted sum that advances the {what} is not multiplied by h: add h times the sum to the start of "
+            "the step."
+        )
+    if off:
+        how = "not multiplied by h/6" if 0 in result else "multiplied by h twice"
+        return (
+            f"{number_word(off).capitalize()} of the {number_word(len(weights))} weighted slopes of the {what} "
+            f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
+        )
+    stage = next(index for index, one in enumerate(stages, 1) if one - {1})
+    how = "h twice" if 2 in used[stage - 1] else "a slope without h"
+    return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."
+
+
+def asked_too_early(reading: Reading) -> str | None:
+    """Returns the sentence of calls of mj_forward that run before the state of their stage is written."""
+    calls = range(2, reading.calls + 1)
+    at_start = [stage for stage in calls if reading.positions[stage - 1] == {} and reading.velocities[stage - 1] == {}]
+    if at_start and len(at_start) == len(calls):
+        return (
+            f"{'Both' if reading.calls == 2 else 'All ' + number_word(reading.calls)} calls of mj_forward find the "
+            "state at the start of the step: write a stage's positions and velocities into data.qpos[:] and "
+            "data.qvel[:] before you call it."
+        )
+    last = reading.velocities[reading.calls - 1]
+    if at_start[:1] == [2] and reading.calls == STAGES and last and abs(sum(last.values()) - 1 / 2) <= SAME:
+        return (
+            "mj_forward runs before the stage's state is written: its second call finds the start of the step again, "
+            "and each later one the stage before. Write data.qpos[:] and data.qvel[:] first, then call it."
+        )
+    return None
+
+
+def whole_method(reading: Reading) -> str | None:
+    """Returns the sentence of a step with one tableau for positions and velocities, other than the classical one."""
+    velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
+    if velocities is None or positions is None or not same(velocities, positions) or same(velocities, CLASSICAL):
+        return None
+    return method_sentence(velocities, "state")
+
+
+def apart(reading: Reading) -> str | None:
+    """Returns the sentence of positions and velocities that move by different rules."""
+    velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
+    if velocities is None:
+        return None
+    sentence = odd_positions(reading, velocities)
+    if sentence or (positions is not None and same(velocities, positions)):
+        return sentence
+    if not same(velocities, CLASSICAL):
+        return odd_velocities(velocities) or method_sentence(velocities, "velocity")
+    if positions is not None:
+        return odd_tableau(positions) or method_sentence(positions, "position")
+    return mixed_slopes(reading)
+
+
+def odd_velocities(velocities: Matrix) -> str | None:
+    """Returns the sentence of velocities that are overwritten, or not written, while they are needed."""
+    if same(velocities, from_the_last(CLASSICAL)):
+        return "The velocity is not restored between the stages: v aliases data.qvel, so copy it (data.qvel.copy())."
+    if same(velocities, added_up(CLASSICAL)):
+        return (
+            "The velocity of each of your stages starts from that of the stage before: restore v to the start of the "
+            "step before every stage."
+        )
+    if same(velocities, [*CLASSICAL[:-1], (0, 0, 0, 1)]):
+        return (
+            "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it."
+        )
+    if len(velocities) > 2 and not any(np.any(stage) for stage in velocities[:-1]):
+        return (
+            f"All {number_word(len(velocities) - 1)} calls of mj_forward find the velocities of the start of the step: "
+            "only the positions of your stages move. Write the stage's velocity into data.qvel[:] too."
+        )
+    return None
+
+
+def odd_tableau(positions: Matrix) -> str | None:
+    """Returns the sentence of positions with a tableau of their own."""
+    stages = [*positions[:-1], ()]
+    if same(positions, added_up(CLASSICAL)):
+        return (
+            "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
+            "to the start of the step before every stage."
+        )
+    if same(positions, from_the_last(CLASSICAL)):
+        return (
+            "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
+            "before every stage (without .copy(), q is data.qpos itself)."
+        )
+    if same(stages, [(), (1 / 2,), (1 / 2,), (1,), ()]):
+        return (
+            "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
+            "stage before."
+        )
+    if same(stages, [(), (), (), (), ()]):
+        return (
+            "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
+            "stages move. Write the stage's positions into data.qpos[:] too."
+        )
+    if not same(stages, [*CLASSICAL[:-1], ()]):
+        return None
+    return next((text for weights, text in POSITION_WEIGHTS.items() if same_row(positions[-1], weights)), None)
+
+
+POSITION_WEIGHTS: Mapping[tuple[float, ...], str] = {
+    (0, 0, 0, 1): (
+        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it."
+    ),
+    (1, 0, 0, 0): (
+        "The position advances with the velocity at the start of the step alone; use the weighted mean of the four "
+        "stage velocities."
+    ),
+    (0, 1, 0, 0): (
+        "The position advances with the velocity of stage 2 alone, which is h v + h h a/2, the formula of constant "
+        "acceleration; use the weighted mean of the four stage velocities."
+    ),
+}
+"""Weights of the velocities alone, where velocities and stages are right."""
+
+
+def odd_positions(reading: Reading, velocities: Matrix) -> str | None:
+    """Returns the sentence of positions that move by a new velocity."""
+    rows, result = reading.positions, reading.positions[-1]
+    if result is None or any(row is None for row in rows):
+        return None
+    if reading.calls == 1:
+        return one_call(result, velocities)
+    if is_verlet(rows, velocities):
+        return (
+            "This is the velocity Verlet method: second order, two slopes a step. Take four slopes, of positions and "
+            "velocities alike, with weights 1, 2, 2, 1 over 6."
+        )
+    return own_velocity(rows) or last_velocity(result, Term("v", reading.calls + 1))
+
+
+def own_velocity(rows: Rows) -> str | None:
+    """Returns the sentence of stages whose positions move by the velocity of the same stage."""
+    own = [index for index, row in enumerate(rows[:-1], 1) if row and set(row) == {Term("v", index)}]
+    if not own:
+        return None
+    whose, their = ("stages move", "their") if len(own) > 1 else (f"stage {own[0]} moves", "its")
+    return f"Your {whose} the position with {their} own new velocity; use the velocity of the stage before."
+
+
+def last_velocity(result: Combination, after: Term) -> str | None:
+    """Returns the sentence of positions that move by the velocity `after` the step."""
+    if near(result, {after: 1}):
+        return "The position advances with the new velocity alone; use the weighted mean of the four stage velocities."
+    if is_mean(result, after):
+        return (
+            "Positions move by the mean of old and new velocity: use the weighted mean of the four stage velocities, "
+            "(v1 + 2 v2 + 2 v3 + v4)/6."
+        )
+    return None
+
+
+def one_call(result: Combination, velocities: Matrix) -> str | None:
+    """Returns the sentence of a single acceleration, by which the velocity moves."""
+    if not same(velocities, [(), (1,)]):
+        return None
+    tail = "one acceleration a step, not four. Add the stages k2, k3 and k4."
+    if near(result, {Term("v", 2): 1}):
+        return f"This is semi-implicit Euler: {tail}"
+    if is_mean(result, Term("v", 2)):
+        return f"Positions move by the mean of old and new velocity, velocities by Euler's method: {tail}"
+    return None
+
+
+def is_mean(result: Combination, after: Term) -> bool:
+    """Whether positions move by the mean of old and new velocity."""
+    return any(near(result, {Term("v", start): 1 / 2, after: 1 / 2}) for start in (0, 1))
+
+
+def is_verlet(positions: Rows, velocities: Matrix) -> bool:
+    """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2."""
+    mean = {Term("v", 1): 1 / 2, Term("v", 2): 1 / 2}
+    stage, result = positions[1], positions[-1]
+    return bool(
+        same(velocities, [(), (1,), (1 / 2, 1 / 2)]) and stage and near(stage, mean) and result and near(result, mean)
+    )
+
+
+def mixed_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of positions that move by velocities and accelerations."""
+    rows = [row for row in reading.positions if row and {term.slope for term in row} == {"v", "a"}]
+    if not rows:
+        return None
+    result = reading.positions[-1]
+    if result and any(near(result, {Term("v", stage): 1, Term("a", 1, 2): 1 / 2}) for stage in (0, 1)):
+        return (
+            "The position advances by h v + h h a/2, the formula of constant acceleration; use the weighted mean of "
+            "the four stage velocities."
+        )
+    return (
+        "Your positions move by velocities at which mj_forward was never asked: the slope of a position is the "
+        "velocity in data.qvel when that stage is evaluated."
+    )
+
+
+def near(one: Combination, other: Mapping[Term, float]) -> bool:
+    """Whether two combinations are the same."""
+    return one.keys() == other.keys() and all(abs(one[term] - value) <= 1e-8 for term, value in other.items())
+
+
+def follows_classical(reading: Reading) -> bool:
+    """Whether positions and velocities follow the classical method, in the coordinates that move at all."""
+    velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
+    return (
+        velocities is not None and positions is not None and same(velocities, CLASSICAL) and same(positions, CLASSICAL)
+    )

@@ -1,0 +1,135 @@
+"""Says what is wrong with the rest of a step: activations, time, coordinates that stand still, unknown states."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from grader.exercises.kinds.rk4.fits import Term, as_text
+from grader.exercises.kinds.rk4.stages import FRACTIONS, STAGES, in_words, number_word
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, Matrix, Reading, plain, same, same_row
+
+FRACTIONS_OF_TIME = (0, 1 / 2, 1 / 2, 1, 1)
+"""The times of the four stages and of the result, in timesteps from the start of the step."""
+
+SET_TIME = "set it to t, t + h/2, t + h/2 and t + h before the four calls of mj_forward, and to t + h at the end"
+
+
+def explain_time(reading: Reading) -> str | None:
+    """Returns the sentence of a step that keeps data.time wrong; None if it is right, or has not four stages."""
+    times = [row.get(Term("t", 0), 0.0) for row in reading.times if row is not None and set(row) <= {Term("t", 0)}]
+    if len(reading.times) != STAGES + 1:
+        return None
+    if any(row and Term("t", 0, 0) in row for row in reading.times):
+        return f"Your data.time is counted from 0 in every step, not from the step's start: {SET_TIME}."
+    if len(times) != len(reading.times):
+        return f"Your data.time does not move by fractions of model.opt.timestep: {SET_TIME}."
+    return time_sentence(times[:-1], times[-1])
+
+
+def time_sentence(stages: Sequence[float], result: float) -> str | None:
+    """Returns the sentence of wrong times of the stages and the result, in timesteps; None if they are right."""
+    wrong = [i for i, time in enumerate((*stages, result)) if abs(time - FRACTIONS_OF_TIME[i]) > SAME]
+    if not wrong:
+        return None
+    if not any(stages) and not result:
+        return f"data.time does not change: {SET_TIME}."
+    if not any(stages):
+        return (
+            "data.time stands at the start of the step in all four calls of mj_forward: set data.time at every stage "
+            "before mj_forward, to t, t + h/2, t + h/2 and t + h."
+        )
+    if wrong[-1] == STAGES:
+        return result_time_sentence(result)
+    where = in_words((stages[wrong[0]],)).removesuffix(" k1")
+    at = "still t" if where == "nothing" else f"t + {where}"
+    return f"data.time is {at} when stage {wrong[0] + 1} is evaluated: {SET_TIME}."
+
+
+def result_time_sentence(result: float) -> str:
+    """Returns the sentence of a wrong time after the step, in timesteps."""
+    if not result:
+        return "data.time is put back to the start of the step at its end: advance it by model.opt.timestep."
+    why = ": it adds up over the stages. Keep t, and " if result > 1 else ": "
+    return f"data.time advances by {as_text(result)} h in a step{why}{SET_TIME}."
+
+
+def explain_activations(reading: Reading) -> str | None:
+    """Returns the sentence of controls or activations that are wrong; None if they are right, or there are none."""
+    if any(np.any(step.ctrl != step.ctrl[0]) for step in reading.steps):
+        return (
+            "data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must still be set when "
+            "you call mj_forward, so do not reset data."
+        )
+    rows = plain(reading.activations, "r") if reading.activations else None
+    if rows is None or same(rows, CLASSICAL) or len(rows) != STAGES + 1:
+        return None
+    return still_activations(rows) or stage_of_activations(rows)
+
+
+def still_activations(rows: Matrix) -> str | None:
+    """Returns the sentence of activations that do not move with the stages, or by one slope alone."""
+    *stages, result = rows
+    moves = any(map(np.any, stages))
+    if not np.any(result):
+        if moves:
+            return "data.act is put back to the start of the step at its end: write its weighted sum too."
+        return "data.act does not change: advance it with data.act_dot, as you advance qvel with qacc."
+    if same_row(result, (1,)):
+        return (
+            "data.act advances by Euler's method, with the first act_dot alone: it is a state like qvel, so take "
+            "act_dot at every stage, with weights 1, 2, 2, 1 over 6."
+        )
+    if same_row(result, (0, 0, 0, 1)):
+        return (
+            "data.act advances with the last act_dot alone: data.act_dot is a view that the next mj_forward "
+            "overwrites, so copy it."
+        )
+    if not moves:
+        return (
+            "data.act stands at the start of the step in all your stages: write it before every mj_forward, moved by "
+            "the act_dot of the stage before."
+        )
+    return None
+
+
+def stage_of_activations(rows: Matrix) -> str:
+    """Returns the sentence of the first wrong stage, or of wrong weights."""
+    wrong = next((i for i, row in enumerate(rows, 1) if not same_row(row, CLASSICAL[i - 1])), len(rows))
+    moves = in_words(rows[wrong - 1], "act_dot")
+    if wrong > STAGES:
+        return f"data.act moves by {moves}; the weights of the four act_dot are 1, 2, 2, 1 over 6."
+    right = f"{FRACTIONS[wrong]} act_dot{wrong - 1}" if wrong in FRACTIONS else "nothing"
+    return f"In your stage {wrong}, data.act moves by {moves}; it should move by {right}."
+
+
+def explain_idle(reading: Reading, dofs: int) -> str | None:
+    """Returns the sentence of velocities or positions that never change although others do."""
+    idle, still = (part if len(part) < dofs else () for part in (reading.idle, reading.still))
+    if not idle and not still:
+        return None
+    first = min([*idle, *still])
+    rest = list(range(first, dofs))
+    if first and rest in (list(idle), list(still)):
+        move = "one moves" if first == 1 else f"{number_word(first)} move"
+        return (
+            f"Some velocities do not change: only the first {move}, and a model may have more joints than you move. "
+            "Advance all of data.qpos and data.qvel."
+        )
+    what = "velocities" if idle else "positions"
+    return f"Some {what} do not change, while others do: advance all of data.qpos and data.qvel."
+
+
+def agrees_until(reading: Reading) -> str | None:
+    """Returns an honest sentence for a step with a state that is no combination of its slopes."""
+    parts = {"positions": reading.positions, "velocities": reading.velocities}
+    for row in range(reading.calls + 1):
+        unknown = [name for name, rows in parts.items() if rows[row] is None]
+        if unknown:
+            names = " and ".join(unknown)
+            where = f"in your stage {row + 1}" if row < reading.calls else "at the end of your step"
+            until = f" Your stages up to {row} can be read." if row > 1 else ""
+            return (
+                f"The {names} {where} are not those at the start of the step plus multiples of h times your "
+                f"slopes.{until} Print that state, and compare it with the formula by hand."
+            )
+    return None

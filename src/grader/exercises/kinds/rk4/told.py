@@ -1,0 +1,108 @@
+"""Puts together what the trace of one wrong run shows: tableau, rotations, activations, time."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from grader.exercises.kind import Judged
+from grader.exercises.kinds.rk4.judge import RunOutcome
+from grader.exercises.kinds.rk4.methods import name_of, order_of
+from grader.exercises.kinds.rk4.recorded import read_steps
+from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, linear_axes, rule_of, spins_of, wrong_address
+from grader.exercises.kinds.rk4.sentences import explain, follows_classical
+from grader.exercises.kinds.rk4.stages import STAGES
+from grader.exercises.kinds.rk4.states import agrees_until, explain_activations, explain_idle, explain_time
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, same
+from grader.exercises.trace import Trace
+
+NO_NUMBER = (
+    "In your first step data.qpos or data.qvel becomes nan: None, or something that is no number, was assigned to it. "
+    "Functions such as mj_integratePos write into the array that they are given, and return None."
+)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a trace shows of a mistake: a sentence that names it, or one that says up to where the step can be read."""
+
+    sentence: str | None = None
+    fallback: str | None = None
+
+
+@lru_cache(maxsize=4)
+def reading_of(judged: Judged[Any, Any]) -> Reading | None:
+    """Returns what the trace of a judged run holds; None where there is no trace, or it cannot be read."""
+    run = judged.judgement.outcome.run
+    with np.errstate(all="ignore"):  # forged numbers
+        try:
+            return read_tableau(run.scene().model, read_steps(judged.trace, run))
+        except np.linalg.LinAlgError:
+            return None
+
+
+def by_the_trace(outcome: RunOutcome, judged: Judged[Any, Any]) -> Told:
+    """Returns what the trace of a wrong run shows; nothing where there is no trace, or it cannot be read."""
+    reading = reading_of(judged)
+    if reading is None:
+        return Told(NO_NUMBER if turns_to_nan(judged.trace) else None)
+    with np.errstate(all="ignore"):
+        return told(outcome, judged, reading)
+
+
+def turns_to_nan(trace: Trace) -> bool:
+    """Whether the very first step asks mj_forward at, or ends in, a state that holds nan."""
+    first = next(iter(trace.of("step")), None)
+    return first is not None and bool(np.isnan(first.numbers).any())
+
+
+def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Told:
+    """Returns what a reading shows."""
+    model = outcome.run.scene().model
+    if sentence := explain_idle(reading, int(model.nv)):
+        return Told(sentence)
+    if spins_of(model) and reading.calls:
+        sentence = turned_sentence(model, reading, outcome, hidden=judged.trial.hidden)
+    else:
+        sentence = explain(reading, judged.trace.returned)
+    sentence = sentence or (explain_rest(reading, outcome) if follows_classical(reading) else None)
+    return Told(sentence, agrees_until(reading))
+
+
+def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome, *, hidden: bool) -> str | None:
+    """Returns the sentence of a step on a model with quaternions."""
+    velocities = plain(reading.velocities, "a")
+    if velocities is None:
+        return explain(reading, ())
+    positions = plain(reading.positions, "v")
+    alike = positions is not None and same(positions, velocities)
+    fourth = outcome.problem.accepts_other_methods and order_of(velocities) >= STAGES
+    if not (alike and (fourth or same(velocities, CLASSICAL))) and (sentence := explain(reading, ())):
+        return sentence
+    rule = rule_of(model, reading.steps, velocities)
+    if rule is not None and rule not in RIGHT:
+        return rule
+    if rule == BODY and alike and not same(velocities, CLASSICAL):
+        return moved_once(velocities)
+    return linear_axes(model, reading.steps, velocities) or wrong_address(
+        model, reading.steps, velocities, hidden=hidden
+    )
+
+
+def moved_once(rows: Matrix) -> str:
+    """Returns the sentence of another fourth-order tableau whose rotations move once."""
+    return (
+        f"This is {name_of(rows) or 'a method of fourth order'} with one mj_integratePos for all slopes, which is of "
+        "second order on rotations only. MuJoCo does that with the classical weights 1, 2, 2, 1; another method must "
+        "be of fourth order on rotations too."
+    )
+
+
+def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
+    """Returns the sentence of activations or a time that are wrong although positions and velocities move rightly."""
+    sentence = explain_activations(reading)
+    if sentence or not outcome.problem.case.time_matters:
+        return sentence
+    return explain_time(reading)

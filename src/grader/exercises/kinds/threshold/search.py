@@ -1,0 +1,384 @@
+"""Names the mistake that the runs of a script show.
+
+The trace is a claim: what is said here explains a verdict and decides nothing.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import isnan
+
+from mujoco import mjtWarning
+
+from grader.exercises.kind import Judged
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.exercises.kinds.threshold.recorded import Run, Search, read_search
+from grader.exercises.trace import Trace
+from grader.numerics.integrators import BY_CODE
+
+UNSTABLE = {int(getattr(mjtWarning, f"mjWARN_{name}")): name for name in ("BADQPOS", "BADQVEL", "BADQACC", "BADCTRL")}
+"""The kinds of warning that make a run unstable, by their places in data.warning."""
+
+CLOSE = 1e-6
+"""Relative difference below which two timesteps are the same."""
+
+SHORT = 0.7
+"""A run of less than this share of the horizon is too short; right scripts run a little less or much more."""
+
+WORDS = {
+    "actuator_gainprm": "the servo's gain",
+    "actuator_biasprm": "the servo's bias (kp and kv)",
+    "actuator_gear": "the gear",
+    "body_mass": "the mass",
+    "body_inertia": "the inertia",
+    "body_ipos": "the centre of mass",
+    "dof_damping": "the joint's damping",
+    "dof_armature": "the armature",
+    "jnt_stiffness": "the joint's stiffness",
+    "gravity": "gravity",
+    "solver": "the constraint solver",
+    "disableflags": "what is disabled",
+}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One wrong claim, with what its trial did. `shown` numbers may be told: those of a visible trial."""
+
+    parameters: ThresholdParameters
+    cell: Cell
+    claim: Claim
+    search: Search
+    trace: Trace
+    shown: bool
+
+    def at(self, seconds: float) -> str:
+        """Where a timestep is, for the student; no number of a hidden trial."""
+        return f"At {1e3 * seconds:.4g} ms" if self.shown else "At a timestep of a hidden case"
+
+    @property
+    def called_stable(self) -> list[Run]:
+        """The runs at timesteps that the claim calls stable, the largest first."""
+        runs = self.search.runs
+        if isinstance(self.claim, Bracket):
+            runs = tuple(run for run in runs if run.timestep_s <= self.claim.low * (1 + CLOSE))
+        return sorted(runs, key=lambda run: -run.timestep_s)
+
+    @property
+    def called_unstable(self) -> list[Run]:
+        """The runs at timesteps that the claim calls unstable, the smallest first."""
+        if not isinstance(self.claim, Bracket):
+            return []
+        found = (run for run in self.search.runs if run.timestep_s >= self.claim.high * (1 - CLOSE))
+        return sorted(found, key=lambda run: run.timestep_s)
+
+
+Rule = Callable[[Seen], str | None]
+
+
+def printed_only(seen: Seen) -> str | None:
+    """The result is printed and not returned."""
+    if not isinstance(seen.claim, NoLimit) or seen.trace.printed is None or not seen.search.runs:
+        return None
+    number = re.search(r"\d+\.\d+", seen.trace.printed)
+    if seen.shown and number is None:
+        return None
+    what = f" ({number[0]})" if number else ""
+    return f"Your function prints its result{what} and returns None. Return it: return h_stable, h_unstable."
+
+
+def never_stepped(seen: Seen) -> str | None:
+    """None was returned without a step."""
+    if seen.search.total or seen.search.others or not isinstance(seen.claim, NoLimit):
+        return None
+    return "Your function returned None without a single step. Step the model at several timesteps before you answer."
+
+
+def one_timestep(seen: Seen) -> str | None:
+    """The timestep that is set never reaches the model that is stepped."""
+    runs = seen.search.runs
+    if not runs or any(abs(run.timestep_s - runs[0].timestep_s) > CLOSE * runs[0].timestep_s for run in runs):
+        return None
+    if len(runs) == 1 and runs[0].timestep_s != float(seen.cell.scene.model.opt.timestep):
+        return None
+    used = "Your only run" if len(runs) == 1 else "Every run"
+    return (
+        f"{used} used a timestep of {1e3 * runs[0].timestep_s:.4g} ms: the model that you step is not one whose "
+        "timestep you set. Set opt.timestep on the very model that you pass to mj_step."
+    )
+
+
+def never_reset(seen: Seen) -> str | None:
+    """One data serves all timesteps, and is never reset."""
+    runs = seen.search.runs
+    if len(runs) != 1 or seen.search.total != 1 or abs(runs[0].last_timestep_s - runs[0].timestep_s) <= CLOSE:
+        return None
+    if runs[0].raised:
+        return (
+            "You use one data for every timestep and never reset it. After the first unstable run its warning counters "
+            "stay, so that every later run counts as unstable: call mujoco.mj_resetData before each run."
+        )
+    return (
+        "You use one data for every timestep and never reset it, so that each run goes on where the last one ended. "
+        "Call mujoco.mj_resetData before each run, and set the start again."
+    )
+
+
+def other_integrator(seen: Seen) -> str | None:
+    """The integrator that was asked for is never used."""
+    used = {run.integrator for run in seen.search.runs}
+    if len(used) != 1 or seen.cell.integrator.code in used or not used <= set(BY_CODE):
+        return None
+    name = BY_CODE[used.pop()].name
+    return (
+        f"Your runs used {name} where another integrator was asked for. "
+        "Set model.opt.integrator = integrator on the model that you step."
+    )
+
+
+def other_start(seen: Seen) -> str | None:
+    """Runs do not begin where they should."""
+    if len(seen.parameters.start) != 1 or seen.cell.scene.model.nq != 1 or not seen.search.runs:
+        return None
+    ((joint, value),) = seen.parameters.start.items()
+    runs = seen.search.runs
+    wrong = [run for run in runs if abs(run.qpos - value) > 1e-9 or run.qvel != 0]
+    if len(wrong) == len(runs) and all((run.qpos, run.qvel) == (0, 0) for run in runs):
+        return (
+            f"Your runs start with {joint} at 0, where nothing moves, so that nothing can grow. Start with {joint} at "
+            f"{value:g} rad: set data.qpos[0] = {value:g} each time you have created or reset the data."
+        )
+    if len(wrong) == len(runs) and len({(run.qpos, run.qvel) for run in runs}) == 1:
+        speed = f" and a speed of {runs[0].qvel:.4g} rad/s" if runs[0].qvel else ""
+        return (
+            f"Your runs start with {joint} at {runs[0].qpos:.4g} rad{speed}, not at {value:g} rad at rest. "
+            f"Set data.qpos[0] = {value:g}, and leave data.qvel at 0."
+        )
+    if wrong and wrong[0] is not runs[0]:
+        return (
+            "Only your first run starts as it should; later ones begin elsewhere. Reset the data before each run, and "
+            f"set data.qpos[0] = {value:g} after that."
+        )
+    return None
+
+
+def other_target(seen: Seen) -> str | None:
+    """The servo's target is not the one of the exercise."""
+    targets = {run.ctrl for run in seen.search.runs}
+    expected = float(seen.cell.scene.start.ctrl[0]) if seen.cell.scene.model.nu else 0.0
+    if len(targets) != 1 or expected in targets:
+        return None
+    return (
+        f"Your runs set data.ctrl[0] to {targets.pop():.4g}, which is the servo's target; it should stay {expected:g}, "
+        "so that the servo pulls the joint back from its start."
+    )
+
+
+def turned_round(seen: Seen) -> str | None:
+    """The search goes on upwards from unstable timesteps."""
+    runs = seen.search.runs
+    pairs = [(one, other) for one, other in pairwise(runs) if one.raised and other.timestep_s != one.timestep_s]
+    upwards = sum(other.timestep_s > one.timestep_s for one, other in pairs)
+    if upwards < 3 or upwards < len(pairs) - 1 or not isinstance(seen.claim, Bracket):
+        return None
+    return (
+        "After an unstable run your search goes on upwards, so that it ends at the upper end. Where the middle is "
+        "unstable it is the new upper end, where it is stable the new lower end."
+    )
+
+
+def too_coarse(seen: Seen) -> str | None:
+    """The last stable and the first unstable timestep lie far apart."""
+    runs, allowed_s = seen.search.runs, seen.parameters.width_s
+    if seen.search.total > len(runs) or not isinstance(seen.claim, Bracket):
+        return None
+    above = min((run.timestep_s for run in runs if run.raised), default=0.0)
+    below = max((run.timestep_s for run in runs if not run.raised and run.timestep_s < above), default=0.0)
+    ends = seen.claim.given
+    if not below or above - below <= 1.5 * allowed_s or min(ends) < below or max(ends) > above:
+        return None
+    shown = f" ({1e3 * below:.4g} and {1e3 * above:.4g} ms)" if seen.shown else ""
+    return (
+        f"Your search is too coarse: its last stable and its first unstable timestep{shown} are more than "
+        f"{1e3 * allowed_s:g} ms apart, and the limit lies anywhere between. Go on halving between the two."
+    )
+
+
+def start_no_number(seen: Seen) -> str | None:
+    """The start is nan: None was assigned, or something that is no number."""
+    if not any(isnan(run.qpos) or isnan(run.qvel) for run in seen.search.runs):
+        return None
+    return (
+        "A run starts with nan in data.qpos or data.qvel: None, or something that is no number, was assigned to it. "
+        "Print what you assign."
+    )
+
+
+def too_short(seen: Seen) -> str | None:
+    """Runs that are called stable end before the horizon."""
+    horizon_s = seen.parameters.horizon_s
+    calm = [run for run in seen.called_stable if not run.raised and run.steps > 0]
+    if not calm or calm[0].lasted_s >= SHORT * horizon_s:
+        return None
+    whole = [run for run in seen.search.runs if not run.raised]
+    reach = f"Step until data.time reaches {horizon_s:g} s."
+    if len({run.timestep_s for run in whole}) > 1 and len({run.steps for run in whole}) == 1:
+        example = f", {calm[0].lasted_s:.2g} s at {1e3 * calm[0].timestep_s:.4g} ms" if seen.shown else ""
+        return f"Your runs are too short: each takes {calm[0].steps} steps{example}, not {horizon_s:g} s. {reach}"
+    example = f", {calm[0].steps} steps at {1e3 * calm[0].timestep_s:.4g} ms" if seen.shown else ""
+    length = f"{calm[0].lasted_s:.2g} s{example}"
+    return f"Your runs are too short: {length}, where a slow divergence does not show yet. {reach}"
+
+
+def overlooked(seen: Seen) -> str | None:
+    """A run with a warning counts as stable."""
+    missed = next((run for run in seen.called_stable if any(run.warned >> bit & 1 for bit in UNSTABLE)), None)
+    if missed is None:
+        return None
+    kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.warned >> bit & 1)
+    return (
+        f"{seen.at(missed.timestep_s)} MuJoCo raised {kinds} and reset the state, and your answer calls that "
+        "timestep stable. Look at BADQPOS, BADQVEL and BADQACC in data.warning, or at data.time falling back."
+    )
+
+
+def of_none(rule: Rule) -> Rule:
+    """Restricts a rule to the claim that nothing is unstable."""
+    return lambda seen: rule(seen) if isinstance(seen.claim, NoLimit) else None
+
+
+def own_criterion(seen: Seen) -> str | None:
+    """A run without a warning counts as unstable."""
+    calm = next((run for run in seen.called_unstable if not run.raised), None)
+    if calm is None:
+        return None
+    horizon_s = seen.parameters.horizon_s
+    early = calm.lasted_s < 0.9 * horizon_s and seen.shown
+    when = f" within {calm.lasted_s:.2g} s, where you ended it" if early else f" within {horizon_s:g} s"
+    return (
+        f"{seen.at(calm.timestep_s)} your run raised no warning{when}, and you call it unstable. Here a run is "
+        "unstable when MuJoCo raises a warning, not when the motion is large or inaccurate."
+    )
+
+
+def counters_stood(seen: Seen) -> str | None:
+    """Warnings of an earlier run are counted again."""
+    if not any(run.stood for run in seen.called_unstable):
+        return None
+    return (
+        "Warnings of an earlier run still stood in data.warning when a run began, so that it counts as unstable. "
+        "Call mujoco.mj_resetData before each run: it clears them."
+    )
+
+
+def edge_of_search(seen: Seen) -> str | None:
+    """The search does not reach as far as it should."""
+    runs = seen.search.runs
+    if len(runs) < (1 if isinstance(seen.claim, NoLimit) else 2):
+        return None
+    lowest, highest = (find(run.timestep_s for run in runs) for find in (min, max))
+    shortest_s, longest_s = seen.parameters.search_s
+    if seen.search.total > len(runs):
+        return None
+    top = highest < 0.95 * longest_s and not any(run.raised for run in runs if run.timestep_s == highest)
+    if top and (isinstance(seen.claim, NoLimit) or (seen.called_stable and len(seen.called_unstable) < 2)):
+        return (
+            f"Your search ends at {1e3 * highest:.4g} ms, where nothing is unstable yet. "
+            f"Search up to {1e3 * longest_s:g} ms."
+        )
+    bottom = lowest > 1.05 * shortest_s and all(run.raised for run in runs if run.timestep_s == lowest)
+    if bottom and isinstance(seen.claim, Bracket) and seen.claim.low <= lowest * (1 + CLOSE):
+        return (
+            f"Your search begins at {1e3 * lowest:.4g} ms, which is unstable already. Begin at {1e3 * shortest_s:g} ms."
+        )
+    return None
+
+
+def other_model(seen: Seen) -> str | None:
+    """The model that is stepped is not the given one."""
+    used = {run.model for run in seen.search.runs}
+    if len(used) != 1 or not (index := used.pop()) < len(seen.search.differs) or not seen.search.differs[index]:
+        return None
+    names = [WORDS.get(name, name) for name in seen.search.differs[index]][:3]
+    return (
+        f"The model that you step is not the one you were given: {' and '.join(names)} "
+        f"{'differs' if len(names) == 1 else 'differ'}. Change nothing but the timestep and the integrator."
+    )
+
+
+def nothing_simulated(seen: Seen) -> str | None:
+    """A number without a step."""
+    if seen.search.total or seen.search.others or not isinstance(seen.claim, Bracket):
+        return None
+    return (
+        "Nothing was simulated: your answer comes from a formula or was written down. "
+        "Step the model at several timesteps, and narrow the bracket down."
+    )
+
+
+def ends_untried(seen: Seen) -> str | None:
+    """An end of the bracket at which nothing was run."""
+    if not isinstance(seen.claim, Bracket) or seen.claim.number is not None or len(seen.search.runs) < 2:
+        return None
+    if seen.search.total > len(seen.search.runs):
+        return None
+    tried = [run.timestep_s for run in seen.search.runs]
+    for what, end in (("stable", seen.claim.low), ("unstable", seen.claim.high)):
+        if not any(abs(h - end) <= 1e-3 * end for h in tried):
+            place = f"{1e3 * end:.4g} ms" if seen.shown else "a timestep"
+            return (
+                f"You report {place} as {what}, but never ran it. "
+                "Return the last timesteps that you found stable and unstable."
+            )
+    return None
+
+
+CERTAIN: tuple[Rule, ...] = (
+    printed_only,
+    never_stepped,
+    one_timestep,
+    never_reset,
+    other_integrator,
+    start_no_number,
+    other_start,
+    other_target,
+    too_short,
+    of_none(overlooked),
+    of_none(edge_of_search),
+)
+"""What the runs show without doubt; the first that explains every wrong claim is told."""
+
+FALLBACK: tuple[Rule, ...] = (
+    turned_round,
+    edge_of_search,
+    too_coarse,
+    overlooked,
+    counters_stood,
+    other_model,
+    own_criterion,
+    nothing_simulated,
+    ends_untried,
+)
+"""What is told where no wrong method is recognised by its claims."""
+
+
+def explain(parameters: ThresholdParameters, wrong: Sequence[Judged[Cell, Claim]], rules: Sequence[Rule]) -> str | None:
+    """Returns the sentence of the first rule that explains every wrong claim of the visible trials.
+
+    If all visible claims are right, it must explain those of the hidden trials, of whose runs only the first are known.
+    """
+    told = [one for one in wrong if not one.trial.hidden] or wrong
+    seen = [
+        Seen(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)
+        for one in told
+        if (search := read_search(one.trace)) is not None
+    ]
+    if not seen or len(seen) < len(told):
+        return None
+    for rule in rules:
+        sentences = [rule(one) for one in seen]
+        if all(sentences):
+            return sentences[0]
+    return None

@@ -1,0 +1,163 @@
+"""Reads the traces that scripts leave in the jail: claims, which explain a verdict and never decide one.
+
+`grader.exercises.recorder` writes them and describes their form. Whatever the bytes are, `read_trace` returns a trace:
+the notes up to the first that is not well formed.
+"""
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+BYTES_MAX = 64 * 1024
+"""The size of a trial's trace, with room to spare: the recorder's limit is half of it."""
+INFO_BYTES_MAX = 16 * 1024
+NOTES_MAX = 4096
+NAME_CHARS_MAX = 32
+
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Note:
+    """One entry of a trace. `info` is any JSON object, `numbers` (n,) are read-only and may be nan or inf."""
+
+    name: str
+    info: Mapping[str, Any]
+    numbers: Numbers
+
+
+@dataclass(frozen=True)
+class Returned:
+    """A value that a function returned.
+
+    `type` is the name of its class, `text` that of a string. `shape` is that of an array or the length of a list or
+    tuple, whose items have the classes `items`. `numbers` are the first ones, nan where an item is no number.
+    """
+
+    type: str
+    text: str
+    shape: tuple[int, ...]
+    items: tuple[str, ...]
+    numbers: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Handled:
+    """An exception that the `except` clause in line `clause` caught: class, line where it was raised, and how often.
+
+    `message` is empty in a hidden trial. The clause may have raised it again.
+    """
+
+    type: str
+    line: int
+    clause: int
+    times: int
+    message: str
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a script did in one trial, as it claims. `cut`: there was more than was kept, or not all can be read."""
+
+    notes: tuple[Note, ...] = ()
+    cut: bool = False
+
+    def of(self, name: str) -> list[Note]:
+        """Returns the notes of one name, in order."""
+        return [note for note in self.notes if note.name == name]
+
+    @property
+    def returned(self) -> list[Returned]:
+        """The first values that the student's functions returned."""
+        return [read_returned(note) for note in self.of("returned")]
+
+    @property
+    def handled(self) -> list[Handled]:
+        """The exceptions that `except` clauses caught; notes that cannot be read are left out."""
+        return [one for note in self.of("handled") if (one := read_handled(note.info))]
+
+    @property
+    def printed(self) -> str | None:
+        """The beginning of what was printed, empty in a hidden trial; None if nothing was."""
+        said = next((note.info.get("text") for note in self.of("printed")), None)
+        return said if isinstance(said, str) else None
+
+
+NO_TRACE = Trace()
+
+
+def read_trace(values: "NDArray[np.generic] | None") -> Trace:
+    """Returns the trace in the result `trace` of a trial; an empty one if there is none."""
+    if values is None:
+        return NO_TRACE
+    if values.dtype != np.uint8 or values.ndim != 1:
+        return Trace(cut=True)
+    raw, notes = values[:BYTES_MAX].tobytes(), list[Note]()
+    whole = len(values) <= BYTES_MAX
+    try:
+        for note in read_notes(raw):
+            notes.append(note)
+    except (ValueError, struct.error, RecursionError):
+        whole = False
+    return Trace(tuple(note for note in notes if note.name != "cut"), not whole or any(n.name == "cut" for n in notes))
+
+
+def read_notes(raw: bytes) -> Iterator[Note]:
+    """Yields each note. Raises ValueError, struct.error or RecursionError where one is not well formed."""
+    at = 0
+    for _ in range(NOTES_MAX):
+        if at == len(raw):
+            return
+        length = raw[at]
+        name = raw[at + 1 : at + 1 + length].decode("ascii")
+        at += 1 + length
+        (length,) = struct.unpack_from("<I", raw, at)
+        text = raw[at + 4 : at + 4 + length]
+        at += 4 + length
+        (count,) = struct.unpack_from("<I", raw, at)
+        at += 4
+        if not name.isidentifier() or len(name) > NAME_CHARS_MAX or length > INFO_BYTES_MAX:
+            raise ValueError("a note has no proper name or information")
+        info = json.loads(text) if text else {}
+        if not isinstance(info, dict):
+            raise ValueError("the information of a note is no object")
+        yield Note(name, info, np.frombuffer(raw, "<f8", count, at))  # raises ValueError beyond the end
+        at += 8 * count
+    if at != len(raw):
+        raise ValueError("there are too many notes")
+
+
+def read_returned(note: Note) -> Returned:
+    """Returns what a note says of a returned value."""
+    shape, items = (note.info.get(key) for key in ("shape", "items"))
+    return Returned(
+        type=text_in(note.info, "type"),
+        text=text_in(note.info, "text"),
+        shape=tuple(n for n in shape if is_count(n)) if isinstance(shape, list) else (),
+        items=tuple(one for one in items if isinstance(one, str)) if isinstance(items, list) else (),
+        numbers=tuple(note.numbers.tolist()),
+    )
+
+
+def read_handled(info: Mapping[str, Any]) -> Handled | None:
+    """Returns what a note says of a handled exception; None if a line or the count is no number."""
+    line, clause, times = (info.get(key) for key in ("line", "clause", "times"))
+    if not (is_count(line) and is_count(clause) and is_count(times)):
+        return None
+    return Handled(text_in(info, "type"), line, clause, times, text_in(info, "message"))
+
+
+def text_in(info: Mapping[str, Any], key: str) -> str:
+    """Returns a text; empty if there is none."""
+    found = info.get(key)
+    return found if isinstance(found, str) else ""
+
+
+def is_count(value: object) -> TypeGuard[int]:
+    """Whether a value is a whole number of a sensible size."""
+    return type(value) is int and 0 <= value < 2**31
