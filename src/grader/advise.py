@@ -1,11 +1,12 @@
 """Choose integrator and timestep for a model by the lesson's procedure, with measurements.
 
-Start from implicitfast at 2 ms. Try RK4 at a quarter of the step if energy is conserved, and `discrete` if stiffness
-limits the timestep. Raise the timestep until the error of the quantity exceeds the tolerance; check warnings after
-every run. Unlike the lesson, it measures errors against a reference solution, so the start has to pass too.
+The procedure starts from implicitfast at 2 ms, tries RK4 at a quarter of the step where energy is conserved and
+`discrete` where stiffness limits the timestep, raises the timestep until the error of the quantity exceeds the
+tolerance, and checks warnings after every run. Here it is where the search begins, not where it ends: all five
+integrators are measured against a reference solution, and the cheapest that meets the tolerance is chosen.
 """
 
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -15,82 +16,158 @@ import numpy as np
 
 from grader.errors import LabError, Unprocessable
 from grader.expressions import Machine, compile_program
-from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4, Integrator
+from grader.numerics.integrators import IMPLICITFAST
 from grader.numerics.linear import equilibrium, spectral_limit
-from grader.numerics.measures import measure
 from grader.numerics.process import prepare
-from grader.numerics.rollout import simulate
-from grader.numerics.scene import Scene
-from grader.numerics.selection import TIMESTEPS_S, Candidate, Quantity, Selection, check_question, named, select
-
-START = (IMPLICITFAST, 0.002)
-START_WORDS = "implicitfast at 2 ms, as the documentation recommends for most models"
-QUARTER = (RK4, 0.0005)
+from grader.numerics.scene import Scene, Values
+from grader.numerics.selection import (
+    QUARTER,
+    START,
+    TIMESTEPS_S,
+    Candidate,
+    Progress,
+    Quantity,
+    Selection,
+    Still,
+    named,
+    select,
+)
 
 TOLERANCE = 1e-3
 SECONDS = 2.0
+BUDGET_S = 60.0
+
+PERTURBATION_SEED = 0
 
 LIMIT_SPAN_S = (1e-4, 0.5)
 """Timesteps [s] between which the linear stability limit is sought."""
 
+CURE = "start it in motion with --key, --qpos, --qvel, --ctrl or --perturb, or give a smaller --tol"
+
 
 @dataclass(frozen=True)
-class Row:
-    """A candidate with its first warning and its costs, both relative to the start.
+class Start:
+    """The start of the run: a keyframe by name or index, parts of the state that replace its own, and a perturbation.
 
-    `cost` is the ratio of evaluations of the forward dynamics, `cpu` of CPU time (None if not measured); `passes`
-    tells whether the error meets the tolerance.
+    Without a keyframe it is keyframe 0 if there is one, else qpos0. `perturb` [rad/s, m/s] adds to every velocity a
+    number drawn from [-perturb, perturb] with a fixed seed.
     """
 
-    candidate: Candidate
-    warning: str | None
-    cost: float
-    cpu: float | None
-    passes: bool
+    key: int | str | None = None
+    qpos: Values | None = None
+    qvel: Values | None = None
+    ctrl: Values | None = None
+    perturb: float = 0.0
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene at this start. Raises Unprocessable for an unknown keyframe, or a part of the wrong length."""
+        key = 0 if self.key is None and scene.model.nkey else self.key
+        try:
+            scene = scene.at(key=key, qpos=self.qpos, qvel=self.qvel, ctrl=self.ctrl)
+        except (KeyError, ValueError) as error:
+            raise Unprocessable(str(error.args[0])) from error
+        if not isfinite(self.perturb):
+            raise Unprocessable(f"--perturb must be a finite number, not {self.perturb}")
+        drawn = np.random.default_rng(PERTURBATION_SEED).uniform(-1, 1, scene.model.nv)
+        return scene.at(qvel=scene.start.qvel + self.perturb * drawn) if self.perturb else scene
 
 
 @dataclass(frozen=True)
 class Advice:
-    """The table, the choice or None, the reason, the steps of the procedure, and the parts that may be skipped."""
+    """The selection, the steps of the procedure with what they found, and the parts that may be skipped."""
 
-    rows: tuple[Row, ...]
-    choice: Candidate | None
-    reason: str
+    found: Selection
     steps: tuple[str, ...]
     skips: tuple[str, ...]
 
+    @property
+    def choice(self) -> Candidate | None:
+        """The chosen setting; None if none passes, or if it cannot be told."""
+        return self.found.best
+
     def __str__(self) -> str:
         """The advice as text for a terminal."""
-        lines = [*self.steps, "", f"{'':22}{'error':>10}{'cost':>8}{'CPU':>8}  warnings"]
-        lines += [_line(row, row.candidate == self.choice) for row in self.rows]
-        chosen = named(self.choice) if self.choice else "none"
-        lines += ["", f"choice: {chosen}", self.reason, "", "skipped, proved to change no bit of the result:"]
-        return "\n".join(lines + [f"  {skip}" for skip in self.skips])
+        lines = [*self.steps, *self.table(), "", f"choice: {named(self.choice) if self.choice else 'none'}"]
+        lines += [self.found.reason, *([better] if (better := self.own_setting()) else [])]
+        if self.skips:
+            lines += ["", "skipped, proved to change no bit of the result:", *(f"  {skip}" for skip in self.skips)]
+        return "\n".join(lines)
+
+    def table(self) -> list[str]:
+        """A line for each measured setting, the cheapest first, with a key to its marks."""
+        if not self.found.candidates:
+            return []
+        start = next(c for c in self.found.candidates if c.setting == START)
+        names = [self.name(c) for c in self.found.candidates]
+        width = max(map(len, names)) + 2
+        lines = ["", f"  {'':{width}}{'error':>10}{'cost':>10}{'CPU':>10}  warning"]
+        for name, candidate in zip(names, self.found.candidates, strict=True):
+            error = "diverged" if candidate.error == inf else f"{candidate.error:.1e}"
+            cost = f"x{candidate.cost / start.cost:.3g}"
+            cpu = f"x{candidate.cpu / start.cpu:.2f}" if start.cpu else ""
+            mark = ">" if candidate == self.choice else "*" if candidate in self.found.front else " "
+            lines.append(f"{mark} {name:{width}}{error:>10}{cost:>10}{cpu:>10}  {candidate.warning or 'none'}")
+        lines.append("> the choice   * no other setting is both cheaper and more accurate")
+        lines.append(
+            f"cost: evaluations of the forward dynamics, CPU: time of one run, both relative to {named(start)}"
+        )
+        return lines
+
+    def name(self, candidate: Candidate) -> str:
+        """The setting in words; the model's own is marked."""
+        return named(candidate) + (" (the model's own)" if candidate == self.found.own else "")
+
+    def own_setting(self) -> str | None:
+        """What the choice saves over the model's own setting, or what it costs."""
+        own, best = self.found.own, self.choice
+        if own is None or best is None or best == own:
+            return None
+        error = "diverges" if own.error == inf else f"has an error of {own.error:.2g}"
+        ratio = own.cost / best.cost
+        saves = f"costs {ratio:.3g} times as much" if ratio >= 1 else f"costs {1 / ratio:.3g} times less"
+        return f"the model's own setting, {named(own)}, {error} and {saves}"
 
 
 def advise(
-    model: str | Path, quantity: str | None = None, tol: float | None = None, seconds: float | None = None
+    model: str | Path,
+    quantity: str | None = None,
+    tol: float | None = None,
+    seconds: float | None = None,
+    *,
+    start: Start | None = None,
+    budget_s: float = BUDGET_S,
+    progress: Progress = lambda _: None,
 ) -> Advice:
-    """Measure a model and choose integrator and timestep; the run starts at the first keyframe, or else at qpos0.
+    """Measure a model and choose integrator and timestep.
 
     `model` is MJCF text or the path of a file; `quantity` an expression of the labs, by default all positions; `tol`
-    its largest error, in its own unit (default 1e-3); `seconds` the length of the run (default 2 s). Raises
-    Unprocessable for a model, tolerance or length that cannot be used and for an expression that fails, ContentError
-    for one that does not compile.
+    its largest error, in its own unit (default 1e-3); `seconds` the length of the run (default 2 s); `budget_s` the
+    wall time after which it chooses the best setting measured so far. `progress` gets a line before each measurement.
+
+    Raises Unprocessable for a model, tolerance, start or length that cannot be used, for an expression that fails, and
+    where nothing moves by more than the tolerance; ContentError for an expression that does not compile.
     """
     try:
-        scene = scene_of(model)
-        measured = None if quantity is None else quantity_of(quantity, scene)
-        tolerance = TOLERANCE if tol is None else tol
-        return Request(scene, measured, tolerance, SECONDS if seconds is None else seconds).advise()
+        scene = scene_of(model, start or Start())
+        found = select(
+            scene,
+            tolerance=TOLERANCE if tol is None else tol,
+            seconds=SECONDS if seconds is None else seconds,
+            quantity=None if quantity is None else quantity_of(quantity, scene),
+            budget_s=budget_s,
+            progress=progress,
+        )
+        return Advice(found, steps_of(scene, found), skips_of(scene))
+    except Still as error:
+        raise Unprocessable(f"{error}: {CURE}") from error
     except (ValueError, RuntimeError, LabError) as error:
         raise Unprocessable(str(error)) from error
     except mujoco.FatalError as error:
         raise Unprocessable(f"MuJoCo gave up on this model: {error}") from error
 
 
-def scene_of(model: str | Path) -> Scene:
-    """Compile MJCF text or a file; start at keyframe 0 if there is one. Raises ValueError if it does not compile."""
+def scene_of(model: str | Path, start: Start) -> Scene:
+    """Compile MJCF text or a file, and set its start. Raises ValueError if it does not compile."""
     prepare()
     if isinstance(model, str) and "<mujoco" in model:
         compiled = mujoco.MjModel.from_xml_string(model)
@@ -99,8 +176,7 @@ def scene_of(model: str | Path) -> Scene:
         if not path.is_file():
             raise ValueError(f"there is no model {path}")
         compiled = mujoco.MjModel.from_xml_path(str(path))
-    scene = Scene.of_model(compiled)
-    return scene.at(key=0) if compiled.nkey else scene
+    return start.of(Scene.of_model(compiled))
 
 
 def quantity_of(expression: str, scene: Scene) -> Quantity:
@@ -123,66 +199,24 @@ def quantity_of(expression: str, scene: Scene) -> Quantity:
     return value
 
 
-@dataclass(frozen=True)
-class Request:
-    """A scene, a quantity (None: all positions), its tolerance, and the length of the run [s]."""
+def steps_of(scene: Scene, found: Selection) -> tuple[str, ...]:
+    """The steps of the lesson's procedure, each with what the measurements say."""
+    measured = {c.setting: c for c in found.candidates}
+    loss = loses_energy(scene)
+    conserved = "energy is conserved" if loss is None else f"energy may not be conserved ({loss})"
+    stiff = binding_stiffness(scene, found.candidates)
+    return (
+        f"1. start from {START[0].name} at {1e3 * START[1]:g} ms{_with_error(measured.get(START))}",
+        f"2. {conserved}; {QUARTER[0].name} at a quarter of the step{_with_error(measured.get(QUARTER))}",
+        f"3. {stiff}: discrete may take larger steps" if stiff else "3. no stiffness limits the timestep up to 20 ms",
+        "4. every integrator: from the largest timestep down to one that passes",
+    )
 
-    scene: Scene
-    quantity: Quantity | None
-    tolerance: float
-    seconds: float
 
-    def select(self, integrators: list[Integrator]) -> Selection:
-        """Select the cheapest setting of these integrators."""
-        return select(
-            self.scene,
-            tolerance=self.tolerance,
-            seconds=self.seconds,
-            quantity=self.quantity,
-            integrators=integrators,
-        )
-
-    def advise(self) -> Advice:
-        """Follow the procedure. Raises ValueError as `check_question` does."""
-        check_question(self.tolerance, self.seconds)
-        integrators, steps = [IMPLICITFAST], [f"1. start: {START_WORDS}"]
-        loss = loses_energy(self.scene)
-        if loss is None:
-            integrators.append(RK4)
-            steps.append("2. energy is conserved: RK4 is tried, also at a quarter of the step (0.5 ms)")
-        else:
-            steps.append(f"2. RK4 is not tried, energy may not be conserved: {loss}")
-        stiff = binding_stiffness(self.scene, self.seconds)
-        if stiff is None:
-            steps.append("3. discrete is not tried: implicitfast showed no instability up to 20 ms")
-        else:
-            integrators.append(DISCRETE)
-            steps.append(f"3. discrete is tried: {stiff}")
-        steps.append(f"4. the timestep is raised until the error exceeds {self.tolerance:g} within {self.seconds:g} s")
-        found = self.select(integrators)
-        rows = tuple(self.row(candidate, found) for candidate in found.candidates)
-        remarks = (found.reason, unmoved(self), quarter_cost(rows), beyond(self, found, integrators))
-        return Advice(rows, found.best, "\n".join(filter(None, remarks)), tuple(steps), skips_of(self.scene))
-
-    def row(self, candidate: Candidate, found: Selection) -> Row:
-        """Add the first warning, and CPU time for the start, its quarter step and the best candidate."""
-        setting = (candidate.integrator, candidate.timestep_s)
-        cpu = None
-        if setting in (START, QUARTER) or candidate == found.best:
-            cpu = cpu_ratio(self.scene, setting, self.seconds)
-        passes = candidate.error + found.reference_error <= self.tolerance
-        return Row(candidate, self.warning(candidate), candidate.cost * START[1], cpu, passes)
-
-    def warning(self, candidate: Candidate) -> str | None:
-        """The first warning of a run and its time, or None."""
-        run = simulate(
-            self.scene,
-            seconds=self.seconds,
-            timestep_s=candidate.timestep_s,
-            integrator=candidate.integrator.code,
-            every=100_000,
-        )
-        return None if run.warning is None else f"{run.warning.name} after {run.steps * run.timestep_s:.3g} s"
+def _with_error(candidate: Candidate | None) -> str:
+    if candidate is None:
+        return ""
+    return ": it diverges" if candidate.error == inf else f": its error is {candidate.error:.2g}"
 
 
 def loses_energy(scene: Scene) -> str | None:
@@ -193,76 +227,25 @@ def loses_energy(scene: Scene) -> str | None:
     return None
 
 
-def binding_stiffness(scene: Scene, seconds: float) -> str | None:
+def binding_stiffness(scene: Scene, candidates: Sequence[Candidate]) -> str | None:
     """Return why a timestep of the range is unstable under implicitfast, or None.
 
-    Tries the linear stability limit at the equilibrium first, then looks for a warning. Instability at the shortest
-    timestep does not count: it belongs to the equilibrium or the motion, not to the timestep.
+    Reads the linear stability limit at the equilibrium of a scene without constraints first, then the warnings of the
+    measured runs. Instability at the shortest timestep belongs to the equilibrium or the motion, and does not count.
     """
-    if not scene.model.nhistory and equilibrium(scene) is not None:  # MuJoCo cannot linearise delays
+    constrained = any(need.needed and need.part == "constraints" for need in scene.needs)
+    if not (constrained or scene.model.nhistory) and equilibrium(scene) is not None:
         low_s, high_s = LIMIT_SPAN_S
         limit_s = spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=IMPLICITFAST.code)
         if limit_s is not None and low_s < limit_s <= max(TIMESTEPS_S):
             return f"implicitfast is unstable above its linear stability limit of {1e3 * limit_s:.3g} ms"
-    for timestep_s in TIMESTEPS_S:
-        run = simulate(scene, seconds=seconds, timestep_s=timestep_s, integrator=IMPLICITFAST.code, every=100_000)
-        if run.warning is not None:
-            if timestep_s == min(TIMESTEPS_S):
-                return None
-            return f"implicitfast at {1e3 * timestep_s:g} ms warned with {run.warning.name}"
-    return None
-
-
-def cpu_ratio(scene: Scene, setting: tuple[Integrator, float], seconds: float, rounds: int = 5) -> float:
-    """CPU time of a setting over that of the start: minima over `rounds` runs each, taken alternately."""
-    times: dict[tuple[Integrator, float], float] = {}
-    for _ in range(rounds):
-        for integrator, timestep_s in (START, setting):
-            begin = time.thread_time()
-            simulate(scene, seconds=seconds, timestep_s=timestep_s, integrator=integrator.code, every=100_000)
-            spent = time.thread_time() - begin
-            times[integrator, timestep_s] = min(spent, times.get((integrator, timestep_s), inf))
-    return times[setting] / times[START]
-
-
-def unmoved(request: Request) -> str | None:
-    """A remark if the quantity is constant over the run, so that its error carries no information."""
-    integrator, timestep_s = START
-    run = simulate(request.scene, seconds=request.seconds, timestep_s=timestep_s, integrator=integrator.code, every=10)
-    values = run.qpos if request.quantity is None else measure(request.scene, run, request.quantity)
-    if run.diverged_at_step is not None or np.any(values != values[0]):
+    own = [c for c in candidates if c.integrator is IMPLICITFAST]
+    warned = min((c for c in own if c.warning), key=lambda c: c.timestep_s, default=None)
+    if warned is None or warned.timestep_s == min(c.timestep_s for c in own):
         return None
-    what = "nothing moves" if request.quantity is None else "the quantity never changes"
-    return f"{what}: an error of 0 carries no information"
-
-
-def quarter_cost(rows: tuple[Row, ...]) -> str | None:
-    """A remark on the CPU time of RK4 at a quarter of the step: four evaluations a step, four times as many steps."""
-    quarter = next((r for r in rows if (r.candidate.integrator, r.candidate.timestep_s) == QUARTER), None)
-    if quarter is None or quarter.cpu is None:
-        return None
-    return f"RK4 at a quarter of the step cost {quarter.cpu:.1f} times the start"
-
-
-def beyond(request: "Request", found: Selection, tried: list[Integrator]) -> str | None:
-    """A remark on a cheaper setting of an integrator that the procedure did not try."""
-    if not found.candidates:
-        return None
-    others = [integrator for integrator in INTEGRATORS if integrator not in tried]
-    best = request.select(others).best
-    if best is None or (found.best is not None and best.cost >= found.best.cost):
-        return None
-    saved = "" if found.best is None else f", {found.best.cost / best.cost:.3g} times cheaper"
-    return f"beyond the procedure, {named(best)} also passes, with an error of {best.error:.2g}{saved}"
+    return f"{named(warned)} warned: {warned.warning}"
 
 
 def skips_of(scene: Scene) -> tuple[str, ...]:
     """Parts of the engine that the scene provably does not need, each with the reason."""
     return tuple(f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)
-
-
-def _line(row: Row, chosen: bool) -> str:
-    error = "diverged" if row.candidate.error == inf else f"{row.candidate.error:.1e}"
-    cpu = "" if row.cpu is None else f"x{row.cpu:.2f}"
-    mark = ">" if chosen else "+" if row.passes else " "
-    return f"{mark} {named(row.candidate):20}{error:>10}{f'x{row.cost:g}':>8}{cpu:>8}  {row.warning or '0'}"

@@ -1,10 +1,12 @@
 """Steps a workspace in chunks in C, and finds the step at which MuJoCo first warned."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from mujoco import mjtWarning
+from numpy.typing import NDArray
 
 from grader.numerics.scene import FULL_STATE
 from grader.numerics.workspace import Workspace
@@ -23,6 +25,15 @@ STEPS_MAX = 20_000_000
 
 CLEAN = bytes(4 * int(mjtWarning.mjNWARNING))
 """The bytes of warning counters that are all 0; comparing bytes costs 0.2 us, `any()` 1 us."""
+
+
+@dataclass(frozen=True)
+class Raised:
+    """A warning of MuJoCo: its kind, such as BADQACC, and the time [s] at which the step began."""
+
+    kind: str
+    time_s: float
+
 
 Controller = Callable[[mujoco.MjModel, mujoco.MjData], object]
 Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
@@ -100,8 +111,20 @@ def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
 
 def first_warning(workspace: Workspace) -> mjtWarning | None:
     """The first kind of warning with a count, in the order of mjtWarning; None if there is none."""
-    raised = np.flatnonzero(workspace.counts)
-    return mjtWarning(int(raised[0])) if len(raised) else None
+    return next(_kinds(workspace.counts), None)
+
+
+def raised(counts: NDArray[np.int32], time_s: float) -> list[Raised]:
+    """What MuJoCo has counted since the last call; clears the counters, which it leaves at 1 after a reset."""
+    if not counts.any():
+        return []
+    kinds = list(_kinds(counts))
+    counts[:] = 0
+    return [Raised(kind.name.removeprefix("mjWARN_"), time_s) for kind in kinds]
+
+
+def _kinds(counts: NDArray[np.int32]) -> Iterator[mjtWarning]:
+    return (mjtWarning(int(kind)) for kind in np.flatnonzero(counts))
 
 
 def _advance_singly(

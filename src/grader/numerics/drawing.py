@@ -1,0 +1,86 @@
+"""What a viewer draws of a model: its geoms, and how they are turned."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+GROUP_MAX = 2
+"""Geoms of higher groups are hidden. Source: the default of mjvOption.geomgroup."""
+
+DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+BOXED = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+
+
+def drawn_geoms(model: mujoco.MjModel) -> dict[int, dict[str, Any]]:
+    """The geoms that are shown, by index: those in a visible group that are not fully transparent.
+
+    Each has its name, type, size and colour; a mesh or height field has the half sizes of its bounding box.
+    """
+    colours = {geom: _rgba(model, geom) for geom in range(model.ngeom) if model.geom_group[geom] <= GROUP_MAX}
+    return {geom: _described(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
+
+
+def _described(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> dict[str, Any]:
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    size = model.geom_aabb[geom, 3:] if kind in BOXED else model.geom_size[geom]
+    return {
+        "name": mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom),
+        "type": kind.name.removeprefix("mjGEOM_").lower(),
+        "size": [round(float(x), 6) for x in size],
+        "rgba": [round(float(x), 3) for x in rgba],
+    }
+
+
+def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
+    """A material colours a geom that has no colour of its own. Source: mjv_updateScene."""
+    material, own = int(model.geom_matid[geom]), model.geom_rgba[geom]
+    found: NDArray[np.float32] = (
+        model.mat_rgba[material] if material >= 0 and bool(np.all(own == DEFAULT_RGBA)) else own
+    )
+    return found
+
+
+Drawn = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]
+
+
+def overlays_of(names: Iterable[str]) -> list[tuple[str, Drawn]]:
+    """What draws each overlay of these names, without those that nobody draws; contacts and forces are one."""
+    known = dict.fromkeys("contacts" if name == "forces" else name for name in names)
+    return [(name, OVERLAYS[name]) for name in known if name in OVERLAYS]
+
+
+def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
+    """Of every contact that acts: the point [m], and the force on the second geom [N], in the world."""
+    force, rows = np.zeros(6), []
+    for i in range(min(data.ncon, CONTACTS_MAX)):
+        contact = data.contact[i]
+        mujoco.mj_contactForce(model, data, i, force)
+        rows.append([*contact.pos.tolist(), *(force[:3] @ contact.frame.reshape(3, 3)).tolist()])
+    return rows
+
+
+CONTACTS_MAX = 50
+"""How many contacts of a frame are drawn."""
+
+OVERLAYS: dict[str, Drawn] = {
+    "frames": lambda _, data: np.hstack([data.xpos[1:], data.xquat[1:]]).tolist(),
+    "joints": lambda _, data: np.hstack([data.xanchor, data.xaxis]).tolist(),
+    "contacts": _contacts,
+    "com": lambda _, data: data.xipos[1:].tolist(),
+    "sites": lambda _, data: data.site_xpos.tolist(),
+}
+"""Rows: positions [m]; of frames with their quaternion, of joints with their axis, of contacts with a force."""
+
+
+def quaternions(matrices: Floats) -> Floats:
+    """Unit quaternions (frames, geoms, 4), w first and not negative, of rotation matrices (frames, geoms, 9)."""
+    found = np.empty((*matrices.shape[:2], 4))
+    for quaternion, matrix in zip(found.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, matrix)
+    result: Floats = np.where(found[..., :1] < 0, -found, found)
+    return result
