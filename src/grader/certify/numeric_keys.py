@@ -1,10 +1,11 @@
 """Certifies keys of numeric questions: a largest stable timestep, a measurement, or a closed form."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import isfinite
+from dataclasses import dataclass, replace
+from math import isfinite, log
 
 import mujoco
+import numpy as np
 
 from grader.answers import convert, known_unit
 from grader.certify.certificate import Certificate, of_number, refused
@@ -22,17 +23,34 @@ from grader.certify.experiments import (
 from grader.domain.lab import LabConfig, Readout
 from grader.domain.quiz import ModelXml, NumericQuestion
 from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
-from grader.numerics.bisection import find_threshold
+from grader.numerics.bisection import Found, Threshold, find_threshold
 from grader.numerics.integrators import BY_NAME
-from grader.numerics.linear import spectral_limit
+from grader.numerics.linear import equilibrium, spectral_limit, spectral_radius
 from grader.numerics.scene import Scene
 
-DECAY_STEPS = 20_000
-CHUNK = 100
-"""Steps between two readings of the speed."""
+STEPS_MIN, STEPS_MAX = 20_000, 400_000
+"""Steps that are tried from the start of the question: enough for clear growth on the unstable side."""
+
+GROWN = 1.5
+"""Growth of the highest speed from the first quarter of the steps to the last which counts as instability.
+
+Undamped motion keeps its speed up to a few percent: readings meet the phases of the motion by chance.
+"""
+
+CLEAR = 20.0
+"""Growth that is waited for, as the spectral radius foretells it."""
+
+READINGS = (100, 320)
+"""The fewest and the most readings of the speed. The steps between two are drawn: a motion whose period divides a
+constant number would always be read in the same phase."""
+
+SMALL = 1e-6
+"""Speed of every joint [rad/s, m/s] near the equilibrium: far above rounding, and small enough to be linear."""
 
 MARGIN = 0.1
 """Distance from the limit at which stepping is tried: this share of the tolerance or of the limit, if smaller."""
+
+LINEAR = "the linear stability limit"
 
 EMPTY = "<mujoco/>"
 
@@ -44,20 +62,48 @@ def certify_threshold(question: NumericQuestion, verify: ByThreshold, model_xml:
         return refused("threshold", question.answer, why, key="tol")
     scene = _scene(verify, model_xml)
     scale = verify.scale if verify.scale is not None else _per_second(question)
-    bracket = _decay_bracket if verify.criterion == "decays" else _warning_bracket
-    found = bracket(scene, verify, question.tolerance / scale)
+    found = _limit(scene, verify, question.tolerance / scale)
     if isinstance(found, str):
         return refused("threshold", question.answer, found)
-    low, high = (scale * h for h in found)
+    low, high = (scale * h for h in found.bracket_s)
     measured = {
         "criterion": verify.criterion,
+        "compared with": found.name,
         "integrator": verify.integrator,
         "stable at": low,
         "unstable at": high,
         "unit": question.unit,
     }
     derived, uncertainty = 0.5 * (low + high), 0.5 * (high - low)
-    return of_number("threshold", question, derived, uncertainty, measured)
+    certificate = of_number("threshold", question, derived, uncertainty, measured)
+    return replace(certificate, remarks=(*found.remarks, *certificate.remarks))
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """A bracket [s] with the name of the limit that it holds."""
+
+    bracket_s: tuple[float, float]
+    name: str
+    remarks: tuple[str, ...] = ()
+
+
+def _limit(scene: Scene, verify: ByThreshold, tolerance_s: float) -> _Limit | str:
+    """The limit by the criterion; where a run is too short to decide, the linear stability limit. Or a sentence."""
+    if verify.criterion == "no_warning":
+        warned = _threshold(scene, verify, tolerance_s)
+        if warned.bracket_s is not None:
+            return _Limit(warned.bracket_s, f"the limit within {verify.seconds:g} s")
+        if warned.found is not Found.UNDECIDED:
+            return warned.reason
+    decays = _decay_bracket(scene, verify, tolerance_s)
+    if verify.criterion == "decays":
+        return decays if isinstance(decays, str) else _Limit(decays, LINEAR)
+    short = f"{verify.seconds:g} s are too short to decide by warnings ({warned.reason})"
+    if isinstance(decays, str):
+        return f"{short}, and the linear stability limit does not decide either: {decays}"
+    cure = "write criterion decays, or more seconds"
+    return _Limit(decays, LINEAR, (f"{short}: the key is compared with {LINEAR}; {cure}.",))
 
 
 def _per_second(question: NumericQuestion) -> float:
@@ -104,45 +150,64 @@ def servo_xml(servo: ServoJoint) -> str:
 
 
 def _decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
-    """A bracket [s] of the linear stability limit (spectral radius = 1): motion decays at its low end, not at the high.
+    """A bracket [s] of the linear stability limit (spectral radius = 1): motion grows at its high end, not at the low.
 
-    Returns a sentence instead if there is no limit in the range, or stepping contradicts it.
+    Returns a sentence instead if there is no limit in the range, or stepping contradicts it. Below the limit motion
+    need not decay: where nothing damps it, it must not grow.
     """
     integrator = BY_NAME[verify.integrator].code
-    limit = spectral_limit(scene, low_s=verify.low, high_s=verify.high, integrator=integrator)
+    try:
+        limit = spectral_limit(scene, low_s=verify.low, high_s=verify.high, integrator=integrator)
+    except ValueError as error:
+        return str(error)
     if limit is None or limit <= verify.low:
         return f"the spectral radius does not pass 1 between {verify.low:g} and {verify.high:g} s"
     margin = MARGIN * min(tolerance_s, limit)
     low, high = limit - margin, limit + margin
-    for timestep_s, stable in ((low, True), (high, False)):
-        if _decays_stepping(scene, timestep_s, integrator) is not stable:
-            stepped = "does not decay" if stable else "still decays"
-            return f"the spectral radius passes 1 at {limit:.9g} s, but stepping {stepped} at {timestep_s:.9g} s"
+    resting = equilibrium(scene)
+    assert resting is not None, "spectral_limit has found one"
+    growing = _steps_of(resting, high, integrator)
+    steps = max(STEPS_MIN, growing)
+    if _grows(scene, low, integrator, steps):
+        return f"the spectral radius passes 1 at {limit:.9g} s, but the motion grows at {low:.9g} s"
+    # From afar, forces that are not linear may bound the motion: growth is seen from a start near the equilibrium.
+    near = resting.at(qvel=np.full(scene.model.nv, SMALL))
+    if not (_grows(scene, high, integrator, steps) or _grows(near, high, integrator, growing)):
+        return f"the spectral radius passes 1 at {limit:.9g} s, but no motion grows at {high:.9g} s"
     return low, high
 
 
-def _decays_stepping(scene: Scene, timestep_s: float, integrator: int) -> bool:
-    """Whether the highest speed in the last quarter of many steps is below that in the first quarter.
+def _steps_of(resting: Scene, timestep_s: float, integrator: int) -> int:
+    """The steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
+    rate = log(max(spectral_radius(resting, timestep_s=timestep_s, integrator=integrator), 1.0))
+    return STEPS_MAX if rate == 0 else int(min(max(8, 2 * log(CLEAR) / rate), STEPS_MAX))
+
+
+def _grows(scene: Scene, timestep_s: float, integrator: int, steps: int) -> bool:
+    """Whether the highest speed in the last quarter of the steps exceeds that in the first by the factor GROWN.
 
     Speed is compared, not position: a motion may come to rest elsewhere, where nothing pulls it back. Raises
     VerifyError if nothing moves.
     """
+    fewest, most = READINGS
+    gaps = np.random.default_rng(0).integers(max(1, steps // most), max(1, steps // fewest), size=most, endpoint=True)
+    gaps = gaps[: int(np.searchsorted(np.cumsum(gaps), steps)) + 1]
     speeds = []
     with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
-        for _ in range(DECAY_STEPS // CHUNK):
+        for gap in gaps.tolist():
             speeds.append(float(abs(workspace.data.qvel).max(initial=0.0)))
-            mujoco.mj_step(workspace.model, workspace.data, nstep=CHUNK)
+            mujoco.mj_step(workspace.model, workspace.data, nstep=gap)
             if workspace.counts.any():
-                return False
+                return True
     first, last = max(speeds[: len(speeds) // 4]), max(speeds[-len(speeds) // 4 :])
     if first == 0:
         raise VerifyError("verify", "nothing moves from this start: give a key, qpos or qvel that is not at rest")
-    return last < first
+    return last > GROWN * first
 
 
-def _warning_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
-    """The bracket [s] above which MuJoCo warns within the horizon, or a sentence that says why there is none."""
-    found = find_threshold(
+def _threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> Threshold:
+    """The search for the timestep above which MuJoCo warns within the horizon."""
+    return find_threshold(
         scene,
         low_s=verify.low,
         high_s=verify.high,
@@ -150,7 +215,6 @@ def _warning_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> t
         integrator=BY_NAME[verify.integrator].code,
         width_s=MARGIN * tolerance_s,
     )
-    return found.bracket_s or found.reason
 
 
 def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from grader.certify.certificate import Certificate, of_choice, refused
+from grader.certify.claims import as_claim, truth_of
 from grader.certify.experiments import (
     FINER,
     NUDGED,
@@ -14,13 +15,13 @@ from grader.certify.experiments import (
     Variant,
     experiment,
     lab_scene,
-    to_boolean,
+    readout_text,
     without_display,
 )
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
 from grader.domain.quiz import ModelXml, PredictQuestion
-from grader.domain.verify import ByOptions, ByOutcome, Setting, When
+from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.linear import spectral_limit
 from grader.numerics.scene import Scene
@@ -58,7 +59,7 @@ def _certify_options(question: PredictQuestion, lab: LabConfig, verify: ByOption
     settings = list(verify.settings or (_inferred_settings(question.options, select) if select else ()))
     if len(settings) != len(question.options) or not any(settings):
         return refused("options", question.answer, "no option has a setting: write verify.settings, one per option")
-    measuring = without_display(lab, *(() if verify.criterion == "stable" else (verify.criterion,)))
+    measuring = without_display(lab, *(() if verify.criterion == "stable" else (_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
     for i, setting in enumerate(settings):
@@ -81,21 +82,28 @@ def _certify_outcome(question: PredictQuestion, lab: LabConfig, verify: ByOutcom
     """Run the lab once; the right option is the one whose claim is true, at h, h/2, h/4 and from nudged starts."""
     if len(verify.claims) != len(question.options):
         return refused("outcome", question.answer, "verify.claims needs one expression per option")
-    measuring = without_display(lab, *verify.claims)
-    truths = []
+    claims = [as_claim(claim, verify.when) for claim in verify.claims]
+    measuring = without_display(lab, *(claim.expr for claim in claims))
+    truths, numbers = [], list[list[float | None]]()
     for variant in (SAME, *FINER, *NUDGED):
         run = experiment(
             measuring,
             xml,
             verify.controls,
             seconds=verify.seconds,
-            variant=variant,
+            variant=replace(variant, every_step=any(claim.when != "end" or claim.until for claim in claims)),
             keys={"readouts": "verify.claims"},
         )
-        truths.append([_holds(values, verify.when) for values in run.readouts])
-    measured = {option: truths[0][i] for i, option in enumerate(question.options)}
+        found = [truth_of(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
+        truths.append([holds for holds, _ in found])
+        numbers.append([number for _, number in found])
+    measured = {
+        option: truths[0][i] if numbers[0][i] is None else {"true": truths[0][i], claims[i].when: numbers[0][i]}
+        for i, option in enumerate(question.options)
+    }
     if any(other != truths[0] for other in truths):
-        why = f"the claims depend on round-off or on the timestep: {truths}"
+        shown = numbers if any(number is not None for row in numbers for number in row) else truths
+        why = f"the claims depend on round-off or on the timestep: {shown}"
         return replace(refused("outcome", question.answer, why, key="answer"), measured=measured)
     right = [i for i, true in enumerate(truths[0]) if true]
     return of_choice("outcome", right, question.answer, question.options, measured)
@@ -137,11 +145,16 @@ def _outcome(
 ) -> tuple[bool, dict[str, Any]]:
     """Whether the criterion holds under a setting, and what was measured."""
     keys = {"readouts": "verify.criterion"}
-    run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
     if verify.criterion == "stable":
+        run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
         return run.stable, _stability(run)
-    holds = _holds(run.readouts[0], verify.when)
-    return holds, {"holds": holds, "final": run.to_json()["readouts"][0]["final"]["text"]}
+    claim = as_claim(verify.criterion, verify.when)
+    variant = replace(variant, every_step=claim.when != "end" or claim.until is not None)
+    run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
+    holds, number = truth_of(claim, run, run.readouts[0])
+    if number is not None:
+        return holds, {"holds": holds, claim.when: number}
+    return holds, {"holds": holds, "final": readout_text(run.readouts[0][-1], None)}
 
 
 def _stability(run: LabRun) -> dict[str, Any]:
@@ -151,9 +164,8 @@ def _stability(run: LabRun) -> dict[str, Any]:
     return result if first is None else result | {"warning": first.kind, "time": round(first.time_s, 6)}
 
 
-def _holds(values: Sequence[Any], when: When) -> bool:
-    truths = [to_boolean(value) for value in values]
-    return truths[-1] if when == "end" else all(truths) if when == "always" else any(truths)
+def _expression(criterion: str | Claim) -> str:
+    return criterion.expr if isinstance(criterion, Claim) else criterion
 
 
 def _with_all_integrators(

@@ -54,12 +54,6 @@ class Term:
         """What is known of the value once it is stored or chosen."""
         return Kind.ANY if self.kind is Kind.ELEMENT else self.kind
 
-    @property
-    def literal(self) -> float | None:
-        """The number where it is known when compiling."""
-        value = self.code.value if isinstance(self.code, ast.Constant) else None
-        return value if isinstance(value, float) else None
-
 
 def join(one: Kind, other: Kind) -> Kind:
     """What is known of a value that may be either."""
@@ -79,9 +73,7 @@ def code(template: str, **parts: Part) -> ast.expr:
     return statement.value
 
 
-@functools.lru_cache(maxsize=256)
-def _parsed(template: str) -> ast.Module:
-    return ast.parse(template)
+_parsed = functools.lru_cache(maxsize=256)(ast.parse)
 
 
 def _filled(node: Any, parts: Mapping[str, Part]) -> Any:
@@ -103,6 +95,12 @@ def _filled(node: Any, parts: Mapping[str, Part]) -> Any:
 def name(identifier: str) -> ast.expr:
     """A variable that is read."""
     return ast.Name(identifier, ast.Load())
+
+
+def constant(value: float | bool | str | None) -> Term:
+    """A value that is known when compiling."""
+    kind = Kind.NUMBER if isinstance(value, float) else Kind.BOOLEAN if isinstance(value, bool) else Kind.ANY
+    return Term(ast.Constant(value), kind)
 
 
 def in_turn(*values: ast.expr) -> ast.expr:

@@ -58,6 +58,12 @@ DATA_RESULTS = names("""
 DATA_COUNTS = names("ncon nefc ne nf nl nisland")
 """Whole numbers of the data, which change in a run."""
 
+CTX_FORBIDDEN = names("""
+    constructor prototype toString valueOf hasOwnProperty isPrototypeOf propertyIsEnumerable toLocaleString caller
+    callee arguments
+""")
+"""Names of `ctx` that mean something else in JavaScript; so do those that begin with two underscores."""
+
 OPTION_VECTORS = names("gravity wind magnetic o_solref o_solimp o_friction")
 """Arrays of model.opt, which may be written."""
 

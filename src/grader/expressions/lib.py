@@ -1,19 +1,4 @@
-"""`lib`: what the course's widget offers beside MuJoCo itself.
-
-| call | gives |
-|---|---|
-| `lib.energy()` | `{total, kinetic, potential}` [J], of the start of the last step, as MuJoCo computes it |
-| `lib.bodyPos(name)`, `lib.sitePos(name)`, `lib.geomPos(name)` | world position `[x, y, z]` [m] |
-| `lib.bodyVel(name)` | linear velocity of the body's centre of mass `[x, y, z]` [m/s] |
-| `lib.qpos(name)`, `lib.qvel(name)` | a joint's position and velocity: a number for hinge and slide, else an array |
-| `lib.sensor(name)` | a sensor's reading: a number, or an array where it has several |
-| `lib.normalForce(geom?)` | sum of the normal contact forces [N], of one geom's contacts where it is named |
-| `lib.contacts(geom?)` | number of contacts, of one geom where it is named |
-| `lib.com()` | centre of mass of the whole model `[x, y, z]` [m] |
-| `lib.norm(array)`, `lib.dot(a, b)`, `lib.cross(a, b)` | Euclidean length, scalar product, vector product |
-| `lib.deg(x)`, `lib.rad(x)` | radians to degrees, degrees to radians |
-| `lib.clamp(x, low, high)` | x within low..high |
-"""
+"""`lib`: what the course's widget offers beside MuJoCo itself. The tables at the end say what each function gives."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +10,7 @@ from numpy.typing import NDArray
 
 from grader.expressions import values
 from grader.expressions.machine import Machine
-from grader.expressions.mathematics import largest, smallest
+from grader.expressions.mathematics import Numeric, largest, smallest
 from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
 
 
@@ -78,6 +63,62 @@ def _normal_force(m: Machine, geom: Value) -> Value:
     return total
 
 
+def _contact_pairs(m: Machine) -> Value:
+    """The geoms of every contact; one without a name is called by its body."""
+
+    def name(geom: int) -> str:
+        body = int(m.model.geom_bodyid[geom])
+        named = mujoco.mj_id2name(m.model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        return values.in_units(named or mujoco.mj_id2name(m.model, mujoco.mjtObj.mjOBJ_BODY, body) or "")
+
+    return [" / ".join(map(name, pair)) for pair in m.data.contact.geom.tolist()]
+
+
+def _mass_matrix(m: Machine) -> Value:
+    """Derives what depends on qpos again, but no acceleration: the run goes on as if nobody had asked."""
+    for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_makeM):
+        stage(m.model, m.data)
+    _pay_for(m, m.model.nv)
+    matrix = np.zeros((m.model.nv, m.model.nv))
+    mujoco.mj_fullM(m.model, m.data, matrix)
+    rows: list[Value] = matrix.tolist()
+    return rows
+
+
+def _rows_of_jacobian(m: Machine, name: Value, columns: Value) -> NDArray[np.float64]:
+    """d(velocity, angular velocity) / d(qvel) of a site, else of a body: (6, columns), all `nv` where not given."""
+    text = values.from_units(values.to_string(name))
+    site = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_SITE, text)
+    body = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_BODY, text)
+    if site < 0 and body < 0:
+        raise Trouble(f"the model has no site or body named {text!r}")
+    _pay_for(m, 6)
+    rows = np.zeros((6, m.model.nv))
+    if site >= 0:
+        mujoco.mj_jacSite(m.model, m.data, rows[:3], rows[3:], site)
+    else:
+        mujoco.mj_jacBody(m.model, m.data, rows[:3], rows[3:], body)
+    return rows if columns is UNDEFINED or columns is None else rows[:, : max(0, values.to_index(columns))]
+
+
+def _pay_for(m: Machine, rows: int) -> None:
+    """A matrix with so many rows of nv numbers costs as much as an array of its size."""
+    m.tick(rows * m.model.nv // 16)
+
+
+def _jacobian(m: Machine, name: Value, columns: Value) -> Value:
+    rows: list[Value] = _rows_of_jacobian(m, name, columns).tolist()
+    return rows
+
+
+def _singular_values(m: Machine, name: Value, options: Value) -> Value:
+    """Largest first, one for each row: of all six, or with `{rows: 'pos'}` of the translation alone."""
+    given = options if isinstance(options, Record) else Record()
+    rows = _rows_of_jacobian(m, name, given.get("cols"))[: 3 if given.get("rows") == "pos" else 6]
+    found = np.linalg.svd(rows, compute_uv=False) if rows.size and np.isfinite(rows).all() else np.zeros(0)
+    return [*map(float, found), *[0.0] * (len(rows) - len(found))]
+
+
 def _array(value: Value) -> list[float]:
     if isinstance(value, list | Vector):
         return [values.to_number(x) for x in values.items_of(value)]
@@ -98,30 +139,47 @@ def _cross(m: Machine, a: Value, b: Value) -> Value:
     return [*map(float, np.cross(left, right))]
 
 
-def _clamp(m: Machine, x: Value, low: Value, high: Value) -> Value:
-    return smallest(largest(values.to_number(x), values.to_number(low)), values.to_number(high))
-
-
 FUNCTIONS: dict[str, Callable[..., Value]] = {
+    # {total, kinetic, potential} [J], of the start of the last step, as MuJoCo computes it
     "energy": _energy,
+    # world position [x, y, z] [m]
     "bodyPos": lambda m, name: _named(m, "body", name).xpos.tolist(),
     "sitePos": lambda m, name: _named(m, "site", name).xpos.tolist(),
     "geomPos": lambda m, name: _named(m, "geom", name).xpos.tolist(),
+    # linear velocity of the body's centre of mass [x, y, z] [m/s]
     "bodyVel": _body_velocity,
+    # a joint's position and velocity, a sensor's reading: a number where there is one, else an array
     "qpos": lambda m, name: _one_or_all(_named(m, "joint", name).qpos),
     "qvel": lambda m, name: _one_or_all(_named(m, "joint", name).qvel),
     "sensor": lambda m, name: _one_or_all(_named(m, "sensor", name).data),
+    # sum of the normal contact forces [N], and number of contacts; of one geom where it is given
     "normalForce": _normal_force,
     "contacts": lambda m, geom: float(len(_touching(m, geom))),
+    # the geoms of every contact, as "floor / ball"
+    "contactPairs": _contact_pairs,
+    # the number of a body, of a joint
+    "bodyId": lambda m, name: float(_identity(m, "body", name)),
+    "jointId": lambda m, name: float(_identity(m, "joint", name)),
+    # the inertia at the present qpos, (nv, nv), as rows
+    "massMatrix": _mass_matrix,
+    # of a site or body: 3 rows of translation, 3 of rotation, (6, nv) or as many columns as are asked for; and its
+    # singular values, largest first, with {rows: 'pos', cols: 2} of the translation and the first two columns
+    "jacobian": _jacobian,
+    "jacobianSV": _singular_values,
+    # centre of mass of the whole model [x, y, z] [m]
     "com": lambda m: m.data.subtree_com[0].tolist(),
+    # Euclidean length, scalar product, vector product
     "norm": lambda m, array: math.hypot(*_array(array)),
     "dot": _dot,
     "cross": _cross,
-    "deg": lambda m, x: values.to_number(x) * 180 / math.pi,
-    "rad": lambda m, x: values.to_number(x) * math.pi / 180,
-    "clamp": _clamp,
 }
-NUMBERS = frozenset(("normalForce", "contacts", "norm", "dot", "deg", "rad", "clamp"))
-"""The functions whose result is always a number."""
+"""Functions of the machine and of the author's arguments. To add one, add a line."""
+
+NUMERIC: dict[str, Numeric] = {
+    "deg": lambda x: x * 180 / math.pi,
+    "rad": lambda x: x * math.pi / 180,
+    "clamp": lambda x, low, high: smallest(largest(x, low), high),
+}
+"""Functions of numbers alone: radians to degrees, degrees to radians, x within low..high."""
 
 RECORD_PARTS = frozenset(("total", "kinetic", "potential"))

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from operator import attrgetter
+from functools import wraps
 from typing import Any, NoReturn
 
 import mujoco
@@ -37,24 +37,33 @@ class Machine:
             exhausted()
         return True
 
-    def vector(self, path: str, writable: bool = True) -> Vector:
-        """The field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
-        found = self.vectors.get(path)
-        if found is None:
-            array: Any = attrgetter(path)(self)
-            found = self.vectors[path] = Vector(array, path, writable)
-        return found
-
 
 def exhausted() -> NoReturn:
     """Raise the error of a budget that is used up."""
     raise Trouble("it takes too many steps: does a loop never end?")
 
 
+def arity(function: Callable[..., Value]) -> int | None:
+    """How many arguments a function takes; None where it takes any number."""
+    kinds = [parameter.kind for parameter in inspect.signature(function).parameters.values()]
+    return (
+        None if inspect.Parameter.VAR_POSITIONAL in kinds else len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY)
+    )
+
+
 def lenient(function: Callable[..., Value]) -> Callable[..., Value]:
     """The function as JavaScript calls it: missing arguments are undefined, further ones are ignored."""
-    code = function.__code__
-    if code.co_flags & inspect.CO_VARARGS:
+    count, defaults = arity(function), function.__defaults__ or ()
+    if count is None:
         return function
-    needed = code.co_argcount - len(function.__defaults__ or ())
-    return lambda *args: function(*args[: code.co_argcount], *[UNDEFINED] * (needed - len(args)))
+    needed = count - len(defaults)
+    return wraps(function)(lambda *args: function(*args[:count], *[UNDEFINED] * (needed - len(args))))
+
+
+def callback_of(function: Callable[..., Value]) -> tuple[int, bool] | None:
+    """Which of an author's arguments is itself a function, if one is, and whether it may not be missing.
+
+    It is the parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author.
+    """
+    _, *taken = inspect.signature(function).parameters.values()
+    return next(((i, p.default is p.empty) for i, p in enumerate(taken) if p.name == "f"), None)

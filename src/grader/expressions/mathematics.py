@@ -1,45 +1,54 @@
-"""`Math`: its constants and functions. `Math.random` is left out: a lab gives the same run every time."""
+"""The constants, and the functions of `Math`. `Math.random` is left out: a lab gives the same run every time."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
 from grader.expressions.fields import names
 from grader.expressions.values import power
 
+Numeric = Callable[..., float]
+"""A function of floats."""
+
 CONSTANTS = {
-    "PI": math.pi,
-    "E": math.e,
-    "LN2": math.log(2),
-    "LN10": math.log(10),
-    "LOG2E": 1.4426950408889634,
-    "LOG10E": 0.4342944819032518,
-    "SQRT2": math.sqrt(2),
-    "SQRT1_2": math.sqrt(0.5),
+    "NaN": math.nan,
+    "Infinity": math.inf,
+    "Math.PI": math.pi,
+    "Math.E": math.e,
+    "Math.LN2": math.log(2),
+    "Math.LN10": math.log(10),
+    "Math.LOG2E": 1.4426950408889634,
+    "Math.LOG10E": 0.4342944819032518,
+    "Math.SQRT2": math.sqrt(2),
+    "Math.SQRT1_2": math.sqrt(0.5),
+    "Number.EPSILON": 2.0**-52,
+    "Number.MAX_SAFE_INTEGER": 2.0**53 - 1,
+    "Number.MIN_SAFE_INTEGER": 1 - 2.0**53,
+    "Number.MAX_VALUE": 1.7976931348623157e308,
+    "Number.MIN_VALUE": 5e-324,
+    "Number.POSITIVE_INFINITY": math.inf,
+    "Number.NEGATIVE_INFINITY": -math.inf,
+    "Number.NaN": math.nan,
 }
 
 
-def _total(function: Callable[[float], float]) -> Callable[[float], float]:
-    """The function with NaN outside its domain, and an infinity of the argument's sign beyond the largest number."""
+def _total(function: Callable[[float], float], poles: Mapping[float, float] = MappingProxyType({})) -> Numeric:
+    """The function with its values at `poles`, NaN elsewhere outside its domain, and infinities for what overflows."""
 
     def called(x: float) -> float:
         try:
             return function(x)
         except ValueError:
-            return math.nan
+            return poles.get(x, math.nan)
         except OverflowError:
             return math.copysign(math.inf, x)
 
     return called
 
 
-def _log(function: Callable[[float], float], pole: float = 0.0) -> Callable[[float], float]:
-    """A logarithm: -Infinity at its pole, NaN below it."""
-    return lambda x: -math.inf if x == pole else _total(function)(x)
-
-
-def _rounded(function: Callable[[float], int]) -> Callable[[float], float]:
+def _rounded(function: Callable[[float], int]) -> Numeric:
     """Rounding that keeps the sign of zero, infinities and NaN."""
     return lambda x: math.copysign(float(function(x)), x) if math.isfinite(x) else x
 
@@ -52,25 +61,6 @@ def _half_up(x: float) -> int:
 def _fround(x: float) -> float:
     with np.errstate(over="ignore"):
         return float(np.float32(x))
-
-
-ONE_ARGUMENT: dict[str, Callable[[float], float]] = {
-    **{name: _total(getattr(math, name)) for name in names("sqrt exp expm1 sin cos tan asin acos sinh acosh")},
-    **{name: getattr(math, name) for name in names("cbrt atan tanh asinh")},
-    **{name: _rounded(getattr(math, name)) for name in names("floor ceil trunc")},
-    **{name: _log(getattr(math, name)) for name in names("log log2 log10")},
-    "abs": abs,
-    "sign": lambda x: x if x == 0 or math.isnan(x) else math.copysign(1.0, x),
-    "round": _rounded(_half_up),
-    "fround": _fround,
-    "log1p": _log(math.log1p, -1.0),
-    "cosh": lambda x: _total(math.cosh)(abs(x)),
-    "atanh": lambda x: math.copysign(math.inf, x) if abs(x) == 1 else _total(math.atanh)(x),
-}
-
-
-def _hypot(*numbers: float) -> float:
-    return math.inf if any(map(math.isinf, numbers)) else math.hypot(*numbers)
 
 
 def largest(*numbers: float) -> float:
@@ -89,12 +79,20 @@ def smallest(*numbers: float) -> float:
     return -largest(*[-x for x in numbers])
 
 
-FUNCTIONS: dict[str, tuple[int | None, Callable[..., float]]] = {
-    **{name: (1, function) for name, function in ONE_ARGUMENT.items()},
-    "atan2": (2, math.atan2),
-    "pow": (2, power),
-    "hypot": (None, _hypot),
-    "max": (None, largest),
-    "min": (None, smallest),
+FUNCTIONS: dict[str, Numeric] = {
+    **{name: _total(getattr(math, name)) for name in names("sqrt exp expm1 sin cos tan asin acos sinh acosh")},
+    **{name: _total(getattr(math, name), {0.0: -math.inf}) for name in names("log log2 log10")},
+    **{name: _rounded(getattr(math, name)) for name in names("floor ceil trunc")},
+    **{name: getattr(math, name) for name in names("cbrt atan tanh asinh atan2")},
+    "abs": abs,
+    "sign": lambda x: x if x == 0 or math.isnan(x) else math.copysign(1.0, x),
+    "round": _rounded(_half_up),
+    "fround": _fround,
+    "log1p": _total(math.log1p, {-1.0: -math.inf}),
+    "cosh": lambda x: _total(math.cosh)(abs(x)),
+    "atanh": _total(math.atanh, {1.0: math.inf, -1.0: -math.inf}),
+    "pow": power,
+    "hypot": lambda *numbers: math.hypot(*numbers),  # noqa: PLW0108  the built-in has no signature
+    "max": largest,
+    "min": smallest,
 }
-"""How many arguments a function takes (None: any number), and the function, of floats."""

@@ -2,16 +2,18 @@
 
 import functools
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, cast
 
 from grader.expressions import values
-from grader.expressions.machine import Machine, lenient
+from grader.expressions.machine import Machine, callback_of, lenient
 from grader.expressions.texts import to_exponential, to_fixed, to_precision
 from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, bounded, items_of, to_index, to_string
 
 Callback = Callable[..., Value]
 Items = list[Value]
+Methods = dict[str, Callable[..., Value]]
+"""By name: functions of the value and of the author's arguments, one of which is a function where it is called `f`."""
 
 
 def _span(start: Value, end: Value = UNDEFINED) -> slice:
@@ -29,19 +31,20 @@ def _like(this: Value, items: Items) -> Value:
     return this.like(items) if isinstance(this, Vector) else bounded(items)
 
 
-def _turns(this: Value, f: Callback) -> list[tuple[Value, float, Value]]:
+def _turns(this: Value, f: Callback) -> Iterator[tuple[Value, float, Value]]:
     """For each element in turn: the element, its index, and what the callback makes of element, index and array."""
-    return [(x, float(i), f(x, float(i), this)) for i, x in enumerate(list(items_of(this)))]
+    return ((x, float(i), f(x, float(i), this)) for i, x in enumerate(list(items_of(this))))
 
 
-def _first(this: Value, f: Callback) -> tuple[Value, float]:
-    """The first element that the callback accepts, and its index; undefined and -1 where it accepts none."""
-    turns = ((x, float(i)) for i, x in enumerate(list(items_of(this))) if values.to_boolean(f(x, float(i), this)))
+def _first(this: Value, f: Callback, accepted: bool = True) -> tuple[Value, float]:
+    """The first element that the callback accepts (or not), and its index; undefined and -1 where there is none."""
+    turns = ((x, i) for x, i, result in _turns(this, f) if values.to_boolean(result) is accepted)
     return next(turns, (UNDEFINED, -1.0))
 
 
 def _for_each(this: Value, f: Callback) -> Value:
-    _turns(this, f)
+    for _ in _turns(this, f):
+        pass
     return UNDEFINED
 
 
@@ -64,24 +67,18 @@ def _numeric_order(x: Value) -> tuple[bool, float, float]:
 def _sort(this: Value, f: Callback | None = None) -> Value:
     """In place; without a comparison arrays sort as text and typed arrays as numbers; undefined comes last."""
     items = items_of(this)
-    defined = [x for x in items if x is not UNDEFINED]
-    if f is not None:
-        defined.sort(
-            key=functools.cmp_to_key(lambda a, b: -(values.to_number(f(a, b)) < 0))
-        )  # sort asks only what is less
-    else:
-        defined.sort(key=_numeric_order if isinstance(this, Vector) else to_string)
+    order: Callable[[Any], Any] = _numeric_order if isinstance(this, Vector) else to_string
+    if f is not None:  # sort asks only what is less
+        order = functools.cmp_to_key(lambda a, b: -(values.to_number(f(a, b)) < 0))
+    defined = sorted((x for x in items if x is not UNDEFINED), key=order)
     return _store(this, defined + [UNDEFINED] * (len(items) - len(defined)))
 
 
-def _store(this: Value, items: Items, start: int = 0) -> Value:
-    """Write elements in place."""
-    if isinstance(this, Vector):
-        for i, x in enumerate(items, start):
-            values.write_index(this, float(i), x)
-    elif isinstance(this, list):
-        this[start : start + len(items)] = items
-    return this
+def _store(this: Any, items: Items, start: int = 0) -> Value:
+    """Write elements of an array or a typed array in place."""
+    for i, x in enumerate(items, start):
+        this[i] = x
+    return cast(Value, this)
 
 
 def _fill(this: Value, value: Value, start: Value, end: Value) -> Value:
@@ -89,19 +86,11 @@ def _fill(this: Value, value: Value, start: Value, end: Value) -> Value:
     return _store(this, [value] * len(places), places.start)
 
 
-def _index_of(this: Value, wanted: Value, start: Value) -> Value:
-    items = items_of(this)
-    return next((float(i) for i in range(len(items))[_span(start)] if values.strictly_equal(items[i], wanted)), -1.0)
-
-
-def _includes(this: Value, wanted: Value, start: Value) -> Value:
-    """Unlike for `===`, NaN is equal to NaN here."""
-    items = items_of(this)[_span(start)]
-    return (
-        any(map(values.is_nan, items))
-        if values.is_nan(wanted)
-        else any(values.strictly_equal(x, wanted) for x in items)
-    )
+def _index_of(this: Value, wanted: Value, start: Value, *, nan: bool = False) -> float:
+    """The first index from `start` whose element is `===` to the wanted value, or both NaN where `nan`; else -1."""
+    items, nan = items_of(this), nan and values.is_nan(wanted)
+    same = values.is_nan if nan else functools.partial(values.strictly_equal, wanted)
+    return next((float(i) for i in range(len(items))[_span(start)] if same(items[i])), -1.0)
 
 
 def _concat(this: Value, *others: Value) -> Value:
@@ -127,18 +116,13 @@ def _set(this: Vector, source: Value, offset: Value = 0.0) -> Value:
     return UNDEFINED
 
 
-def _subarray(this: Vector, start: Value, end: Value) -> Value:
-    places = range(len(this))[_span(start, end)]
-    return this.part(places.start, places.start + len(places))
-
-
-SHARED: dict[str, Callable[..., Value]] = {
+SHARED: Methods = {
     "map": lambda this, f: _like(this, [result for _, _, result in _turns(this, f)]),
     "filter": lambda this, f: _like(this, [x for x, _, result in _turns(this, f) if values.to_boolean(result)]),
     "forEach": _for_each,
     "reduce": _reduce,
     "some": lambda this, f: _first(this, f)[1] >= 0,
-    "every": lambda this, f: _first(this, lambda *turn: not values.to_boolean(f(*turn)))[1] < 0,
+    "every": lambda this, f: _first(this, f, accepted=False)[1] < 0,
     "find": lambda this, f: _first(this, f)[0],
     "findIndex": lambda this, f: _first(this, f)[1],
     "sort": _sort,
@@ -146,11 +130,11 @@ SHARED: dict[str, Callable[..., Value]] = {
     "fill": _fill,
     "slice": lambda this, start, end: _like(this, items_of(this)[_span(start, end)]),
     "indexOf": _index_of,
-    "includes": _includes,
+    "includes": lambda this, wanted, start: _index_of(this, wanted, start, nan=True) >= 0,
     "at": lambda this, index: _at(items_of(this), index),
     "join": lambda this, by: values.join(items_of(this), "," if by is UNDEFINED else to_string(by), 0),
 }
-ARRAY: dict[str, Callable[..., Value]] = {
+ARRAY: Methods = {
     **SHARED,
     "concat": _concat,
     "push": lambda this, *added: _add(this, len(this), added),
@@ -158,8 +142,7 @@ ARRAY: dict[str, Callable[..., Value]] = {
     "pop": lambda this: this.pop() if this else UNDEFINED,
     "shift": lambda this: this.pop(0) if this else UNDEFINED,
 }
-TYPED_ARRAY: dict[str, Callable[..., Value]] = {**SHARED, "set": _set, "subarray": _subarray}
-CALLBACK_METHODS = frozenset(["map", "filter", "forEach", "reduce", "some", "every", "find", "findIndex", "sort"])
+TYPED_ARRAY: Methods = {**SHARED, "set": _set, "subarray": lambda this, start, end: this.part(_span(start, end))}
 
 
 def _repeat(this: str, count: Value) -> Value:
@@ -179,7 +162,7 @@ def _from(this: str, start: Value) -> str:
     return this[max(0, to_index(start)) :]
 
 
-TEXT: dict[str, Callable[..., Value]] = {
+TEXT: Methods = {
     "slice": lambda this, start, end: this[_span(start, end)],
     "indexOf": lambda this, text, start: float(this.find(to_string(text), max(0, min(to_index(start), len(this))))),
     "includes": lambda this, text, start: to_string(text) in _from(this, start),
@@ -195,11 +178,6 @@ TEXT: dict[str, Callable[..., Value]] = {
     "padStart": lambda this, width, pad: bounded(_padding(this, width, pad) + this),
     "padEnd": lambda this, width, pad: bounded(this + _padding(this, width, pad)),
 }
-NUMBER: dict[str, Callable[..., Value]] = {
-    "toFixed": lambda this, places: to_fixed(this, _digits(places, 0) or 0),
-    "toExponential": lambda this, places: to_exponential(this, _digits(places, 0) if math.isfinite(this) else None),
-    "toPrecision": lambda this, count: to_precision(this, _digits(count, 1) if math.isfinite(this) else None),
-}
 
 
 def _digits(value: Value, low: int) -> int | None:
@@ -212,20 +190,24 @@ def _digits(value: Value, low: int) -> int | None:
     return digits
 
 
-OF_TYPE: dict[type, dict[str, Callable[..., Value]]] = {
+NUMBER: Methods = {
+    "toFixed": lambda this, places: to_fixed(this, _digits(places, 0) or 0),
+    "toExponential": lambda this, places: to_exponential(this, _digits(places, 0) if math.isfinite(this) else None),
+    "toPrecision": lambda this, count: to_precision(this, _digits(count, 1) if math.isfinite(this) else None),
+}
+OF_TYPE: dict[type, Methods] = {
     kind: {name: lenient(method) for name, method in {**methods, "toString": to_string}.items()}
     for kind, methods in {float: NUMBER, bool: {}, str: TEXT, list: ARRAY, Vector: TYPED_ARRAY}.items()
 }
-NAMES = frozenset(name for methods in OF_TYPE.values() for name in methods)
+CALLBACKS = {name: callback_of(method) for methods in OF_TYPE.values() for name, method in methods.items()}
+"""Every method, with which of its arguments is a function, if one is."""
 
 
 def call_method(m: Machine, this: Value, name: str, args: list[Any]) -> Value:
     """`this.name(...args)`. Raises Trouble where the value has no such method."""
     method = OF_TYPE.get(type(this), {}).get(name)
     if method is None:
-        what = (
-            to_string(this) if this is None or isinstance(this, values.Undefined) else f"this {values.type_name(this)}"
-        )
+        what = to_string(this) if this is None or this is UNDEFINED else f"this {values.type_name(this)}"
         raise Trouble(f"{what} has no method {name}")
     m.tick(1 + values.weight(this) + (len(items_of(this)) if name == "sort" else 0))
     return method(this, *args)

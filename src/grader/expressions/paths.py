@@ -1,4 +1,4 @@
-"""Dotted names that begin at `model`, `data`, `mj`, `lib`, `Math`, `Number` or `ctx`, and what each one means."""
+"""Dotted names that begin at a root such as `model`, `data`, `mj`, `lib` or `ctx`, and what each one means."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,16 +15,6 @@ from grader.expressions.scope import ROOTS
 from grader.expressions.syntax import Refused, field, text_of
 from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index
 
-NUMBER_CONSTANTS = {
-    "EPSILON": 2.0**-52,
-    "MAX_SAFE_INTEGER": 2.0**53 - 1,
-    "MIN_SAFE_INTEGER": 1 - 2.0**53,
-    "MAX_VALUE": 1.7976931348623157e308,
-    "MIN_VALUE": 5e-324,
-    "POSITIVE_INFINITY": float("inf"),
-    "NEGATIVE_INFINITY": float("-inf"),
-    "NaN": float("nan"),
-}
 ENUMS = {
     name: getattr(mujoco, name).__members__
     for name in fields.names("""
@@ -32,14 +22,10 @@ ENUMS = {
         mjtSensor mjtWarning
     """)
 }
-CTX_FORBIDDEN = fields.names("""
-    constructor prototype toString valueOf hasOwnProperty isPrototypeOf propertyIsEnumerable toLocaleString caller
-    callee arguments
-""")
 
 
 def path_of(node: Node) -> str | None:
-    """A name such as `model.opt.timestep`; None for anything else."""
+    """A name such as `model.opt.timestep` that begins at a root; None for anything else."""
     names: list[str] = []
     while node.type == "member_expression" and node.child_by_field_name("optional_chain") is None:
         names.append(text_of(field(node, "property")))
@@ -66,8 +52,7 @@ NUMBERS: dict[str, str] = {
 """The numbers of the model, its options and the data, with their kind in BINDERS: what a run may change is a scalar."""
 
 CONSTANTS: dict[str, float] = {
-    **{f"Math.{name}": number for name, number in mathematics.CONSTANTS.items()},
-    **{f"Number.{name}": number for name, number in NUMBER_CONSTANTS.items()},
+    **mathematics.CONSTANTS,
     **{f"mj.{enum}.{name}.value": float(int(value)) for enum, of in ENUMS.items() for name, value in of.items()},
 }
 """The numbers that a path always means."""
@@ -78,7 +63,7 @@ def ctx_name(node: Node, path: str) -> str:
     owner, _, name = path.rpartition(".")
     if owner != "ctx":
         return ""
-    if name.startswith("__") or name in CTX_FORBIDDEN:
+    if name.startswith("__") or name in fields.CTX_FORBIDDEN:
         raise Refused(node, f"{path} is not available")
     return name
 
@@ -89,37 +74,38 @@ _BLANK = Machine(_EMPTY, mujoco.MjData(_EMPTY))
 
 def holds_floats(path: str) -> bool:
     """Whether the elements of the array at an allowed path are floats."""
-    return not _BLANK.vector(path).whole
-
-
-def _owner(m: Machine, path: str) -> tuple[Any, str]:
-    """The object with the field at a path, and the field's name."""
-    owner, _, name = path.rpartition(".")
-    return attrgetter(owner)(m), name
+    return not _vector(_BLANK, path).whole
 
 
 def _scalar(m: Machine, path: str) -> Callable[[], float]:
-    owner, name = _owner(m, path)
-    return lambda: float(getattr(owner, name))
+    owner, _, name = path.rpartition(".")
+    source = attrgetter(owner)(m)
+    return lambda: float(getattr(source, name))
 
 
 def _write_scalar(m: Machine, path: str) -> Callable[[Value], Value]:
     """Writes the time, or an option within the range that MuJoCo survives; whole numbers where the option is one."""
-    owner, name = _owner(m, path)
-    limits, convert = fields.OPTION_SCALARS.get(name), type(getattr(owner, name))
+    owner, _, name = path.rpartition(".")
+    target, limits = attrgetter(owner)(m), fields.OPTION_SCALARS.get(name)
+    convert = type(getattr(target, name))
 
     def write(value: Value) -> Value:
         number = to_number(value)
         if limits is not None and not limits[0] <= number <= limits[1]:
             raise Trouble(f"{path} must be from {limits[0]:g} to {limits[1]:g}")
-        setattr(owner, name, convert(number))
+        setattr(target, name, convert(number))
         return value
 
     return write
 
 
 def _vector(m: Machine, path: str) -> Vector:
-    return m.vector(path, WRITABLE[path])
+    """The field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
+    found = m.vectors.get(path)
+    if found is None:
+        array: Any = attrgetter(path)(m)
+        found = m.vectors[path] = Vector(array, path, WRITABLE[path])
+    return found
 
 
 def _positions(m: Machine, path: str) -> dict[float, int]:

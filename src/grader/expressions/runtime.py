@@ -9,41 +9,44 @@ import mujoco
 import numpy as np
 
 from grader.expressions import lib, mathematics, values
-from grader.expressions.fields import names
-from grader.expressions.machine import Machine, exhausted, lenient
+from grader.expressions.fields import CTX_FORBIDDEN, names
+from grader.expressions.machine import Machine, arity, exhausted, lenient
+from grader.expressions.mathematics import Numeric
 from grader.expressions.methods import call_method
 from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
-
-Gives = type[float] | type[bool] | None
+from grader.numerics.scene import FULL_STATE
 
 
 @dataclass(frozen=True)
 class Function:
-    """A callable of the host, called with the machine and the arguments.
+    """A function that authors name.
 
-    `takes` names its first arguments that must be written literally `model` or `data`; `gives` is the type of its
-    result where that is always the same. A function of numbers alone has `numeric`, which takes `arity` floats (None:
-    any number of them).
+    `call` gets the machine and the arguments, missing ones as undefined. `takes` names the first arguments, which must
+    be written literally `model` or `data`. A function of numbers alone has `numeric`, which takes floats.
     """
 
     call: Callable[..., Value]
     takes: tuple[str, ...] = ()
     cost: int = 1
-    gives: Gives = None
-    numeric: Callable[..., float] | None = None
-    arity: int | None = None
+    numeric: Numeric | None = None
 
 
-def _mathematics(arity: int | None, numeric: Callable[..., float]) -> Function:
+def _of_numbers(numeric: Numeric) -> Function:
+    count = arity(numeric)
+
     def call(_: Machine, *args: Value) -> Value:
-        numbers = [values.to_number(arg) for arg in args[:arity]]
-        return numeric(*numbers, *[math.nan] * ((arity or 0) - len(numbers)))
+        numbers = [values.to_number(arg) for arg in args[:count]]
+        return numeric(*numbers, *[math.nan] * ((count or 0) - len(numbers)))
 
-    return Function(call, gives=float, numeric=numeric, arity=arity)
+    return Function(call, numeric=numeric)
 
 
-def _of_value(function: Callable[[Value], Value], gives: Gives = None, default: Value = UNDEFINED) -> Function:
-    return Function(lenient(lambda m, value=default: function(value)), gives=gives)
+def _of_machine(function: Callable[..., Value], *takes: str, cost: int = 1) -> Function:
+    return Function(lenient(function), takes, cost)
+
+
+def _of_value(function: Callable[[Value], Value], default: Value = UNDEFINED) -> Function:
+    return _of_machine(lambda m, value=default: function(value))
 
 
 def _parse_float(value: Value) -> float:
@@ -52,27 +55,40 @@ def _parse_float(value: Value) -> float:
     return float(found.group().replace("Infinity", "inf")) if found else math.nan
 
 
-def _array_from(m: Machine, source: Value) -> Value:
+def _array_from(m: Machine, source: Value, f: Callable[..., Value] | None = None) -> Value:
     if not isinstance(source, list | Vector | str):
         raise Trouble("Array.from needs an array")
     m.tick(1 + values.weight(source))
-    return list(source if isinstance(source, str) else values.items_of(source))
+    items = list(source if isinstance(source, str) else values.items_of(source))
+    if f is not None and not callable(f):
+        raise Trouble("Array.from needs a function here, such as x => 2 * x")
+    return items if f is None else [f(x, float(i)) for i, x in enumerate(items)]
 
 
-def typed_array(m: Machine, args: list[Value]) -> Value:
-    """`new Float64Array(size)` or `new Float64Array(array)`."""
-    source = args[0] if args else 0.0
+def _joined(m: Machine, *pieces: Value) -> Value:
+    return values.bounded("".join(map(values.to_string, pieces)))
+
+
+def _new_array(m: Machine, size: Value) -> Value:
+    return [UNDEFINED] * _size(m, size if isinstance(size, float) and size.is_integer() else -1)
+
+
+def _new_typed_array(m: Machine, source: Value = 0.0) -> Value:
     if isinstance(source, list | Vector):
         return Vector(np.zeros(0)).like(values.bounded(values.items_of(source)))
-    size = values.to_index(source)
-    if not 0 <= size <= 10_000:
-        raise Trouble("a typed array has from 0 to 10000 elements")
-    m.tick(1 + size // 16)
-    return Vector(np.zeros(size))
+    return Vector(np.zeros(_size(m, values.to_index(source))))
+
+
+def _size(m: Machine, size: float) -> int:
+    """The size of a new array, which is paid for."""
+    if not 0 <= size <= values.LENGTH_MAX:
+        raise Trouble(f"a new array has from 0 to {values.LENGTH_MAX} elements")
+    m.tick(1 + int(size) // 16)
+    return int(size)
 
 
 PHYSICS = names("""
-    mj_resetData mj_forward mj_step mj_step1 mj_step2 mj_inverse mj_setConst mj_kinematics mj_comPos mj_comVel
+    mj_resetData mj_forward mj_step mj_step1 mj_step2 mj_inverse mj_kinematics mj_comPos mj_comVel
     mj_fwdPosition mj_fwdVelocity mj_fwdActuation mj_fwdAcceleration mj_fwdConstraint mj_energyPos mj_energyVel
     mj_subtreeVel mj_rnePostConstraint mj_camlight mj_collision mj_sensorPos mj_sensorVel mj_sensorAcc
 """)
@@ -81,6 +97,15 @@ PHYSICS = names("""
 
 def _physics(call: Callable[..., Value]) -> Callable[..., Value]:
     return lambda m: call(m.model, m.data) or UNDEFINED  # it gives nothing
+
+
+def _set_const(m: Machine) -> Value:
+    """Derives the model's constants again, and keeps the state, which MuJoCo's function sets to qpos0."""
+    state = np.empty(mujoco.mj_stateSize(m.model, FULL_STATE))
+    mujoco.mj_getState(m.model, m.data, state, FULL_STATE)
+    mujoco.mj_setConst(m.model, m.data)
+    mujoco.mj_setState(m.model, m.data, state, FULL_STATE)
+    return UNDEFINED
 
 
 def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
@@ -107,33 +132,42 @@ def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
     return values.in_units(mujoco.mj_id2name(m.model, values.to_int32(kind), values.to_int32(number)) or "")
 
 
-MODEL, STATE = ("model",), ("model", "data")
+def _no_effect(m: Machine) -> Value:
+    """The page plays and pauses what was recorded: a program has nothing to start or stop."""
+    return UNDEFINED
+
+
+STATE = ("model", "data")
 FUNCTIONS: dict[str, Function] = {
-    **{f"Math.{name}": _mathematics(*function) for name, function in mathematics.FUNCTIONS.items()},
-    "Number": _of_value(values.to_number, float, default=0.0),
+    **{f"Math.{name}": _of_numbers(function) for name, function in mathematics.FUNCTIONS.items()},
+    **{f"lib.{name}": _of_numbers(function) for name, function in lib.NUMERIC.items()},
+    **{f"lib.{name}": _of_machine(function) for name, function in lib.FUNCTIONS.items()},
+    **{f"mj.{name}": _of_machine(_physics(getattr(mujoco, name)), *STATE, cost=10) for name in PHYSICS},
+    "mj.mj_setConst": _of_machine(_set_const, *STATE, cost=10),
+    "mj.mj_resetDataKeyframe": _of_machine(_reset_keyframe, *STATE, cost=10),
+    "mj.mj_setTotalmass": _of_machine(_set_total_mass, "model", cost=10),
+    "mj.mj_getTotalmass": _of_machine(lambda m: float(mujoco.mj_getTotalmass(m.model)), "model"),
+    "mj.mj_name2id": _of_machine(_name_to_id, "model"),
+    "mj.mj_id2name": _of_machine(_id_to_name, "model"),
+    **dict.fromkeys(("sim.play", "sim.pause"), _of_machine(_no_effect)),
+    "sim.forward": _of_machine(_physics(mujoco.mj_forward), cost=10),
+    "Number": _of_value(values.to_number, default=0.0),
     "String": _of_value(values.to_string, default=""),
-    "Boolean": _of_value(values.to_boolean, bool),
-    "isNaN": _of_value(lambda v: math.isnan(values.to_number(v)), bool),
-    "isFinite": _of_value(lambda v: math.isfinite(values.to_number(v)), bool),
-    "parseFloat": _of_value(_parse_float, float),
-    "Number.isNaN": _of_value(values.is_nan, bool),
-    "Number.isFinite": _of_value(lambda v: isinstance(v, float) and math.isfinite(v), bool),
-    "Number.isInteger": _of_value(lambda v: isinstance(v, float) and v.is_integer(), bool),
-    "Number.parseFloat": _of_value(_parse_float, float),
-    "Array.isArray": _of_value(lambda v: isinstance(v, list), bool),
-    "Array.from": Function(lenient(_array_from)),
-    "Array.of": Function(lambda m, *args: list(args)),
-    **{f"mj.{name}": Function(lenient(_physics(getattr(mujoco, name))), STATE, cost=10) for name in PHYSICS},
-    "mj.mj_resetDataKeyframe": Function(lenient(_reset_keyframe), STATE, cost=10),
-    "mj.mj_setTotalmass": Function(lenient(_set_total_mass), MODEL, cost=10),
-    "mj.mj_getTotalmass": Function(lenient(lambda m: float(mujoco.mj_getTotalmass(m.model))), MODEL),
-    "mj.mj_name2id": Function(lenient(_name_to_id), MODEL),
-    "mj.mj_id2name": Function(lenient(_id_to_name), MODEL),
-    **{
-        f"lib.{name}": Function(lenient(function), gives=float if name in lib.NUMBERS else None)
-        for name, function in lib.FUNCTIONS.items()
-    },
+    "Boolean": _of_value(values.to_boolean),
+    "isNaN": _of_value(lambda v: math.isnan(values.to_number(v))),
+    "isFinite": _of_value(lambda v: math.isfinite(values.to_number(v))),
+    "Number.isNaN": _of_value(values.is_nan),
+    "Number.isFinite": _of_value(lambda v: isinstance(v, float) and math.isfinite(v)),
+    "Number.isInteger": _of_value(lambda v: isinstance(v, float) and v.is_integer()),
+    **dict.fromkeys(("parseFloat", "Number.parseFloat"), _of_value(_parse_float)),
+    "Array.isArray": _of_value(lambda v: isinstance(v, list)),
+    "Array.from": _of_machine(_array_from),
+    "Array.of": _of_machine(lambda m, *args: list(args)),
+    "`": _of_machine(_joined, cost=0),
+    "new Array": _of_machine(_new_array, cost=0),
+    "new Float64Array": _of_machine(_new_typed_array, cost=0),
 }
+"""By the name that authors write, or the sign of a template literal; to add one, add a line."""
 
 
 def number(m: Machine, value: Value) -> float:
@@ -149,12 +183,6 @@ def slow(m: Machine, operator: Any, left: Value, right: Value) -> Value:
     return result
 
 
-def template(m: Machine, pieces: list[Value]) -> Value:
-    """The text of a template literal."""
-    m.tick(sum(map(values.weight, pieces)))
-    return values.bounded("".join(map(values.to_string, pieces)))
-
-
 def spread(m: Machine, value: Value) -> list[Value]:
     """The elements of `...value`."""
     m.tick(1 + values.weight(value))
@@ -165,9 +193,7 @@ def spread(m: Machine, value: Value) -> list[Value]:
 
 def through(value: Value) -> Iterable[Value]:
     """What `for (const x of value)` goes through; elements that are added meanwhile are seen."""
-    if isinstance(value, Vector):
-        return map(float, value.view)
-    if isinstance(value, list):
+    if isinstance(value, list | Vector):
         return value
     raise Trouble("for ... of goes through an array")
 
@@ -191,21 +217,6 @@ def host(m: Machine, function: Function, args: list[Value]) -> Value:
     return function.call(m, *args)
 
 
-def map_from(m: Machine, function: Function, args: list[Value], callback: Any) -> Value:
-    """`Array.from(array, callback)`."""
-    copied = function.call(m, *args)
-    assert isinstance(copied, list)
-    return [callback(x, float(i)) for i, x in enumerate(copied)]
-
-
-def empty_array(m: Machine, size: Value) -> Value:
-    """`new Array(size)`."""
-    if not isinstance(size, float) or not size.is_integer() or not 0 <= size <= 10_000:
-        raise Trouble("an array here has from 0 to 10000 elements")
-    m.tick(1 + int(size) // 16)
-    return [UNDEFINED] * int(size)
-
-
 def member(value: Value, name: str) -> Value:
     """`value.name` for the few names that values have: `length`, and the parts of a record."""
     if value is None or value is UNDEFINED:
@@ -215,6 +226,37 @@ def member(value: Value, name: str) -> Value:
     return value.get(name, UNDEFINED) if isinstance(value, Record) else UNDEFINED
 
 
+CTX_NAMES_MAX, CTX_NAME_MAX = 1000, 64
+"""How many names `ctx[...]` may hold, and how long each may be [characters]."""
+
+
+def ctx_name(key: Value) -> str:
+    """The name that `ctx[key]` means. Raises Trouble for one that means something else in JavaScript."""
+    name = values.to_string(key)
+    if len(name) > CTX_NAME_MAX or name.startswith("__") or name in CTX_FORBIDDEN:
+        raise Trouble(f"ctx has no place named {name[:CTX_NAME_MAX]!r}")
+    return name
+
+
+def read_named(ctx: dict[str, Value], key: Value) -> Value:
+    """`ctx[key]`."""
+    return ctx.get(ctx_name(key), UNDEFINED)
+
+
+def write_named(ctx: dict[str, Value], key: Value, value: Value) -> Value:
+    """`ctx[key] = value`."""
+    name = ctx_name(key)
+    if name not in ctx and len(ctx) >= CTX_NAMES_MAX:
+        raise Trouble(f"ctx holds more than {CTX_NAMES_MAX} names")
+    ctx[name] = value
+    return value
+
+
+def record(names: list[str], parts: list[Value]) -> Record:
+    """`{name: part}`."""
+    return Record(zip(names, parts, strict=True))
+
+
 OPERATORS = {operator: f"operator{i}" for i, operator in enumerate(values.BINARY)}
 """The name, in compiled code, of the function of each binary operator."""
 
@@ -222,8 +264,8 @@ NAMES: dict[str, object] = {
     **{
         function.__name__: function
         for function in (
-            *(number, slow, template, spread, through, unpack, put, host, map_from, typed_array, empty_array, member),
-            *(values.read_index, values.write_index, exhausted, values.type_name),
+            *(number, slow, spread, through, unpack, put, host, member),
+            *(values.read_index, values.write_index, exhausted, values.type_name, read_named, write_named, record),
         )
     },
     **{name: values.BINARY[operator] for operator, name in OPERATORS.items()},

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from tree_sitter import Node
 
 from grader.expressions.fields import names
+from grader.expressions.runtime import FUNCTIONS
 from grader.expressions.syntax import Refused, text_of
 
-CONSTANTS = ("undefined", "NaN", "Infinity")
-ROOTS = frozenset(["model", "data", "mj", "lib", "Math", "ctx", "Number"])
-HOSTS = ROOTS | frozenset(CONSTANTS) | {"value", "Array", "Float64Array", "String", "Boolean", "isNaN", "isFinite"}
+ROOTS = names("model data mj lib sim Math ctx Number Array")
+HOSTS = ROOTS | names("undefined NaN Infinity value Float64Array") | {path.split(".")[0] for path in FUNCTIONS}
 RESERVED = names("""
     break case catch class const continue debugger default delete do else enum export extends false finally for
     function if import in instanceof new null return super switch this throw true try typeof var void while with
@@ -51,10 +51,9 @@ class Scope:
     names: dict[str, Binding] = field(default_factory=dict)
     in_loop: bool = False
 
-    def inner(self, *, in_loop: bool | None = None) -> "Scope":
+    def inner(self, *, in_loop: bool = False) -> "Scope":
         """A block inside this one."""
-        loop = self.in_loop if in_loop is None else in_loop
-        return Scope(self.frame, self, self.counter, in_loop=loop)
+        return Scope(self.frame, self, self.counter, in_loop=in_loop or self.in_loop)
 
     def function(self) -> "Scope":
         """The scope of a function inside this one."""

@@ -7,7 +7,7 @@ from tree_sitter import Node
 from grader.expressions.code import PAY, Kind, Term, code, lines, name
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
 from grader.expressions.scope import Binding, Scope
-from grader.expressions.syntax import Refused, field, parts, text_of
+from grader.expressions.syntax import FUNCTIONS, Refused, field, parts, text_of
 from grader.expressions.terms import Terms
 
 Statements = list[ast.stmt]
@@ -100,15 +100,16 @@ class Compiler(Terms):
         return self._effect(scope, parts(node)[0])
 
     def _effect(self, scope: Scope, node: Node) -> Statements:
-        """An expression whose value is not used."""
+        """A statement, or an expression whose value is not used."""
+        if node.type.endswith(("_statement", "_declaration")):
+            return self.block(scope, [node])
         term = self.update(scope, node, False) if node.type == "update_expression" else self.term(scope, node)
         return [ast.Expr(term.code)]
 
-    def _statement_empty_statement(self, scope: Scope, node: Node) -> Statements:
-        return []
-
     def _statement_statement_block(self, scope: Scope, node: Node) -> Statements:
         return self.block(scope.inner(), parts(node))
+
+    _statement_empty_statement = _statement_statement_block
 
     def _statement_lexical_declaration(self, scope: Scope, node: Node) -> Statements:
         kind = text_of(node.children[0])
@@ -120,7 +121,7 @@ class Compiler(Terms):
         variable, value = field(node, "name"), node.child_by_field_name("value")
         if variable.type == "array_pattern" and value is not None:
             return self._unpack(scope, variable, value)
-        if value is not None and value.type == "arrow_function":
+        if value is not None and value.type in FUNCTIONS:
             if kind != "const":
                 raise Refused(node, "declare a function with const")
             binding = scope.names[text_of(variable)]
@@ -165,38 +166,30 @@ class Compiler(Terms):
         if self.loops >= LOOPS_MAX:
             raise Refused(node, f"loops nested more than {LOOPS_MAX} deep")
         self.loops += 1
-        body = self._governed(scope, node)
+        body = self._governed(scope, field(node, "body"))
         self.loops -= 1
         ticking = lines(PAY)
         for statement in ticking:
-            self.at(node.parent or node, statement)
+            self.at(node, statement)
         return [*ticking, *body]
 
-    def _repeated(self, test: ast.expr, after: Statements, body: Statements) -> Statements:
-        return lines(REPEATED, BEGUN=self.temporary(), TEST=test, AFTER=after, BODY=body)
-
-    def _statement_while_statement(self, scope: Scope, node: Node) -> Statements:
-        test = self.truth(self.term(scope, field(node, "condition")))
-        return [ast.While(test, self._turn(scope.inner(in_loop=True), field(node, "body")), [])]
-
-    def _statement_do_statement(self, scope: Scope, node: Node) -> Statements:
-        test = self.truth(self.term(scope, field(node, "condition")))
-        body = self._turn(scope.inner(in_loop=True), field(node, "body"))
-        return self._repeated(ast.Constant(True), lines("if not TEST: break", TEST=test), body)
-
     def _statement_for_statement(self, scope: Scope, node: Node) -> Statements:
+        """`for`, and the loops that are one with parts missing: `while`, and `do`, which tests after its turn."""
         inside = scope.inner(in_loop=True)
         first, condition, update = (node.child_by_field_name(f) for f in ("initializer", "condition", "increment"))
-        begin: Statements = []
-        if first is not None:
-            declares = first.type in ("lexical_declaration", "variable_declaration", "empty_statement")
-            begin = self.block(inside, [first]) if declares else self._effect(inside, first)
+        begin = [] if first is None else self._effect(inside, first)
         test: ast.expr = ast.Constant(True)
         if condition is not None and condition.type != "empty_statement":
             test = self.truth(self.term(inside, condition))
         after = [] if update is None else self._effect(inside, update)
-        body = self._turn(inside, field(node, "body"))
-        return [*begin, *(self._repeated(test, after, body) if after else [ast.While(test, body, [])])]
+        if node.type == "do_statement":
+            test, after = ast.Constant(True), lines("if not TEST: break", TEST=test)
+        body = self._turn(inside, node)
+        if not after:
+            return [*begin, ast.While(test, body, [])]
+        return [*begin, *lines(REPEATED, BEGUN=self.temporary(), TEST=test, AFTER=after, BODY=body)]
+
+    _statement_while_statement = _statement_do_statement = _statement_for_statement
 
     def _statement_for_in_statement(self, scope: Scope, node: Node) -> Statements:
         kind, variable = node.child_by_field_name("kind"), field(node, "left")
@@ -207,7 +200,7 @@ class Compiler(Terms):
         inside = scope.inner(in_loop=True)
         binding = scope.find(variable) if word == "var" else inside.declare(variable, word, ready=True)
         bound = self.declared(inside, binding, Term(name(entry)))
-        body = [bound, *self._turn(inside, field(node, "body"))]
+        body = [bound, *self._turn(inside, node)]
         return lines("for ENTRY in ITEMS: BODY", ENTRY=entry, ITEMS=items.code, BODY=body)
 
     def _statement_break_statement(self, scope: Scope, node: Node) -> Statements:
@@ -221,7 +214,7 @@ class Compiler(Terms):
     # Functions
 
     def arrow(self, scope: Scope, node: Node) -> str:
-        """The name of the Python function that an arrow function of plain parameters becomes."""
+        """The name of the Python function that a function of plain parameters becomes."""
         single = node.child_by_field_name("parameter")
         names = [single] if single is not None else parts(field(node, "parameters"))
         inside = scope.function()
@@ -267,6 +260,6 @@ def _variables(node: Node) -> list[Node]:
             found.extend(_declared(child))
         elif child.type == "for_in_statement" and child.children[2].type == "var":
             found.append(field(child, "left"))
-        if child.type != "arrow_function":
+        if child.type not in FUNCTIONS:
             found.extend(_variables(child))
     return found

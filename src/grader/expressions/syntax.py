@@ -96,6 +96,9 @@ def _first_error(node: Node) -> Node:
         node = next(child for child in node.children if child.has_error or child.is_missing)
 
 
+FUNCTIONS = ("arrow_function", "function_expression")
+"""A function that is written where it is used."""
+
 ASSIGNMENTS = ("assignment_expression", "augmented_assignment_expression", "arrow_function")
 OPERATIONS = ("binary_expression", "unary_expression", "update_expression")
 LISTS = ("array", "arguments", "formal_parameters", "array_pattern")

@@ -4,19 +4,22 @@ A method `_term_x` compiles the grammar's node type `x`; `_link_x` a link of a c
 """
 
 import ast
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any, NamedTuple
 
 from tree_sitter import Node
 
 from grader.expressions import fields, paths
-from grader.expressions.code import Kind, Part, Term, code, in_turn, join, name
+from grader.expressions.code import Kind, Part, Term, code, constant, in_turn, join, name
 from grader.expressions.lib import RECORD_PARTS
-from grader.expressions.methods import CALLBACK_METHODS
-from grader.expressions.methods import NAMES as METHODS
+from grader.expressions.machine import arity, callback_of
+from grader.expressions.methods import CALLBACKS
 from grader.expressions.runtime import FUNCTIONS, OPERATORS
-from grader.expressions.scope import CONSTANTS, ROOTS, Binding, Scope
+from grader.expressions.scope import ROOTS, Binding, Scope
+from grader.expressions.syntax import FUNCTIONS as FUNCTION_TYPES
 from grader.expressions.syntax import Refused, escape_of, field, number_of, parts, string_of, text_of
 from grader.expressions.values import in_units
 
@@ -31,11 +34,33 @@ LOGICAL = {
 }
 """The operators whose right side may not be evaluated."""
 
-UNARY = {"-": "-A", "+": "A", "~": "complement(A)"}
-"""The operators of one number."""
+BINARY = {*OPERATORS, *PYTHON, *LOGICAL}
+UNARY = {
+    "-": ("-NUMBER", Kind.NUMBER),
+    "+": ("NUMBER", Kind.NUMBER),
+    "~": ("complement(NUMBER)", Kind.NUMBER),
+    "!": ("not TRUTH", Kind.BOOLEAN),
+    "typeof": ("type_name(VALUE)", Kind.ANY),
+}
+"""The operators of one value: their code, and what it gives."""
+
+LITERALS: dict[str, Callable[[Node], float | bool | str | None]] = {
+    "number": number_of,
+    "string": string_of,
+    "true": lambda _: True,
+    "false": lambda _: False,
+    "null": lambda _: None,
+}
+"""The values of the grammar's literals."""
+
+NAMED = {"undefined": "undefined", "value": "given"}
+"""The names, in compiled code, of values that every program has."""
 
 CONSTRUCTORS = ("Array", "Float64Array")
-NO_FUNCTIONS = ROOTS | {"value", "undefined"}
+ARRAY_WRITERS = ("set", "fill", "sort", "reverse")
+"""The methods that write into a typed array."""
+
+NO_FUNCTIONS = ROOTS | NAMED.keys() | paths.CONSTANTS.keys()
 
 Build = Callable[[ast.expr], ast.expr]
 """Makes the code of a link such as `.length` or `[0]` of the code of the value before it."""
@@ -45,9 +70,8 @@ class Place(NamedTuple):
     """What an assignment writes to. `begin` is evaluated first; `read` and `write` make code that follows it."""
 
     read: Callable[[], Term]
-    write: Build
+    write: Callable[[Term], ast.expr]
     begin: tuple[ast.expr, ...] = ()
-    binding: Binding | None = None
 
 
 def is_optional(node: Node) -> bool:
@@ -55,15 +79,13 @@ def is_optional(node: Node) -> bool:
     return node.child_by_field_name("optional_chain") is not None
 
 
-def host_path(node: Node) -> str | None:
+def function_path(node: Node) -> str | None:
     """The path of the host's function of this name, if it is one."""
-    path = text_of(node) if node.type == "identifier" else None
-    if node.type == "member_expression" and field(node, "object").type == "identifier":
-        path = f"{text_of(field(node, 'object'))}.{text_of(field(node, 'property'))}"
+    path = text_of(node) if node.type == "identifier" else paths.path_of(node)
     return path if path in FUNCTIONS else None
 
 
-def operator_of(node: Node, known: set[str]) -> str:
+def operator_of(node: Node, known: Collection[str]) -> str:
     """The operator of a node. Raises Refused for one that is not known."""
     operator = text_of(field(node, "operator"))
     if operator.removesuffix("=" if node.type.startswith("augmented") else "") not in known:
@@ -155,20 +177,14 @@ class Terms(ABC):
         return Term(made, join(left.kept, right.kept))
 
     def _term_binary_expression(self, scope: Scope, node: Node) -> Term:
-        operator = operator_of(node, {*OPERATORS, *PYTHON, *LOGICAL})
+        operator = operator_of(node, BINARY)
         left, right = self.term(scope, field(node, "left")), self.term(scope, field(node, "right"))
         return self.chosen(operator, left, right) if operator in LOGICAL else self.combined(node, operator, left, right)
 
     def _term_unary_expression(self, scope: Scope, node: Node) -> Term:
-        operator = operator_of(node, {*UNARY, "!", "typeof"})
+        template, kind = UNARY[operator_of(node, UNARY)]
         term = self.term(scope, field(node, "argument"))
-        if operator == "-" and term.literal is not None:
-            return Term(ast.Constant(-term.literal), Kind.NUMBER)
-        if operator == "!":
-            return Term(code("not A", A=self.truth(term)), Kind.BOOLEAN)
-        if operator == "typeof":
-            return Term(code("type_name(A)", A=term.code))
-        return Term(code(UNARY[operator], A=self.number(term)), Kind.NUMBER)
+        return Term(code(template, NUMBER=self.number(term), TRUTH=self.truth(term), VALUE=term.code), kind)
 
     def _term_ternary_expression(self, scope: Scope, node: Node) -> Term:
         test, yes, no = (self.term(scope, field(node, part)) for part in ("condition", "consequence", "alternative"))
@@ -192,7 +208,8 @@ class Terms(ABC):
 
     def term(self, scope: Scope, node: Node) -> Term:
         """The code of an expression. Raises Refused for what the language does not have."""
-        made: Term = self.compiled("_term", scope, node)
+        literal = LITERALS.get(node.type)
+        made: Term = self.compiled("_term", scope, node) if literal is None else constant(literal(node))
         return made
 
     def value_of(self, scope: Scope, node: Node) -> ast.expr:
@@ -201,13 +218,11 @@ class Terms(ABC):
 
     def _term_identifier(self, scope: Scope, node: Node) -> Term:
         text = text_of(node)
-        if text == "undefined":
-            return Term(name("undefined"))
-        if text in CONSTANTS:
-            return Term(ast.Constant(float(text)), Kind.NUMBER)
-        if text == "value":
-            return Term(name("given"))
-        if text in ROOTS or text in CONSTRUCTORS or host_path(node) or scope.find(node).kind == "function":
+        if text in NAMED:
+            return Term(name(NAMED[text]))
+        if text in paths.CONSTANTS:
+            return constant(paths.CONSTANTS[text])
+        if text in ROOTS or text in CONSTRUCTORS or function_path(node) or scope.find(node).kind == "function":
             raise Refused(node, f"{text} cannot be used as a value")
         return self.variable(scope.find(node))
 
@@ -216,30 +231,16 @@ class Terms(ABC):
     def _term_parenthesized_expression(self, scope: Scope, node: Node) -> Term:
         return self.term(scope, parts(node)[0])
 
-    def _term_number(self, scope: Scope, node: Node) -> Term:
-        return Term(ast.Constant(number_of(node)), Kind.NUMBER)
-
-    def _term_true(self, scope: Scope, node: Node) -> Term:
-        return Term(ast.Constant(node.type == "true"), Kind.BOOLEAN)
-
-    _term_false = _term_true
-
-    def _term_null(self, scope: Scope, node: Node) -> Term:
-        return Term(ast.Constant(None))
-
-    def _term_string(self, scope: Scope, node: Node) -> Term:
-        return Term(ast.Constant(string_of(node)))
-
     def _term_template_string(self, scope: Scope, node: Node) -> Term:
         pieces: list[ast.expr] = []
         for child in parts(node):
             if child.type == "template_substitution":
                 pieces.append(self.value_of(scope, parts(child)[0]))
-            elif child.type == "escape_sequence":
-                pieces.append(ast.Constant(in_units(escape_of(child))))
             else:
-                pieces.append(ast.Constant(in_units(text_of(child).replace("\r\n", "\n").replace("\r", "\n"))))
-        return self.located(node, "template(machine, [PIECES])", PIECES=pieces)
+                escaped = child.type == "escape_sequence"
+                text = escape_of(child) if escaped else re.sub("\r\n?", "\n", text_of(child))
+                pieces.append(ast.Constant(in_units(text)))
+        return self.located(node, "host(machine, F, [PIECES])", F=self.need("function", "`"), PIECES=pieces)
 
     def items(self, scope: Scope, nodes: list[Node]) -> list[ast.expr]:
         """The values of a list, with `...array` spread out."""
@@ -253,12 +254,25 @@ class Terms(ABC):
     def _term_array(self, scope: Scope, node: Node) -> Term:
         return self.located(node, "array([ITEMS])", ITEMS=self.items(scope, parts(node)))
 
+    def _term_object(self, scope: Scope, node: Node) -> Term:
+        """`{rows: 'pos'}`: the options of a call, and nothing else."""
+        if node.parent is None or node.parent.type != "arguments":
+            raise Refused(node, "{...} is available as an argument only, such as lib.jacobianSV('tip', {rows: 'pos'})")
+        names: list[ast.expr] = []
+        values: list[ast.expr] = []
+        for pair in parts(node):
+            if pair.type != "pair" or field(pair, "key").type != "property_identifier":
+                raise Refused(pair, "write name: value")
+            names.append(ast.Constant(text_of(field(pair, "key"))))
+            values.append(self.value_of(scope, field(pair, "value")))
+        return self.located(node, "record([NAMES], [VALUES])", NAMES=names, VALUES=values)
+
     # Members and elements
 
     def at_path(self, node: Node, path: str) -> Term:
         """The value at a path. Raises Refused where it names nothing that may be read."""
         if path in paths.CONSTANTS:
-            return Term(ast.Constant(paths.CONSTANTS[path]), Kind.NUMBER)
+            return constant(paths.CONSTANTS[path])
         if path in paths.WRITABLE:
             return Term(name(self.need("vector", path)))
         if key := paths.ctx_name(node, path):
@@ -282,13 +296,17 @@ class Terms(ABC):
 
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = self._field_of(node)
+        if path == "ctx":
+            return self.located(node, "read_named(ctx, KEY)", KEY=self.value_of(scope, field(node, "index")))
         if path is not None and not is_optional(node):
             return self._element(node, path, self.need("vector", path), self.term(scope, field(node, "index")))
         return lambda value: code("read_index(V, INDEX)", V=value, INDEX=self.value_of(scope, field(node, "index")))
 
     def _field_of(self, node: Node) -> str | None:
-        """The path of the field whose element a subscript names, if it is one. Square brackets take numbers."""
+        """The path of the field whose element a subscript names, if it is one, or `ctx`, which takes names, too."""
         path = paths.path_of(field(node, "object"))
+        if path == "ctx":
+            return path
         if path in ROOTS:
             raise Refused(node, "square brackets take the number of an element; name a field with a dot")
         if field(node, "index").type in ("string", "template_string"):
@@ -300,39 +318,39 @@ class Terms(ABC):
         if path is None or index.kind is not Kind.NUMBER or not paths.holds_floats(path):
             return self.located(node, "read_index(V, INDEX)", V=array, INDEX=index.code)
         view = self.need("view", path)
-        if index.literal is not None and index.literal >= 0 and index.literal.is_integer():
-            known, size = ast.Constant(int(index.literal)), self.need("size", path)
-            made = code("VIEW[KEY] if INDEX < SIZE else undefined", VIEW=view, KEY=known, INDEX=index.code, SIZE=size)
+        known = index.code.value if isinstance(index.code, ast.Constant) else None
+        if isinstance(known, float) and known >= 0 and known.is_integer():
+            place, size = ast.Constant(int(known)), self.need("size", path)
+            made = code("VIEW[KEY] if INDEX < SIZE else undefined", VIEW=view, KEY=place, INDEX=index.code, SIZE=size)
         else:
             (first, key), at = self.held(index.code), self.need("positions", path)
             made = code("VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first)
         return Term(made, Kind.ELEMENT)
 
-    def _term_member_expression(self, scope: Scope, node: Node) -> Term:
-        term, cuts = self._chain(scope, node)
-        for first, value in reversed(cuts):
-            text = "undefined if FIRST is None or V is undefined else REST"
-            term = Term(code(text, FIRST=first, V=value, REST=term.code))
-        return term
-
-    _term_subscript_expression = _term_call_expression = _term_member_expression
-
-    def _chain(self, scope: Scope, node: Node) -> tuple[Term, list[tuple[ast.expr, str]]]:
-        """A chain up to `node`, and what cuts it at each `?.`: code that gives a value, and the variable with it."""
+    def _term_member_expression(
+        self, scope: Scope, node: Node, rest: Callable[[Term], Term] = lambda term: term
+    ) -> Term:
+        """The `rest` of a chain after `node`: all of it is undefined where a `?.` finds null or undefined."""
         compiler: Callable[[Scope, Node], Term | Build] = getattr(self, f"_link_{node.type}", self.term)
         made = compiler(scope, node)
         if isinstance(made, Term):
-            return made, []
+            return rest(made)
         link = field(node, "function") if node.type == "call_expression" else node
-        before, cuts = self._chain(scope, field(link, "object"))
-        value = before.code
-        if is_optional(link):
-            first, again = self.held(value)
-            cuts.append((first, again))
-            value = name(again)
-        term = Term(made(value))
-        self.at(node, term.code)
-        return term, cuts
+
+        def follow(before: Term) -> Term:
+            optional = is_optional(link)
+            first, again = self.held(before.code) if optional else (before.code, "")
+            term = Term(made(name(again) if optional else first))
+            self.at(node, term.code)
+            term = rest(term)
+            if not optional:
+                return term
+            text = "undefined if FIRST is None or V is undefined else REST"
+            return Term(code(text, FIRST=first, V=again, REST=term.code))
+
+        return self._term_member_expression(scope, field(link, "object"), follow)
+
+    _term_subscript_expression = _term_call_expression = _term_member_expression
 
     # Calls
 
@@ -340,84 +358,92 @@ class Terms(ABC):
         function, arguments = field(node, "function"), field(node, "arguments")
         if arguments.type != "arguments":
             raise Refused(node, "tagged templates are not part of the language of labs")
-        args, path = parts(arguments), host_path(function)
+        args, path = parts(arguments), function_path(function)
         if path is not None and not is_optional(node):
             return self._host_call(scope, node, path, args)
         if function.type == "identifier":
-            return self._named_call(scope, node, function, args)
+            called = self.function(scope, function)
+            return self.located(node, "F(ITEMS)", F=called, ITEMS=self.items(scope, args))
+        if (inside := self._unwrapped(function)).type in FUNCTION_TYPES:
+            called = self.arrow(scope, inside)
+            return self.located(node, "F(ITEMS)", F=called, ITEMS=self.items(scope, args))
         if function.type != "member_expression":
-            raise Refused(node, "only functions that have a name can be called")
+            raise Refused(node, "only functions that have a name, or stand here themselves, can be called")
         return self._method_call(scope, node, function, args)
+
+    def _unwrapped(self, node: Node) -> Node:
+        """What stands inside parentheses."""
+        while node.type == "parenthesized_expression":
+            node = parts(node)[0]
+        return node
 
     def _host_call(self, scope: Scope, node: Node, path: str, args: list[Node]) -> Term:
         function = FUNCTIONS[path]
         if tuple(text_of(arg) for arg in args[: len(function.takes)]) != function.takes:
             raise Refused(node, f"{text_of(field(node, 'function'))} begins with {', '.join(function.takes)}")
-        if path == "Array.from" and len(args) == 2:
-            text, items, callback = "map_from(machine, F, [ITEMS], G)", args[:1], args[1]
-            filled: dict[str, Part] = {"ITEMS": self.items(scope, items), "G": self.function(scope, callback)}
-            return self.located(node, text, F=self.need("function", path), **filled)
-        rest = args[len(function.takes) :]
-        plain = not any(arg.type == "spread_element" for arg in rest)
-        if function.numeric is not None and plain and len(rest) <= (function.arity or len(rest)):
+        rest, count = args[len(function.takes) :], arity(function.numeric) if function.numeric else None
+        if function.numeric and len(rest) <= (count or len(rest)) and not any(a.type == "spread_element" for a in rest):
             numbers = [self.number(self.term(scope, arg)) for arg in rest]
-            numbers += [name("nan")] * ((function.arity or 0) - len(numbers))
+            numbers += [name("nan")] * ((count or 0) - len(numbers))
             text, called = "F(NUMBERS) if tick(machine) else 0.0", self.need("numeric", path)
             return self.located(node, text, Kind.NUMBER, F=called, NUMBERS=numbers)
-        kind = {float: Kind.NUMBER, bool: Kind.BOOLEAN, None: Kind.ANY}[function.gives]
-        called, given = self.need("function", path), self.items(scope, rest)
-        return self.located(node, "host(machine, F, [ITEMS])", kind, F=called, ITEMS=given)
+        return self._host(scope, node, path, rest)
 
-    def _named_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Term:
-        text = text_of(function)
-        if text in CONSTRUCTORS:
-            raise Refused(node, f"write new {text}(...)")
-        if text in NO_FUNCTIONS or scope.find(function).kind != "function":
-            raise Refused(function, f"{text} is no function")
-        return self.located(node, "F(ITEMS)", F=scope.find(function).name, ITEMS=self.items(scope, args))
+    def _host(self, scope: Scope, node: Node, path: str, args: list[Node]) -> Term:
+        given = self.arguments(scope, node, args, callback_of(FUNCTIONS[path].call))
+        return self.located(node, "host(machine, F, [GIVEN])", F=self.need("function", path), GIVEN=given)
+
+    def arguments(
+        self, scope: Scope, node: Node, args: list[Node], callback: tuple[int, bool] | None
+    ) -> list[ast.expr]:
+        """The arguments of a call, of which `callback` says the index of a function and whether it must be there."""
+        at, needed = callback or (len(args), False)
+        if needed and len(args) <= at:
+            raise Refused(node, "a function is needed here, such as x => 2 * x")
+        called = [name(self.function(scope, arg)) for arg in args[at : at + 1]]
+        return [*self.items(scope, args[:at]), *called, *self.items(scope, args[at + 1 :])]
 
     def _method_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Build:
         method, path = text_of(field(function, "property")), paths.path_of(field(function, "object"))
-        if method not in METHODS or path in ROOTS:
+        if method not in CALLBACKS or path in ROOTS:
             raise Refused(function, f"{text_of(function)[:60]}() is not available")
-        if method in ("set", "fill", "sort", "reverse") and paths.WRITABLE.get(path) is False:
+        if method in ARRAY_WRITERS and paths.WRITABLE.get(path) is False:
             raise Refused(node, f"{path} can only be read")
 
         def build(value: ast.expr) -> ast.expr:
-            callback = [name(self.function(scope, arg)) for arg in args[:1]] if method in CALLBACK_METHODS else []
-            if method in CALLBACK_METHODS - {"sort"} and not callback:
-                raise Refused(node, f"{method} needs a function")
-            given = [*callback, *self.items(scope, args[len(callback) :])]
+            given = self.arguments(scope, node, args, CALLBACKS[method])
             return code("method(machine, V, METHOD, [GIVEN])", V=value, METHOD=ast.Constant(method), GIVEN=given)
 
         return build
 
     def function(self, scope: Scope, node: Node) -> str:
-        """The function that an argument is: an arrow function, or the name of one. Raises Refused for others."""
-        if node.type == "arrow_function":
+        """The function that an argument is: written there, or the name of one. Raises Refused for others."""
+        if node.type in FUNCTION_TYPES:
             return self.arrow(scope, node)
-        path = host_path(node)
+        path = function_path(node)
         if path is not None and not FUNCTIONS[path].takes:
             return self.need("callback", path)
-        if node.type == "identifier" and text_of(node) not in NO_FUNCTIONS and scope.find(node).kind == "function":
-            return scope.find(node).name
-        raise Refused(node, "a function is needed here, such as x => 2 * x")
+        if node.type != "identifier":
+            raise Refused(node, "a function is needed here, such as x => 2 * x")
+        text = text_of(node)
+        if text in CONSTRUCTORS:
+            raise Refused(node, f"write new {text}(...)")
+        if text in NO_FUNCTIONS or scope.find(node).kind != "function":
+            raise Refused(node, f"{text} is no function")
+        return scope.find(node).name
 
     @abstractmethod
     def arrow(self, scope: Scope, node: Node) -> str:
-        """The name of the Python function that an arrow function becomes; compiled with the statements."""
+        """The name of the Python function that a function becomes; compiled with the statements."""
 
     def _term_new_expression(self, scope: Scope, node: Node) -> Term:
         """`new Array(n).fill(x)` and `new Float64Array(n)`; nothing else is constructed."""
         constructor, arguments = text_of(field(node, "constructor")), node.child_by_field_name("arguments")
-        args = parts(arguments) if arguments is not None else []
-        if constructor == "Float64Array":
-            return self.located(node, "typed_array(machine, [ITEMS])", ITEMS=self.items(scope, args))
-        parent = node.parent
-        filled = parent is not None and parent.type == "member_expression"
-        filled = filled and parent is not None and text_of(field(parent, "property")) == "fill"
-        if constructor == "Array" and len(args) == 1 and args[0].type != "spread_element" and filled:
-            return self.located(node, "empty_array(machine, SIZE)", SIZE=self.value_of(scope, args[0]))
+        args, parent = parts(arguments) if arguments is not None else [], node.parent
+        filled = parent is not None and parent.type == "member_expression" and text_of(parent).endswith("fill")
+        sized = len(args) == 1 and args[0].type != "spread_element"
+        if constructor == "Float64Array" or (constructor == "Array" and sized and filled):
+            return self._host(scope, node, f"new {constructor}", args)
         raise Refused(node, "only new Array(n).fill(x) and new Float64Array(n) are available")
 
     # Assignments
@@ -436,30 +462,30 @@ class Terms(ABC):
         binding = scope.find(node)
         if binding.kind not in ("let", "var", "parameter"):
             raise Refused(node, f"{text_of(node)} is constant")
-        return Place(
-            lambda: self.variable(binding),
-            lambda new: code("(V := NEW)", V=binding.name, NEW=new),
-            binding=binding,
-        )
+
+        def write(new: Term) -> ast.expr:
+            self.stored(scope, binding, new)
+            return code("(V := NEW)", V=binding.name, NEW=new.code)
+
+        return Place(lambda: self.variable(binding), write)
 
     def _path_place(self, node: Node, path: str) -> Place:
-        def read() -> Term:
-            return self.at_path(node, path)
-
-        if key := paths.ctx_name(node, path):
-            read()
-            return Place(read, lambda new: code("put(ctx, KEY, NEW)", KEY=ast.Constant(key), NEW=new))
         if paths.NUMBERS.get(path) == "scalar" and path.removeprefix("data.") not in fields.DATA_COUNTS:
-            return Place(read, lambda new: code("WRITE(NEW)", WRITE=self.need("write scalar", path), NEW=new))
-        if path in paths.WRITABLE:
-            raise Refused(node, f"{path} is an array: assign its elements, or use .set() or .fill()")
-        raise Refused(node, f"{path} cannot be assigned")
+            template, place = "PLACE(NEW)", name(self.need("write scalar", path))
+        elif key := paths.ctx_name(node, path):
+            template, place = "put(ctx, PLACE, NEW)", ast.Constant(key)
+        else:
+            cure = "is an array: assign its elements, or use .set() or .fill()"
+            raise Refused(node, f"{path} {cure if path in paths.WRITABLE else 'cannot be assigned'}")
+        self.at_path(node, path)
+        return Place(partial(self.at_path, node, path), lambda new: code(template, PLACE=place, NEW=new.code))
 
     def _element_place(self, scope: Scope, node: Node, again: bool) -> Place:
         path = self._field_of(node)
-        if path is not None and not paths.WRITABLE[path]:
+        if path is not None and paths.WRITABLE.get(path) is False:
             raise Refused(node, f"{path} can only be read")
-        array, index = self.term(scope, field(node, "object")), self.term(scope, field(node, "index"))
+        index = self.term(scope, field(node, "index"))
+        array = Term(name("ctx")) if path == "ctx" else self.term(scope, field(node, "object"))
         begin: list[ast.expr] = []
         for term in (array, index) if again else ():
             if not isinstance(term.code, ast.Constant) and (path is None or term is index):
@@ -467,33 +493,37 @@ class Terms(ABC):
                 begin.append(first)
                 term.kind, term.code = term.kept, name(kept)
 
-        def write(new: ast.expr) -> ast.expr:
+        def write(new: Term) -> ast.expr:
+            if path == "ctx":
+                return code("write_named(ctx, INDEX, NEW)", INDEX=index.code, NEW=new.code)
             if path is None:
-                return code("write_index(V, INDEX, NEW)", V=array.code, INDEX=index.code, NEW=new)
-            return code("WRITE(INDEX, NEW)", WRITE=self.need("write", path), INDEX=index.code, NEW=new)
+                return code("write_index(V, INDEX, NEW)", V=array.code, INDEX=index.code, NEW=new.code)
+            return code("WRITE(INDEX, NEW)", WRITE=self.need("write", path), INDEX=index.code, NEW=new.code)
 
-        return Place(lambda: self._element(node, path, array.code, index), write, tuple(begin))
+        def read() -> Term:
+            if path == "ctx":
+                return self.located(node, "read_named(ctx, INDEX)", INDEX=index.code)
+            return self._element(node, path, array.code, index)
 
-    def written(self, scope: Scope, node: Node, place: Place, new: Term) -> Term:
+        return Place(read, write, tuple(begin))
+
+    def written(self, node: Node, place: Place, new: Term) -> Term:
         """The assignment of a value, which is the value of the assignment."""
-        if place.binding is not None:
-            self.stored(scope, place.binding, new)
-        made = Term(place.write(new.code), new.kept)
+        made = Term(place.write(new), new.kept)
         self.at(node, made.code)
         return made
 
     def _term_assignment_expression(self, scope: Scope, node: Node) -> Term:
         place = self.place(scope, field(node, "left"), again=False)
-        return self.written(scope, node, place, self.term(scope, field(node, "right")))
+        return self.written(node, place, self.term(scope, field(node, "right")))
 
     def _term_augmented_assignment_expression(self, scope: Scope, node: Node) -> Term:
         place = self.place(scope, field(node, "left"), again=True)
-        operator = operator_of(node, {*OPERATORS, *PYTHON, *LOGICAL})[:-1]
-        right = self.term(scope, field(node, "right"))
+        operator, right = operator_of(node, BINARY)[:-1], self.term(scope, field(node, "right"))
         if operator in LOGICAL:
-            made = self.chosen(operator, place.read(), self.written(scope, node, place, right))
+            made = self.chosen(operator, place.read(), self.written(node, place, right))
         else:
-            made = self.written(scope, node, place, self.combined(node, operator, place.read(), right))
+            made = self.written(node, place, self.combined(node, operator, place.read(), right))
         return Term(in_turn(*place.begin, made.code), made.kind)
 
     def update(self, scope: Scope, node: Node, old_value: bool) -> Term:
@@ -502,9 +532,8 @@ class Terms(ABC):
         old, kept = self.number(place.read()), ""
         if old_value:
             old, kept = self.held(old, lasts=True)
-        one = Term(ast.Constant(1.0), Kind.NUMBER)
-        new = self.combined(node, text_of(field(node, "operator"))[0], Term(old, Kind.NUMBER), one)
-        written = self.written(scope, node, place, new).code
+        new = self.combined(node, text_of(field(node, "operator"))[0], Term(old, Kind.NUMBER), constant(1.0))
+        written = self.written(node, place, new).code
         return Term(in_turn(*place.begin, written, *([name(kept)] if kept else [])), Kind.NUMBER)
 
     def _term_update_expression(self, scope: Scope, node: Node) -> Term:

@@ -7,7 +7,7 @@ arrays are Vectors, results with named parts are Records.
 import math
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -51,25 +51,32 @@ class Vector:
     def __len__(self) -> int:
         return len(self.view)
 
-    def values(self) -> list["Value"]:
-        """All elements as numbers."""
-        elements: list[Any] = self.view.tolist()
-        return list(map(float, elements)) if self.whole else elements
+    def __getitem__(self, position: int) -> float:
+        return float(self.view[position])
 
-    def part(self, start: int, end: int) -> "Vector":
+    def __setitem__(self, position: int, value: "Value") -> None:
+        """Store a value as the array's type does. Raises Trouble where it cannot be changed."""
+        if not self.writable:
+            raise Trouble(f"{self.name or 'this array'} cannot be changed")
+        self.view[position] = element(self.view, to_number(value))
+
+    def __iter__(self) -> Iterator[float]:
+        return map(float, self.view)
+
+    def part(self, places: slice) -> "Vector":
         """A view of some elements, which shares their memory."""
-        return Vector(np.asarray(self.view)[start:end], self.name, self.writable)
+        return Vector(np.asarray(self.view)[places], self.name, self.writable)
 
     def like(self, values: list["Value"]) -> "Vector":
         """A new typed array of the same type."""
         made = Vector(np.empty(len(values), np.asarray(self.view).dtype))
         for i, value in enumerate(values):
-            made.view[i] = element(self.view, to_number(value))
+            made[i] = value
         return made
 
 
-class Record(dict[str, float]):
-    """A result with named parts, such as lib.energy(), which programs only read."""
+class Record(dict[str, Any]):
+    """Named parts, which programs only read: a result such as lib.energy(), or the options of a call."""
 
 
 Object = (list, Vector, Record)
@@ -81,7 +88,7 @@ Sequence = TypeVar("Sequence", bound=str | list[Any])
 
 def items_of(array: Value) -> list[Any]:
     """The elements of an array (the array itself) or of a typed array (a copy); none of anything else."""
-    return array.values() if isinstance(array, Vector) else array if isinstance(array, list) else []
+    return list(array) if isinstance(array, Vector) else array if isinstance(array, list) else []
 
 
 def element(view: "memoryview[Any]", number: float) -> float | int:
@@ -231,22 +238,18 @@ def read_index(value: Value, index: Value) -> Value:
     position = _position(index)
     if position is None or not isinstance(value, str | list | Vector) or not 0 <= position < len(value):
         return UNDEFINED
-    return float(value.view[position]) if isinstance(value, Vector) else value[position]
+    return value[position]
 
 
 def write_index(value: Value, index: Value, new: Value) -> Value:
     """`value[index] = new`, as the array's type stores it; out of range is an error, where a browser ignores it."""
     if not isinstance(value, list | Vector):
         raise Trouble(f"elements of {to_string(value)[:40]} cannot be assigned")
-    position, name = _position(index), value.name if isinstance(value, Vector) else ""
-    if isinstance(value, Vector) and not value.writable:
-        raise Trouble(f"{name or 'this array'} cannot be changed")
+    position = _position(index)
     if position is None or not 0 <= position < len(value):
-        raise Trouble(f"index {to_string(index)} is outside {name or 'the array'}, which has {len(value)} elements")
-    if isinstance(value, Vector):
-        value.view[position] = element(value.view, to_number(new))
-    else:
-        value[position] = new
+        name = (isinstance(value, Vector) and value.name) or "the array"
+        raise Trouble(f"index {to_string(index)} is outside {name}, which has {len(value)} elements")
+    value[position] = new
     return new
 
 
@@ -297,13 +300,11 @@ def strictly_equal(left: Value, right: Value) -> bool:
 
 def loosely_equal(left: Value, right: Value) -> bool:
     """`left == right`."""
-    if left is None or left is UNDEFINED:
-        return right is None or right is UNDEFINED
-    if right is None or right is UNDEFINED:
-        return False
-    both_objects = isinstance(left, Object) and isinstance(right, Object)
-    if both_objects or type(left) is type(right):
-        return strictly_equal(left, right)
+    missing = [value is None or value is UNDEFINED for value in (left, right)]
+    if any(missing):
+        return all(missing)
+    if isinstance(left, Object) and isinstance(right, Object):
+        return left is right
     left, right = to_primitive(left), to_primitive(right)
     return left == right if type(left) is type(right) else to_number(left) == to_number(right)
 

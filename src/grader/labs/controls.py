@@ -33,10 +33,6 @@ def chosen_values(config: LabConfig, given: Mapping[str, Given]) -> dict[str, Op
     }
 
 
-def _checked(control: Slider | Select, given: Given) -> OptionValue:
-    return _slider(control, given) if isinstance(control, Slider) else _select(control, given)
-
-
 def _default(control: Slider | Select) -> OptionValue:
     """Where the author put the control; the first option where that is not said."""
     default = control.options[0][1] if isinstance(control, Select) else control.value
@@ -50,22 +46,20 @@ def extreme_values(control: Slider | Select) -> list[Given]:
     return [text for text, _ in control.options]
 
 
-def _slider(control: Slider, given: Given) -> float:
+def _checked(control: Slider | Select, given: Given) -> OptionValue:
+    if isinstance(control, Select):
+        for text, value in control.options:
+            if given == text or (given == value and isinstance(given, bool) == isinstance(value, bool)):
+                return value
+        options = ", ".join(text for text, _ in control.options)
+        raise LabRefused(f"{control.label} must be one of: {options}.")
     text = f"{control.label} must be a number from {_text(control.min)} to {_text(control.max)}"
     if isinstance(given, bool) or not isinstance(given, int | float) or not control.min <= given <= control.max:
         raise LabRefused(f"{text}.")
-    steps = (given - control.min) / control.step
+    steps = (given - control.min) / control.step if control.step is not None else 0.0
     if abs(steps - round(steps)) > STEP_TOLERANCE and given not in (control.value, control.max):
-        raise LabRefused(f"{text}, in steps of {_text(control.step)}.")
+        raise LabRefused(f"{text}, in steps of {_text(control.step or 0)}.")
     return float(given)
-
-
-def _select(control: Select, given: Given) -> OptionValue:
-    for text, value in control.options:
-        if given == text or (given == value and isinstance(given, bool) == isinstance(value, bool)):
-            return value
-    options = ", ".join(text for text, _ in control.options)
-    raise LabRefused(f"{control.label} must be one of: {options}.")
 
 
 def _text(number: float) -> str:
@@ -90,16 +84,10 @@ def control_faults(config: LabConfig, where: str) -> Iterator[Fault]:
             yield Fault("", f"{place}.label", f"two controls are called {control.label!r}: give each its own label")
         seen.add(control.label)
         if isinstance(control, Slider):
-            yield from _slider_faults(control, place)
-        elif isinstance(control, Select):
-            values = [value for _, value in control.options]
-            if control.value is not None and control.value not in values:
-                yield Fault("", f"{place}.value", f"{control.value!r} is the value of no option")
-
-
-def _slider_faults(control: Slider, place: str) -> Iterator[Fault]:
-    numbers = (control.min, control.max, control.step, control.value)
-    if not all(map(isfinite, numbers)) or not control.min < control.max:
-        yield Fault("", f"{place}.min", "min must be below max")
-    elif not control.min <= control.value <= control.max:
-        yield Fault("", f"{place}.value", f"{control.value:g} is outside {control.min:g}..{control.max:g}")
+            numbers = (control.min, control.max, control.step or 1.0, control.value)
+            if not all(map(isfinite, numbers)) or not control.min < control.max:
+                yield Fault("", f"{place}.min", "min must be below max")
+            elif not control.min <= control.value <= control.max:
+                yield Fault("", f"{place}.value", f"{control.value:g} is outside {control.min:g}..{control.max:g}")
+        elif isinstance(control, Select) and control.value not in (None, *(value for _, value in control.options)):
+            yield Fault("", f"{place}.value", f"{control.value!r} is the value of no option")

@@ -16,24 +16,23 @@ COMPILED_MAX = 256
 
 
 @dataclass(frozen=True)
-class Setter:
-    """A slider or select with the programs that take its value to the model, the data or `ctx`."""
-
-    control: Slider | Select
-    programs: tuple[Program, ...]
-
-
-@dataclass(frozen=True)
 class LabPrograms:
-    """Everything of a lab that runs. `shown` are the readouts, the traces of the plots and the trail, in this order."""
+    """Everything of a lab that runs.
 
-    setup: Program | None
-    setters: tuple[Setter, ...]
+    `setters` take the value of a slider or select to the model, the data or `ctx`. `shown` are the readouts, the traces
+    of the plots and the trail, in this order.
+    """
+
+    setup: Program
+    setters: tuple[tuple[Slider | Select, tuple[Program, ...]], ...]
     buttons: dict[str, Program]
     controller: Program | None
     stop: Program | None
     shown: tuple[Program, ...]
     reference_lines: tuple[tuple[Program | None, ...], ...]
+
+
+NOTHING = compile_program("", "statement", "")
 
 
 class _Compiler:
@@ -47,54 +46,51 @@ class _Compiler:
         if not held:
             self.faults.append(Fault("", f"{self.where}.{place}", why))
 
-    def program(self, text: str | None, kind: ProgramKind, place: str) -> Program | None:
-        if text is None:
-            return None
+    def program(self, place: str, text: str, kind: ProgramKind = "expression") -> Program:
+        """The program of a text; one that does nothing where the text has a fault."""
         try:
             return compile_program(text, kind, f"{self.where}.{place}")
         except ContentError as error:
             self.faults.extend(error.faults)
-            return None
+            return NOTHING
 
-    def setter(self, control: Slider | Select, place: str) -> Setter:
-        texts = {"apply": control.apply}
-        if control.set is not None:
-            self.demand(PATH.fullmatch(control.set), f"{place}.set", "is not a path such as model.opt.timestep")
-            texts["set"] = f"{control.set} = value"
-        if control.param is not None:
-            self.demand(PARAMETER.fullmatch(control.param), f"{place}.param", "is not a name such as kp")
-            texts["param"] = f"ctx.{control.param} = value"
-        self.demand(
-            any(text is not None for text in texts.values()), place, "changes nothing: give it set, apply or param"
-        )
-        found = [self.program(text, "statement", f"{place}.{key}") for key, text in texts.items()]
-        return Setter(control, tuple(filter(None, found)))
+    def setter(self, place: str, control: Slider | Select) -> tuple[Program, ...]:
+        path, parameter = control.set, control.param
+        self.demand(path is None or PATH.fullmatch(path), f"{place}.set", "is not a path such as model.opt.timestep")
+        self.demand(parameter is None or PARAMETER.fullmatch(parameter), f"{place}.param", "is not a name such as kp")
+        texts = {
+            "apply": control.apply,
+            "set": None if path is None else f"{path} = value",
+            "param": None if parameter is None else f"ctx.{parameter} = value",
+        }
+        given = {key: text for key, text in texts.items() if text is not None}
+        self.demand(given, place, "changes nothing: give it set, apply or param")
+        return tuple(self.program(f"{place}.{key}", text, "statement") for key, text in given.items())
 
     def shown(self, config: LabConfig) -> tuple[Program, ...]:
         texts = {f"readouts.{i}.expr": readout.expr for i, readout in enumerate(config.readouts)}
         for i, plot in enumerate(config.plots):
             texts |= {f"plots.{i}.traces.{j}.expr": trace.expr for j, trace in enumerate(plot.traces)}
-        programs = [self.program(text, "expression", place) for place, text in texts.items()]
-        return tuple(filter(None, [*programs, self.trail(config.trail)]))
+        return tuple(self.program(place, text) for place, text in (texts | self.trail(config.trail)).items())
 
-    def trail(self, trail: Any) -> Program | None:
+    def trail(self, trail: Any) -> dict[str, str]:
         """The point that leaves a trail: `{"site" | "body" | "geom": name}`, `{"expr"}`, or the name of a site."""
         named = {"site": trail} if isinstance(trail, str) else trail
         if not isinstance(named, dict):
             self.demand(trail in (None, True, False), "trail", 'is not a trail such as {"site": "tip"}')
-            return None
+            return {}
         for kind in ("site", "body", "geom"):
             if isinstance(named.get(kind), str):
-                return self.program(f"lib.{kind}Pos({json.dumps(named[kind])})", "expression", "trail")
+                return {"trail": f"lib.{kind}Pos({json.dumps(named[kind])})"}
         text = named.get("expr")
         self.demand(isinstance(text, str), "trail", "names no point: give site, body, geom or expr")
-        return self.program(text, "expression", "trail.expr") if isinstance(text, str) else None
+        return {"trail.expr": text} if isinstance(text, str) else {}
 
-    def reference_line(self, line: Any, place: str) -> Program | None:
+    def reference_line(self, place: str, line: Any) -> Program | None:
         """A line at a height that an expression gives: a text, or an object with `expr`."""
         if isinstance(line, dict):
             line, place = line.get("expr"), f"{place}.expr"
-        return self.program(line, "expression", place) if isinstance(line, str) else None
+        return self.program(place, line) if isinstance(line, str) else None
 
 
 @dataclass(frozen=True)
@@ -117,22 +113,19 @@ def lab_programs(config: LabConfig, where: str = "lab") -> LabPrograms:
 def _compiled(lab: _Lab, where: str) -> LabPrograms:
     config, c = lab.config, _Compiler(where)
     controls = [(f"controls.{i}", control) for i, control in enumerate(config.controls)]
-    setup = c.program(config.setup, "statement", "setup")
-    setters = tuple(c.setter(control, place) for place, control in controls if not isinstance(control, Button))
-    pressed = {
-        control.label: c.program(control.run, "statement", f"{place}.run")
-        for place, control in controls
-        if isinstance(control, Button)
-    }
     made = LabPrograms(
-        setup=setup,
-        setters=setters,
-        buttons={label: program for label, program in pressed.items() if program is not None},
-        controller=c.program(config.controller, "statement", "controller"),
-        stop=c.program(config.stopAt, "expression", "stopAt") if isinstance(config.stopAt, str) else None,
+        setup=c.program("setup", config.setup or "", "statement"),
+        setters=tuple((one, c.setter(place, one)) for place, one in controls if not isinstance(one, Button)),
+        buttons={
+            one.label: c.program(f"{place}.run", one.run, "statement")
+            for place, one in controls
+            if isinstance(one, Button)
+        },
+        controller=None if config.controller is None else c.program("controller", config.controller, "statement"),
+        stop=c.program("stopAt", config.stopAt) if isinstance(config.stopAt, str) else None,
         shown=c.shown(config),
         reference_lines=tuple(
-            tuple(c.reference_line(line, f"plots.{i}.refLines.{j}") for j, line in enumerate(plot.refLines))
+            tuple(c.reference_line(f"plots.{i}.refLines.{j}", line) for j, line in enumerate(plot.refLines))
             for i, plot in enumerate(config.plots)
         ),
     )

@@ -4,22 +4,26 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from math import ceil, isfinite
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from grader.domain.lab import LabConfig, OptionValue
+from grader.domain.lab import LabConfig, OptionValue, Select, Slider
 from grader.errors import LabError, LabRefused
-from grader.expressions import Machine, Program, Run, Value, Vector, to_boolean
+from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Given, as_value, chosen_values
-from grader.labs.programs import LabPrograms, Setter, lab_programs
-from grader.labs.record import LabRun, describe_geom, drawn_geoms, noted
+from grader.labs.programs import LabPrograms, lab_programs
+from grader.labs.record import LabRun
+from grader.numerics.drawing import drawn_geoms, overlays_of
 from grader.numerics.scene import FULL_STATE, Scene
+from grader.numerics.stepping import raised
 from grader.numerics.workspace import Workspace
 
-SECONDS_DEFAULT = 3.0
+SECONDS_TO_WATCH, SECONDS_OF_A_PLOT, SECONDS_TO_READ = 3.0, 5.0, 10.0
+"""The length of a run of which the author says nothing: a bare scene, a plot, something to read or to set."""
+
 SECONDS_MAX = 60.0
 EVENTS_MAX = 1000
 STEPS_MAX = 200_000
@@ -34,8 +38,8 @@ Event = tuple[float, str]
 class Variant:
     """The same lab, slightly different, for certificates.
 
-    Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m], a
-    frame for every step.
+    Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m]; with
+    `every_step` a frame for every step, without poses.
     """
 
     integrator: int | None = None
@@ -47,37 +51,36 @@ class Variant:
 SAME = Variant()
 
 
-@dataclass
 class Running:
-    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state."""
+    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state.
 
-    workspace: Workspace
-    programs: LabPrograms
-    presses: deque[tuple[float, Program]]
-    record: LabRun
-    every_step: bool = False
-    elapsed: float = 0.0
+    It begins with the keyframe, the controls, `setup`, and the controls with `init` once more.
+    """
 
-    def __post_init__(self) -> None:
-        self.model, self.data = self.workspace.model, self.workspace.data
-        self.machine = Machine(self.model, self.data)
-        self.saved = np.empty(mujoco.mj_stateSize(self.model, FULL_STATE))
-        self.shown: list[Run] = [program.bind(self.machine) for program in self.programs.shown]
-
-    def start(self, values: Mapping[str, OptionValue]) -> None:
-        """Controls, setup, controls with `init`; then the positions that belong to the state."""
-        self._set(values, self.programs.setters)
-        if self.programs.setup is not None:
-            self.programs.setup.run(self.machine)
-        self._set(values, [setter for setter in self.programs.setters if setter.control.init])
+    def __init__(self, programs: LabPrograms, config: LabConfig, xml: str, values: Mapping[str, OptionValue]) -> None:
+        scene = Scene.from_xml(xml, key=config.key)
+        workspace = Workspace(scene.model)
+        self.programs = programs
+        self.model, self.data, self.counts = workspace.model, workspace.data, workspace.counts
+        self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+        mujoco.mj_setState(self.model, self.data, scene.start_vector, FULL_STATE)
+        self.machine, self.saved = Machine(self.model, self.data), scene.start_vector.copy()
+        self.shown: list[Run] = [program.bind(self.machine) for program in programs.shown]
+        self.presses: deque[tuple[float, Program]] = deque()
+        self.every_step, self.elapsed = False, 0.0
+        self.overlays = overlays_of(config.over_the_scene)
+        self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
+        self._set(values, lambda _: True)
+        programs.setup.run(self.machine)
+        self._set(values, lambda control: control.init)
         self._forward()
-        self.geoms = drawn_geoms(self.model)
-        self.record.geoms = [describe_geom(self.model, geom) for geom in self.geoms]
+        drawn = drawn_geoms(self.model)
+        self.geoms, self.record.geoms = list(drawn), list(drawn.values())
 
-    def _set(self, values: Mapping[str, OptionValue], setters: Sequence[Setter]) -> None:
-        for setter in setters:
-            for program in setter.programs:
-                program.run(self.machine, as_value(values[setter.control.label]))
+    def _set(self, values: Mapping[str, OptionValue], wanted: Callable[[Slider | Select], bool]) -> None:
+        for control, programs in self.programs.setters:
+            for program in programs if wanted(control) else ():
+                program.run(self.machine, as_value(values[control.label]))
 
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
@@ -109,7 +112,8 @@ class Running:
         while self.elapsed < duration * (1 - 1e-9):
             h = float(self.model.opt.timestep)
             frame = 1 if self.every_step else max(1, round(1 / (FRAMES_PER_SECOND * h)))
-            count = min(frame, _steps_until(duration, self.elapsed, h), self._steps_to_press(h))
+            moment = self.presses[0][0] if self.presses else duration
+            count = min(frame, max(1, ceil((moment - self.elapsed) / h - 1e-6)))
             if self.record.steps + count > STEPS_MAX:
                 raise LabRefused(f"{duration:g} s at this timestep take more than {STEPS_MAX} steps.")
             stopped = self._step_singly(count) if each_step else self._step_chunk(count, h)
@@ -118,19 +122,17 @@ class Running:
             if stopped:
                 return
 
-    def _steps_to_press(self, h: float) -> int:
-        return _steps_until(self.presses[0][0], self.elapsed, h) if self.presses else STEPS_MAX
-
     def _press(self) -> None:
         """Buttons whose time has come."""
         while self.presses and self.presses[0][0] <= self.elapsed + 1e-9:
             self.presses.popleft()[1].run(self.machine)
+            self._forward()
 
     def _step_chunk(self, count: int, h: float) -> bool:
         """Steps in C; where one warned, the chunk is done again step by step to learn which."""
         mujoco.mj_getState(self.model, self.data, self.saved, FULL_STATE)
         self._call(mujoco.mj_step, nstep=count)
-        if self.workspace.counts.any():
+        if self.counts.any():
             mujoco.mj_resetData(self.model, self.data)
             mujoco.mj_setState(self.model, self.data, self.saved, FULL_STATE)
             return self._step_singly(count)
@@ -157,37 +159,48 @@ class Running:
 
     def _note_warnings(self) -> None:
         """Record what MuJoCo warned of."""
-        self.record.warnings += noted(self.workspace.counts, self.elapsed)
+        self.record.warnings += raised(self.counts, self.elapsed)
         del self.record.warnings[WARNINGS_MAX:]
 
     def _keep_frame(self) -> None:
         self.record.duration_s = self.elapsed
         self.record.times.append(self.elapsed)
-        self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
-        self.record.rows.append([_kept(run()) for run in self.shown])
+        if not self.every_step:  # a certificate shows nobody where the geoms are
+            self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
+            for name, drawn in self.overlays:
+                self.record.overlays.setdefault(name, []).append(drawn(self.model, self.data))
+        self.record.rows.append([self._value(i, run) for i, run in enumerate(self.shown)])
+
+    def _value(self, index: int, run: Run) -> Value:
+        """What is shown; undefined where it cannot be computed, which does not end the run."""
+        try:
+            return _kept(run())
+        except LabError as error:
+            first, times = self.record.failed.get(index, (error, 0))
+            self.record.failed[index] = (first, times + 1)
+            return UNDEFINED
 
     def finish(self) -> None:
         """The lines whose height is an expression get it from the end of the run."""
-        self.record.reference_lines = [
-            list(map(self._reference_line, plot.refLines, programs))
-            for plot, programs in zip(self.record.config.plots, self.programs.reference_lines, strict=True)
-        ]
+        lines = count(len(self.shown))
+        for plot, programs in zip(self.record.config.plots, self.programs.reference_lines, strict=True):
+            drawn = [
+                line
+                if program is None
+                else (line if isinstance(line, dict) else {})
+                | {"y": _height(self._value(next(lines), program.bind(self.machine)))}
+                for line, program in zip(plot.refLines, programs, strict=True)
+            ]
+            self.record.reference_lines.append(drawn)
 
-    def _reference_line(self, line: Any, program: Program | None) -> Any:
-        if program is None:
-            return line
-        height = program.run(self.machine)
-        y = height if isinstance(height, float) and isfinite(height) else None
-        return {**line, "y": y} if isinstance(line, dict) else {"y": y}
 
-
-def _steps_until(moment: float, elapsed: float, h: float) -> int:
-    return max(1, ceil((moment - elapsed) / h - 1e-6))
+def _height(value: Value) -> float | None:
+    return value if isinstance(value, float) and isfinite(value) else None
 
 
 def _kept(value: Value) -> Value:
     """A value that later steps do not change."""
-    return value.values() if isinstance(value, Vector) else list(value) if isinstance(value, list) else value
+    return list(value) if isinstance(value, list | Vector) else value
 
 
 def run_lab(
@@ -204,18 +217,18 @@ def run_lab(
 
     Order: the keyframe, every control's value, `setup`, the controls with `init` once more. `controller` runs before
     every step. When MuJoCo resets a state that diverged, the run goes on from there, as in a browser, and the warning
-    is recorded. Lasts `seconds`, else `stopAt`, else the widest plot, else 3 s. `where` names the lab in errors.
+    is recorded. Lasts `seconds`, else as `length_s` says. What is shown and fails is undefined, and noted in `failed`.
+    `where` names the lab in errors.
 
-    Raises LabRefused for control values, events or lengths that are not allowed, LabError where an expression
+    Raises LabRefused for control values, events or lengths that are not allowed, LabError where another expression
     fails, ContentError where one cannot be compiled, ValueError where MuJoCo cannot compile the model.
     """
     began = time.perf_counter()
     programs, values = lab_programs(config, where), chosen_values(config, controls or {})
     duration = _duration(config, seconds)
     presses = _presses(programs, events, duration)
-    used = {label: list(value) if isinstance(value, tuple) else value for label, value in values.items()}
-    running = Running(start_workspace(config, xml), programs, presses, LabRun(config, used))
-    running.start(values)
+    running = Running(programs, config, xml, values)
+    running.presses, running.record.seconds = presses, duration
     running.vary(variant)
     prepared = time.perf_counter()
     running.go(duration)
@@ -227,23 +240,8 @@ def run_lab(
 
 def lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Given] | None = None) -> Scene:
     """The scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
-    running = Running(start_workspace(config, xml), lab_programs(config), deque(), LabRun(config, {}))
-    running.start(chosen_values(config, controls or {}))
-    data = running.data
+    data = (running := Running(lab_programs(config), config, xml, chosen_values(config, controls or {}))).data
     return Scene.of_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
-
-
-def start_workspace(config: LabConfig, xml: str) -> Workspace:
-    """A model and a data of the lab's own, at its keyframe. Raises KeyError for an unknown keyframe."""
-    scene = Scene.from_xml(xml)
-    workspace = Workspace(scene.model)
-    workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-    if config.key is None:
-        mujoco.mj_resetData(workspace.model, workspace.data)
-    else:
-        key = scene.id_of(mujoco.mjtObj.mjOBJ_KEY, config.key)
-        mujoco.mj_resetDataKeyframe(workspace.model, workspace.data, key)
-    return workspace
 
 
 def _duration(config: LabConfig, seconds: float | None) -> float:
@@ -252,10 +250,21 @@ def _duration(config: LabConfig, seconds: float | None) -> float:
         if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
             raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
         return seconds
+    return length_s(config)
+
+
+def length_s(config: LabConfig) -> float:
+    """How long the lab runs where the caller does not say [s].
+
+    Its `seconds`, else `stopAt`, else the widest plot, else 10 s with something to read or to set, and 3 s without.
+    """
+    if config.seconds is not None:
+        return config.seconds
     if isinstance(config.stopAt, float | int):
         return min(float(config.stopAt), SECONDS_MAX)
-    windows = [plot.window for plot in config.plots if plot.window is not None]
-    return min(max(windows, default=SECONDS_DEFAULT), SECONDS_MAX)
+    windows = [plot.window or SECONDS_OF_A_PLOT for plot in config.plots]
+    otherwise = SECONDS_TO_READ if config.readouts or config.controls else SECONDS_TO_WATCH
+    return min(max(windows, default=otherwise), SECONDS_MAX)
 
 
 def _presses(programs: LabPrograms, events: Sequence[Event], duration: float) -> deque[tuple[float, Program]]:

@@ -1,13 +1,14 @@
 """Checks a lab when content is loaded: its programs are compiled, and it is tried."""
 
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 from grader.domain.lab import IntegratorsLab, LabConfig
 from grader.errors import ContentError, Fault, LabError, LabRefused
 from grader.labs.comparison import check_setting, run_integrators
 from grader.labs.controls import Given, control_faults, extreme_values, settable
 from grader.labs.programs import lab_programs
+from grader.labs.record import LabRun
 from grader.labs.runs import Event, run_lab
 
 SECONDS_AT_EXTREMES = 0.2
@@ -26,18 +27,34 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         return [*faults, *error.faults]
     if faults:
         return faults
-    whole = _tried(partial(run_lab, config, xml, where=where), where)
+    runs: list[LabRun] = []
+
+    def tried(*settings: Any, setting: str = "") -> list[Fault]:
+        return _tried(lambda: runs.append(run_lab(config, xml, *settings, where=where)), where, setting=setting)
+
+    whole = tried()
     if whole:
         return whole
-    trials: list[tuple[dict[str, Given], list[Event]]] = [
-        ({control.label: value}, []) for control in settable(config) for value in extreme_values(control)
+    trials: list[tuple[str, dict[str, Given], list[Event]]] = [
+        (f"{control.label} = {value}", {control.label: value}, [])
+        for control in settable(config)
+        for value in extreme_values(control)
     ]
-    trials += [({}, [(0.0, label)]) for label in programs.buttons]
-    for controls, events in trials:
-        run = partial(run_lab, config, xml, controls, events, SECONDS_AT_EXTREMES, where=where)
-        found = _tried(run, where, setting=_with(controls, events))
+    trials += [(f"{label} pressed", {}, [(0.0, label)]) for label in programs.buttons]
+    for setting, controls, events in trials:
+        found = tried(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
         faults += [fault for fault in found if fault not in faults]
-    return faults
+    return [*faults, *_never_shown(runs)]
+
+
+def _never_shown(runs: list[LabRun]) -> list[Fault]:
+    """What is shown in the lab and cannot be computed in any frame of any run."""
+    first, *others = runs
+    return [
+        Fault("", error.key, error.why)
+        for index, (error, _) in first.failed.items()
+        if all(run.never_gave(index) for run in (first, *others))
+    ]
 
 
 def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
@@ -65,9 +82,3 @@ def _tried(
     except ValueError as error:
         return [Fault("", where + model, "does not compile: " + " ".join(str(error).split()))]
     return []
-
-
-def _with(controls: dict[str, Given], events: list[Event]) -> str:
-    """Under which setting a run failed."""
-    settings = [f"{label} = {value}" for label, value in controls.items()] + [f"{label} pressed" for _, label in events]
-    return f" (with {', '.join(settings)})" if settings else ""

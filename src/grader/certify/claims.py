@@ -1,0 +1,50 @@
+"""Decides whether a claim about the history of a run is true."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import inf, isfinite
+from typing import Any
+
+from grader.certify.experiments import LabRun, to_boolean, to_number
+from grader.domain.verify import Claim, When
+
+TIME_SLACK_S = 1e-9
+"""Rounding of sums of timesteps."""
+
+
+def as_claim(text: str | Claim, when: When) -> Claim:
+    """The claim that an expression stands for: it is true at `when`."""
+    return text if isinstance(text, Claim) else Claim(expr=text, when=when)
+
+
+def truth_of(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
+    """Whether the claim holds in a run in which its expression had these values, a value a frame.
+
+    Also returns the number that was counted or measured: None where there is none, as for the first time of what never
+    happened. Such a claim is false.
+    """
+    until = inf if claim.until is None else claim.until + TIME_SLACK_S
+    inside = [
+        value for time, value in zip(run.times, values, strict=True) if claim.since - TIME_SLACK_S <= time <= until
+    ]
+    if not inside:
+        return False, None
+    if claim.when in ("end", "always", "ever"):
+        truths = list(map(to_boolean, inside))
+        return (truths[-1] if claim.when == "end" else all(truths) if claim.when == "always" else any(truths)), None
+    found = _number_of(claim, run, inside)
+    if found is None or not isfinite(found):
+        return False, None
+    low = -inf if claim.at_least is None else claim.at_least
+    high = inf if claim.at_most is None else claim.at_most
+    return low <= found <= high, found
+
+
+def _number_of(claim: Claim, run: LabRun, inside: Sequence[Any]) -> float | None:
+    if claim.when in ("max", "min"):
+        return (max if claim.when == "max" else min)(map(to_number, inside))
+    truths = list(map(to_boolean, inside))
+    if claim.when == "times":
+        return float(sum(now and not before for before, now in pairwise(truths)))
+    times = [time for time in run.times if time >= claim.since - TIME_SLACK_S]
+    return next((time for time, true in zip(times, truths, strict=False) if true), None)
