@@ -17,21 +17,34 @@ from grader.api.problems import problem, problem_of, problem_of_unexpected
 from grader.api.rate import RateLimit, address_of
 from grader.api.scopes import scope_of
 from grader.errors import CallerError, Forbidden, Unauthorized
-from grader.identity import FAILED, Identity, Recalled, authenticate
+from grader.identity import FAILED, Identity, Recalled, Role, authenticate
+from grader.identity import Scope as TokenScope
 from grader.store.database import Database, driver_error, is_away
 
 log = structlog.get_logger()
 
 PREFIX = "/api/v1"
 SUBMISSIONS = f"{PREFIX}/submissions"
+ON_BEHALF = f"{PREFIX}/lms/submissions"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DEFAULT_PORTS = {"http": 80, "https": 443}
 
 PAGE_BODY_BYTES_MAX = 64 * 1024
 """Largest body outside /api/v1, where bodies are forms and prose."""
 
+ANSWERS = "/quizzes/"
+"""Where pages send answers as forms."""
+
+ANSWER_BODY_BYTES_MAX = 800 * 1024
+"""Largest such form: a script of 256 KB, of which a form writes most signs with three."""
+
+FOREIGN_FORMS = ("/lti/login", "/lti/launch")
+"""Where learning platforms let the browser post to: a signed token and the login that it answers prove them."""
+
 BYTES_PER_REQUEST = 1024
 """Bytes of such a body that count as one more request: the time to parse it grows with them."""
+BYTES_PER_ANSWER = 16 * 1024
+"""The same for a form with an answer, which is parsed outside the event loop."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +117,9 @@ class AdmissionMiddleware:
                 raise
             identity = None
         else:
-            self.rules.by_user.spend(identity.id, cost_of(scope, headers))
-        by_browser = any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
-        forgeable = identity.by_cookie if identity is not None and is_api(scope) else by_browser
-        if scope["method"] not in SAFE_METHODS and forgeable and not self._is_same_origin(scope, headers):
+            if not counts_by_learner(scope, identity):
+                self.rules.by_user.spend(identity.id, cost_of(scope, headers))
+        if is_forgeable(scope, headers, identity) and not self._is_same_origin(scope, headers):
             raise Forbidden("A browser may send this from the service's own pages only.")
         if identity is not None and identity.scopes is not None and is_api(scope):
             identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
@@ -138,7 +150,7 @@ class AdmissionMiddleware:
 
     def _limit_body(self, scope: Scope, headers: Headers, receive: Receive) -> Receive:
         """Wraps `receive` to raise 413 as soon as a body is known to be too large."""
-        bytes_max = self.rules.body_bytes_max if is_api(scope) else PAGE_BODY_BYTES_MAX
+        bytes_max = self.rules.body_bytes_max if is_api(scope) else page_bytes_max(scope)
         received = 0
         announced = headers.get("content-length", "")
 
@@ -159,9 +171,29 @@ def is_api(scope: Scope) -> bool:
     return path == PREFIX or path.startswith(f"{PREFIX}/")
 
 
+def page_bytes_max(scope: Scope) -> int:
+    """The largest body outside /api/v1 at a path."""
+    path: str = scope["path"]
+    return ANSWER_BODY_BYTES_MAX if path.startswith(ANSWERS) else PAGE_BODY_BYTES_MAX
+
+
+def is_forgeable(scope: Scope, headers: Headers, identity: Identity | None) -> bool:
+    """Whether another site could make a browser send this request, with the user's cookies, to change something."""
+    if scope["method"] in SAFE_METHODS or scope["path"] in FOREIGN_FORMS:
+        return False
+    by_browser = any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
+    return identity.by_cookie if identity is not None and is_api(scope) else by_browser
+
+
 def hands_in(scope: Scope) -> bool:
     """Whether the request hands in an answer."""
-    return bool(scope["method"] == "POST" and scope["path"] == SUBMISSIONS)
+    return bool(scope["method"] == "POST" and scope["path"] in (SUBMISSIONS, ON_BEHALF))
+
+
+def counts_by_learner(scope: Scope, identity: Identity) -> bool:
+    """Whether a service hands in for a learner: the route counts such requests, by the learner whom the body names."""
+    may = identity.role is Role.SERVICE and (identity.scopes is None or TokenScope.LMS in identity.scopes)
+    return may and hands_in(scope) and scope["path"] == ON_BEHALF
 
 
 async def authenticate_again(scope: Scope, database: Database) -> None:
@@ -171,12 +203,14 @@ async def authenticate_again(scope: Scope, database: Database) -> None:
 
 
 def cost_of(scope: Scope, headers: Headers) -> int:
-    """How many requests this one counts as: outside /api/v1 one more for each KB of its body."""
+    """How many requests this one counts as: outside /api/v1 one more for each KB of its body, or 16 KB of an answer."""
     if is_api(scope):
         return 1
+    bytes_max = page_bytes_max(scope)
+    unit = BYTES_PER_REQUEST if bytes_max == PAGE_BODY_BYTES_MAX else BYTES_PER_ANSWER
     announced = headers.get("content-length", "0")
     is_known = announced.isdecimal() and "transfer-encoding" not in headers
-    return 1 + min(int(announced) if is_known else PAGE_BODY_BYTES_MAX, PAGE_BODY_BYTES_MAX) // BYTES_PER_REQUEST
+    return 1 + min(int(announced) if is_known else bytes_max, bytes_max) // unit
 
 
 def origin_of(url: str) -> tuple[str, str | None, int | None] | None:

@@ -11,12 +11,14 @@ from pydantic import SecretStr
 from grader.api.admission import identity_in
 from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
+from grader.api.rate import RateLimit
 from grader.api.readiness import Readiness
 from grader.content import Contents
 from grader.courses.desk import Desk
 from grader.courses.handing_in import Answer
 from grader.courses.pseudonyms import Blinding
 from grader.identity import Identity, Role
+from grader.lms.tool import Tool
 from grader.store.database import Database
 from grader.store.writer import Writer
 
@@ -38,11 +40,17 @@ class Context:
     writer: Writer[Answer]
     blinding: Blinding
     readiness: Readiness
+    by_user: RateLimit
+    """What requests with a token or session are counted by. For the event loop."""
     exposition: Callable[[], bytes]
     """Makes the document of /metrics."""
     metrics_token: SecretStr | None = None
     public_origin: str | None = None
     """Where browsers reach the service; None on loopback."""
+    private_hosts: tuple[str, ...] = ()
+    """Hosts of webhooks that are allowed although they are not public."""
+    tool: Tool | None = None
+    """The LTI tool; None without the packages of the extra `lti`."""
     gradebooks: Bodies = field(default_factory=lambda: Bodies(GRADEBOOKS_KEPT))
     statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
 

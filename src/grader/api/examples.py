@@ -43,6 +43,16 @@ LISTED = {
     "id": SUBMISSION, "quiz": "1.3-check", "question": "q2", "learner": LEARNER, "user": "ada", "status": "graded",
     "attempt": 1, "created_at": AT, "revision": 1, "verdict": VERDICT, "withheld": None,
 }  # fmt: skip
+LMS = "https://moodle.example.org"
+PLATFORM = {
+    "id": 1, "name": "Moodle", "issuer": LMS, "client_id": "7QeqkUdFHNNvY3P", "login_url": f"{LMS}/mod/lti/auth.php",
+    "token_url": f"{LMS}/mod/lti/token.php", "keys_url": f"{LMS}/mod/lti/certs.php", "origins": [LMS],
+    "approved": True, "deployments": [{"deployment_id": "1", "approved": True}],
+}  # fmt: skip
+LTI_CONTEXT = {
+    "id": 1, "platform": "Moodle", "title": "Robotics", "course": "robotics", "wanted": None, "wanted_by": None,
+    "has_roster": True,
+}  # fmt: skip
 GRADED = LISTED | {"answer": "5 s", "seed": None}
 QUEUED = GRADED | {
     "quiz": "1.3-exercises", "question": "rk4-step", "status": "queued", "revision": 0, "verdict": None,
@@ -90,7 +100,16 @@ QUIZ = {
 SUMMARY = {"id": "1.3-check", "title": "Knowledge check", "questions": 7, "points": 7.0, "opens": None, "due": LATER}
 
 EXTENSION = {"learner": LEARNER, "user": "ada", "due": LATER, "until": None, "attempts": 1, "granted_by": "tina"}
-MEMBER = {"id": LEARNER, "name": "ada", "role": "student", "way_in": "name", "created_at": AT}
+EXTERNAL = {"namespace": "school", "id": "s1815"}
+MEMBER = {
+    "id": LEARNER,
+    "name": "ada",
+    "role": "student",
+    "way_in": "lms",
+    "created_at": AT,
+    "learner": EXTERNAL,
+    "email": "ada@school.example",
+}
 INVITATION = {
     "id": "a47870f6d857398a", "name": "ada", "member": LEARNER, "role": "student",
     "url": "https://grader.example/signin?code=gri_a47870f6d857398a_...", "expires_at": LATER,
@@ -105,8 +124,19 @@ AUDIT = {
     "detail": {"role": "service", "scopes": ["results"]},
 }  # fmt: skip
 RESULT = {
-    "user": "ada", "submission_id": SUBMISSION, "learner": LEARNER, "quiz": "1.3-check", "question": "q2", "attempt": 1,
-    "points": 0.0, "max_points": 1.0, "is_late": False, "is_final": True, "revision": 1, "created_at": AT,
+    "user": "ada", "submission_id": SUBMISSION, "learner": EXTERNAL, "member": LEARNER, "quiz": "1.3-check",
+    "question": "q2", "attempt": 1, "points": 0.0, "max_points": 1.0,
+    "is_late": False, "is_final": True, "revision": 1, "created_at": AT,
+}  # fmt: skip
+WEBHOOK = {
+    "id": "01a1ff35e07f5d1f0ec1a0b6c3e7d482", "url": "https://lms.example/hooks/grader", "created_by": "tina",
+    "created_at": AT, "old_secret_until": None, "disabled_at": None, "why_disabled": None,
+}  # fmt: skip
+NEW_SECRET = WEBHOOK | {"secret": "whsec_c2hvd24gb25jZSwgYW5kIHNvIG5vdCBoZXJlIQ=="}
+DELIVERY = {
+    "id": "17", "kind": "webhook", "destination": WEBHOOK["id"], "learner": LEARNER, "quiz": "1.3-check",
+    "question": "q2", "state": "dead", "attempts": 9, "error": "The receiver answered 500.", "noted_at": AT,
+    "next_at": None, "sent_at": None,
 }  # fmt: skip
 ESTIMATE = {"value": 0.62, "low": 0.49, "high": 0.74, "n": 55}
 STATISTICS = {
@@ -116,12 +146,12 @@ STATISTICS = {
                    "mistakes": [{"diagnosis": VERDICT["diagnosis"], "learners": 9}]}],
 }  # fmt: skip
 LAB_RUN = {
-    "duration": 0.02, "steps": 2, "controls": {"step": 0.01}, "times": [0.0, 0.02],
+    "seconds": 0.02, "duration": 0.02, "steps": 2, "controls": {"step": 0.01}, "times": [0.0, 0.02],
     "geoms": [{"type": "sphere", "size": [0.1, 0.0, 0.0], "rgba": [0.5, 0.5, 0.5, 1.0]}],
     "frames": [[[1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]], [[0.98, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]],
     "readouts": [{"label": "angle", "unit": "rad", "texts": ["1.000", "0.980"], "values": [1.0, 0.98],
                   "final": {"text": "0.980", "value": 0.98}}],
-    "plots": [], "trail": None, "warnings": [{"kind": "BADQACC", "time": 0.02}], "stable": False,
+    "plots": [], "trail": None, "overlays": {}, "warnings": [{"kind": "BADQACC", "time": 0.02}], "stable": False,
     "timing_ms": {"simulate": 0.4},
 }  # fmt: skip
 
@@ -138,6 +168,7 @@ METRICS = """\
 grader_queue_jobs{state="waiting",topic="grade"} 3.0
 """
 GRADEBOOK = "user,name,email,1.3-check/q1,1.3-check/q2,points,max_points\r\nada,,,1,0,1,2\r\n"
+ROSTER = "name,email,role,namespace,external_id\r\nada,ada@school.example,student,school,s1815\r\n"
 EVENT = {"event": "running", "id": "2", "data": f'{{"id": "{SUBMISSION}", "status": "running"}}'}
 
 
@@ -151,6 +182,8 @@ EXAMPLES: dict[str, dict[int, Any]] = {
     "GET /quizzes/{quiz_id}": {200: QUIZ},
     "POST /content:reload": {200: {"quizzes": [{"id": "1.3-check", "digest": DIGEST}]}},
     "POST /submissions": {201: GRADED, 202: QUEUED},
+    "POST /lms/submissions": {201: GRADED, 202: QUEUED},
+    "GET /lms/submissions/{submission_id}": {200: GRADED},
     "GET /submissions": {200: page(LISTED, "YXQ6MDFhMWZmMzVlMDdm")},
     "GET /submissions/{submission_id}": {200: GRADED},
     "GET /submissions/{submission_id}/events": {200: EVENT},
@@ -173,6 +206,20 @@ EXAMPLES: dict[str, dict[int, Any]] = {
     "GET /regrades": {200: page(REGRADE)},
     "GET /regrades/{regrade_id}": {200: REGRADE | page(DIFFERENCE)},
     "POST /regrades/{regrade_id}:cancel": {200: REGRADE | {"status": "cancelled"}},
+    "POST /webhooks": {201: NEW_SECRET},
+    "GET /webhooks": {200: page(WEBHOOK)},
+    "GET /webhooks/{webhook_id}": {200: WEBHOOK},
+    "POST /webhooks/{webhook_id}:rotate": {200: NEW_SECRET | {"old_secret_until": LATER}},
+    "POST /webhooks/{webhook_id}:enable": {200: WEBHOOK},
+    "POST /webhooks/{webhook_id}:replay": {200: {"replayed": 3}},
+    "GET /deliveries": {200: page(DELIVERY)},
+    "POST /deliveries/{delivery_id}:replay": {200: DELIVERY | {"state": "waiting", "attempts": 0, "error": None}},
+    "GET /lti/platforms": {200: page(PLATFORM)},
+    "POST /lti/platforms": {201: PLATFORM | {"approved": False}},
+    "POST /lti/platforms/{platform_id}:approve": {200: PLATFORM},
+    "POST /lti/registrations": {201: {"url": "https://grader.example.org/lti/register?token=KU2VCraiIDY..."}},
+    "GET /lti/contexts": {200: page(LTI_CONTEXT)},
+    "POST /lti/contexts/{context_id}:roster": {200: {"members": 55, "removed": 0}},
     "GET /members": {200: page(MEMBER)},
     "PATCH /members/{member_id}": {200: MEMBER},
     "GET /invitations": {200: page(CREDENTIAL)},
@@ -182,6 +229,11 @@ EXAMPLES: dict[str, dict[int, Any]] = {
     "GET /course": {200: COURSE},
     "PUT /course/link": {200: COURSE},
     "GET /audit": {200: page(AUDIT)},
+    "POST /roster:import": {
+        200: {"dry_run": True, "created": 54, "changed": 1, "unchanged": 0, "left_out": 0},
+    },
+    "GET /roster.csv": {200: ROSTER},
+    "GET /roster.zip": {200: "PK..."},
     "GET /results": {200: page(RESULT, "YXQ6NA")},
     "GET /gradebook.csv": {200: GRADEBOOK},
     "GET /quizzes/{quiz_id}/statistics": {200: STATISTICS},

@@ -10,7 +10,7 @@ from grader.api.context import AppContext, Instructor
 from grader.api.paging import NO_NUL, Page
 from grader.api.problems import documented
 from grader.api.views import ExtensionView, GivenExtension
-from grader.courses import results
+from grader.courses import outbox, results
 from grader.courses.audit import Action, record
 from grader.courses.people import named
 from grader.domain.policy import Extension
@@ -82,6 +82,7 @@ def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
         extensions.publish(session, who.course, quiz_id, who.user)
+        outbox.release(session, who.course, quiz_id)
         record(session, who, who.course, Action.PUBLISHED, quiz_id)
     return Response(status_code=204)
 

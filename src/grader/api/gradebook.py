@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
@@ -18,6 +18,10 @@ from grader.store import results
 from grader.store.database import Database
 
 router = APIRouter()
+
+NAMED = "name:"
+CANVAS = "canvas"
+"""The namespace of the ids that Canvas gives its users; ids of any other one are written as those of a school."""
 
 
 @router.get(
@@ -70,7 +74,22 @@ def learners(database: Database, course: str, quizzes: list[str], instructors: s
     """A row for each learner with results, ordered by name; instructors' own tries are left out."""
     with database.read() as session:
         found = results.points_by_learner(session, course, quizzes)
-        for (learner, user), theirs in groupby(found, key=lambda row: (row.learner, row.name)):
+        for learner, several in groupby(found, key=lambda row: row.learner):
+            theirs = list(several)
             points = {(row.quiz, name): points for row in theirs for name, points in json.loads(row.points).items()}
             if learner not in instructors:
-                yield Row(user=user, points=points)
+                yield row_of(theirs[0], points)
+
+
+def row_of(known: Any, points: dict[tuple[str, str], float]) -> Row:
+    """The row of a learner; `known` has the columns of `results.points_by_learner`."""
+    is_named = known.account is not None and known.account.startswith(NAMED)
+    is_canvas = known.namespace == CANVAS
+    return Row(
+        user=known.name,
+        login=known.name if is_named else "",
+        email=known.email or "",
+        lms_id=known.external_id if is_canvas else "",
+        sis_id="" if is_canvas else known.external_id or "",
+        points=points,
+    )

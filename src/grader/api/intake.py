@@ -4,7 +4,8 @@ FastAPI documents the route by its signature, but does not call it: here a body 
 serialised once, without a change of threads where the answer is short.
 """
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
@@ -12,9 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.requests import Request
 
 from grader.api.context import Context
+from grader.courses.external import checked, learner_behind
 from grader.courses.handing_in import Answer, Receipt
 from grader.errors import CallerError
 from grader.identity import Identity
+from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
 
 SHORT_BYTES = 4096
 """Bodies up to here are read and graded in the event loop, in some tenths of a millisecond."""
@@ -31,16 +34,61 @@ class AnswerBody(BaseModel):
     answer: Any
 
 
+class LearnerBody(BaseModel):
+    """A learner as another system knows them. A `name` is what instructors see; without one they see the id."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    namespace: str = Field(max_length=NAMESPACE)
+    id: str = Field(max_length=EXTERNAL_ID)
+    name: str | None = Field(default=None, max_length=NAME)
+
+
+class OnBehalfBody(AnswerBody):
+    """An answer to one question by a learner of another system."""
+
+    learner: LearnerBody
+
+
+Body = TypeVar("Body", bound=AnswerBody)
+
+
 async def accept(context: Context, who: Identity, raw: bytes, key: str | None) -> Receipt:
     """Stores an answer, with its verdict where that is instant, else with a job for a worker.
 
     The same idempotency `key` with the same answer gives the first receipt again.
     Raises Unauthorized, NotFound, Conflict, TooLarge, Unprocessable, TooManyRequests, RequestValidationError.
     """
-    if len(raw) > SHORT_BYTES:
-        answer = await run_in_threadpool(read, context, who, raw, key)
-    else:
-        answer = read(context, who, raw, key)
+
+    def read_own() -> Answer:
+        return read(context, who, parsed(AnswerBody, raw), key)
+
+    answer = read_own() if len(raw) <= SHORT_BYTES else await run_in_threadpool(read_own)
+    return await stored(context, answer)
+
+
+async def accept_on_behalf(context: Context, service: Identity, raw: bytes, key: str | None) -> Receipt:
+    """As `accept`, for the learner whom the body names. The request counts as theirs; the service's if it names none.
+
+    A learner becomes a member only with an answer that can be read. Raises Forbidden for one who was removed.
+    """
+    try:
+        body = await run_in_threadpool(parsed, OnBehalfBody, raw)
+        learner = checked(body.learner.namespace, body.learner.id)
+    except (RequestValidationError, CallerError):
+        context.by_user.spend(service.id)
+        raise
+    context.by_user.spend((service.course, learner))
+
+    def read_theirs() -> Answer:
+        answer = read(context, service, body, key)
+        return replace(answer, who=learner_behind(context.database, service, learner, body.learner.name))
+
+    return await stored(context, await run_in_threadpool(read_theirs))
+
+
+async def stored(context: Context, answer: Answer) -> Receipt:
+    """Stores an answer that was read. Raises Unauthorized, Conflict, Unprocessable, TooManyRequests."""
     await context.writer.put(answer)
     if isinstance(answer.outcome, CallerError):
         raise answer.outcome
@@ -48,16 +96,20 @@ async def accept(context: Context, who: Identity, raw: bytes, key: str | None) -
     return answer.outcome
 
 
-def read(context: Context, who: Identity, raw: bytes, key: str | None) -> Answer:
-    """Reads an answer, and grades it where that is instant."""
+def parsed(shape: type[Body], raw: bytes) -> Body:
+    """The body of a request. Raises RequestValidationError."""
     try:
-        body = AnswerBody.model_validate_json(raw)
+        return shape.model_validate_json(raw)
     except ValidationError as error:
         raise RequestValidationError([{**one, "loc": ("body", *one["loc"])} for one in error.errors()]) from error
+
+
+def read(context: Context, who: Identity, body: AnswerBody, key: str | None) -> Answer:
+    """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable."""
     pipeline = context.content.of(who.course).pipeline
-    parsed = pipeline.read(body.quiz, body.question, body.answer)
-    verdict = pipeline.judge(parsed) if parsed.is_instant else None
-    return Answer(who, pipeline.library, parsed, verdict, key, context.queue_per_user)
+    submission = pipeline.read(body.quiz, body.question, body.answer)
+    verdict = pipeline.judge(submission) if submission.is_instant else None
+    return Answer(who, pipeline.library, submission, verdict, key, context.queue_per_user)
 
 
 def key_of(request: Request) -> str | None:

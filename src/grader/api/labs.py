@@ -17,7 +17,7 @@ from grader.api.context import AppContext, Context, Learner
 from grader.api.lab_runs import Recording
 from grader.api.problems import documented
 from grader.courses.standing import require_opened, standing_of
-from grader.domain.lab import IntegratorsLab, LabConfig
+from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
 from grader.domain.quiz import PredictQuestion
 from grader.errors import Conflict, LabError, NotFound, Unprocessable
 from grader.identity import Identity
@@ -34,7 +34,10 @@ Setting = StrictBool | StrictInt | StrictFloat | StrictStr
 
 
 class LabBody(BaseModel):
-    """Which lab, with the values of its controls; `events` are presses of buttons: time [s] and label."""
+    """Which lab, with the values of its controls, and the length of the run [s].
+
+    `events` are presses of buttons: time [s] and label.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -92,15 +95,17 @@ def prepare(context: Context, who: Identity, body: LabBody) -> tuple[str, Callab
 
 
 def find_lab(library: Library, body: LabBody) -> LabConfig | IntegratorsLab:
-    """The lab that the body names. Raises NotFound."""
+    """The lab that the body names. Raises NotFound, Unprocessable for a lab of an unknown kind."""
     if body.question is not None:
         question = library.question(body.quiz, body.question)
         if isinstance(question, PredictQuestion) and question.sim is not None:
             return question.sim
         raise NotFound(f"Question {body.question!r} has no lab.")
     for lab in library.quiz(body.quiz).labs:
-        if lab.id == body.lab:
+        if lab.id == body.lab and not isinstance(lab, UnknownLab):
             return lab
+        if lab.id == body.lab:
+            raise Unprocessable(f"This service has no labs of the kind {lab.kind[:40]!r}.")
     raise NotFound(f"There is no lab {body.lab!r} in quiz {body.quiz!r}.")
 
 
@@ -145,8 +150,8 @@ def compare(library: Library, lab: IntegratorsLab, body: LabBody) -> Integrators
     if body.events:
         raise Unprocessable("This lab has no buttons.")
     model = settings.model or lab.model
-    if model not in (lab.model, *lab.models):
-        raise Unprocessable(f"model must be one of: {', '.join(dict.fromkeys((lab.model, *lab.models)))}.")
+    if model not in lab.offered:
+        raise Unprocessable(f"model must be one of: {', '.join(lab.offered)}.")
     seconds = settings.seconds if settings.seconds is not None else body.seconds
     xml = library.model_xml(model)
     try:

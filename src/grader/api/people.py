@@ -12,6 +12,7 @@ from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
 from grader.api.problems import documented
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses import invitations, people, tokens
+from grader.courses.external import known_as
 from grader.courses.invitations import Invitation
 from grader.errors import NotFound, Unprocessable
 from grader.identity import Role, Scope
@@ -206,7 +207,7 @@ def join_url(context: Context, request: Request, code: str) -> str:
 
 
 def member_view(member: Member) -> dict[str, Any]:
-    """A member as JSON. `way_in` is name, oidc or browser: how the member is found again."""
+    """A member as JSON. `way_in` is name, oidc, lms, lti or browser: how the member is found again."""
     way_in = "browser" if member.account is None else member.account.partition(":")[0]
     return {
         "id": member.id,
@@ -214,6 +215,8 @@ def member_view(member: Member) -> dict[str, Any]:
         "role": member.role,
         "way_in": way_in,
         "created_at": member.created_at,
+        "learner": vars(known_as(member)),
+        "email": member.email,
     }
 
 

@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from grader.errors import (
     Conflict,
     ContentError,
+    FaultyRows,
     Forbidden,
     GraderError,
     InvalidAnswer,
@@ -84,6 +85,7 @@ STATUS: dict[type[GraderError], int] = {
     Outdated: 412,
     TooLarge: 413,
     ContentError: 422,
+    FaultyRows: 422,
     InvalidAnswer: 422,
     LabRefused: 422,
     Unprocessable: 422,
@@ -106,6 +108,9 @@ def problem_of(error: GraderError) -> Response:
         case ContentError():
             faults = [vars(fault) for fault in error.faults]
             return problem(status, "The content has faults; what was loaded before stays.", faults=faults)
+        case FaultyRows():
+            faults = [vars(fault) for fault in error.faults]
+            return problem(status, "Rows of the file cannot be taken, so that none was.", faults=faults)
         case _:
             return problem(status, str(error))
 

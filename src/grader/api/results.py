@@ -9,14 +9,15 @@ from grader.api.context import AppContext, Service
 from grader.api.paging import LIMIT, LIMIT_MAX, Page, next_link, read_cursor, write_cursor
 from grader.api.problems import documented
 from grader.api.views import ResultView
+from grader.courses.external import OWN, External, known_as
 from grader.errors import Unprocessable
 from grader.store import results
-from grader.store.tables import ResultRevision
+from grader.store.tables import Member, ResultRevision
 
 router = APIRouter()
 
 COLUMNS = (
-    "submission_id", "learner", "quiz", "question", "attempt", "points", "max_points", "is_late", "is_final",
+    "submission_id", "quiz", "question", "attempt", "points", "max_points", "is_late", "is_final",
     "revision", "created_at",
 )  # fmt: skip
 
@@ -54,7 +55,7 @@ def list_results(
             results.number_new(session, who.course)
     with context.database.read() as session:
         rows = results.feed(session, who.course, start, query.limit + 1)
-    items = [item(row, name) for row, name in rows[: query.limit]]
+    items = [item(*row) for row in rows[: query.limit]]
     last = rows[len(items) - 1][0].position if items else start
     following = query.model_copy(update={"cursor": write_cursor(str(last))})
     if len(rows) > len(items):
@@ -62,6 +63,9 @@ def list_results(
     return {"items": items, "next_cursor": following.cursor}
 
 
-def item(row: ResultRevision, user: str) -> dict[str, Any]:
+def item(row: ResultRevision, user: str, member: Member | None) -> dict[str, Any]:
     """A row of the feed as plain JSON; `user` is the learner's name."""
-    return {"user": user} | {name: getattr(row, name) for name in COLUMNS}
+    learner = External(OWN, row.learner) if member is None else known_as(member)
+    return {"user": user, "member": row.learner, "learner": vars(learner)} | {
+        name: getattr(row, name) for name in COLUMNS
+    }

@@ -8,14 +8,18 @@ from grader.api import (
     gradebook,
     health,
     labs,
+    on_behalf,
     people,
+    platforms,
     quizzes,
     regrades,
     results,
     reviews,
+    roster,
     saved_comments,
     statistics,
     submissions,
+    webhooks,
 )
 from grader.api.admission import PREFIX
 from grader.api.context import bearer
@@ -23,16 +27,20 @@ from grader.api.context import bearer
 v1 = APIRouter(prefix=PREFIX, dependencies=[bearer])
 v1.include_router(quizzes.router)
 v1.include_router(submissions.router)
+v1.include_router(on_behalf.router)
 v1.include_router(events.router)
 v1.include_router(reviews.router)
 v1.include_router(saved_comments.router)
 v1.include_router(labs.router)
 v1.include_router(people.router)
+v1.include_router(roster.router)
 v1.include_router(results.router)
 v1.include_router(gradebook.router)
 v1.include_router(statistics.router)
 v1.include_router(extensions.router)
 v1.include_router(regrades.router)
+v1.include_router(platforms.router)
+v1.include_router(webhooks.router)
 
 router = APIRouter()
 router.include_router(v1)

@@ -11,9 +11,9 @@ RULES = (
     (r"POST", r"/submissions|/answers:validate|/labs:run", Scope.ANSWER),
     (r".*", r"/reviews.*|/submissions/[^/]+/review.*", Scope.REVIEW),
     (r".*", r"/regrades.*", Scope.REGRADE),
-    (r".*", r"/lms/.*", Scope.LMS),
+    (r".*", r"/lms/.*|/(webhooks|deliveries)([:/].*)?", Scope.LMS),
     (r".*", r"/content[:/].*", Scope.CONTENT),
-    (r".*", r"/(members|invitations|tokens|course|audit)([:/].*)?", Scope.PEOPLE),
+    (r".*", r"/(members|invitations|tokens|course|audit|roster)([.:/].*)?", Scope.PEOPLE),
 )
 """Method, path below the prefix, and scope; the first rule that matches both decides."""
 

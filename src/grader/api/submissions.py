@@ -2,7 +2,7 @@
 
 import json
 import zlib
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -20,6 +20,7 @@ from grader.api.intake import AnswerBody, accept, is_json, key_of
 from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
 from grader.courses.blinding import Blinded, blinded
+from grader.courses.handing_in import Receipt
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
 from grader.domain.verdict import Status, Verdict
@@ -64,13 +65,23 @@ class Interpretation(BaseModel):
 
 async def hand_in(request: Request) -> Response:
     """Reads, stores and answers."""
+    return await answered(request, HAND_IN, learner, accept)
+
+
+async def answered(
+    request: Request,
+    route: Route,
+    caller: Callable[[Request], Awaitable[Identity]],
+    take: Callable[[Context, Identity, bytes, str | None], Awaitable[Receipt]],
+) -> Response:
+    """Answers a request that hands in: `caller` says who may, `take` stores the answer. Its Location is in `route`."""
     context = context_in(request.app)
-    request.scope["route"] = HAND_IN  # as FastAPI's routes do: the log and the metrics name it
+    request.scope["route"] = route  # as FastAPI's routes do: the log and the metrics name it
     try:
-        who = await learner(request)
+        who = await caller(request)
         if not is_json(request):
             raise Unprocessable("Send the answer as application/json.")
-        receipt = await accept(context, who, await request.body(), key_of(request))
+        receipt = await take(context, who, await request.body(), key_of(request))
     except (CallerError, HTTPException, RequestValidationError):
         await authenticate_again(request.scope, context.database)
         raise
@@ -78,7 +89,7 @@ async def hand_in(request: Request) -> Response:
     plain = None if verdict is None else verdict.model_dump(mode="json")
     shown = {"seed": None, **view_for(receipt.standing, submission, plain)}
     body = to_json(shown, inf_nan_mode="null")
-    headers = {"Location": f"{SUBMISSIONS}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
+    headers = {"Location": f"{route.path}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
     return Response(body, receipt.http_status, headers, "application/json")
 
 
@@ -122,11 +133,16 @@ def list_submissions(query: PageParams, who: Learner, context: AppContext, respo
 def show_submission(submission_id: str, who: Learner, context: AppContext, response: Response) -> dict[str, Any]:
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with context.database.read() as session:
-        submission = visible(session, submission_id, who)
-        blind = seen_by(session, context, who, [submission])
-        standing = standing_of(
-            session, context.content.of(who.course).library, who, (submission.quiz, submission.question)
-        )
+        return document(session, context, who, visible(session, submission_id, who), response)
+
+
+def document(
+    session: Session, context: Context, who: Identity, submission: Submission, response: Response
+) -> dict[str, Any]:
+    """One submission as the user may see it now; sets the ETag of the response."""
+    blind = seen_by(session, context, who, [submission])
+    at = submission.quiz, submission.question
+    standing = standing_of(session, context.content.of(who.course).library, who, at)
     shown = view_for(standing, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
     response.headers["ETag"] = etag_for(standing, submission, shown)
     return shown

@@ -73,14 +73,23 @@ class GivenExtension(ExtensionView):
     created_at: datetime
 
 
+class LearnerKey(BaseModel):
+    """A person as another system knows them; in the namespace `grader`, the id of a member whom none knows."""
+
+    namespace: str
+    id: str
+
+
 class MemberView(BaseModel):
     """A member of the course. `way_in` says how the member is found again."""
 
     id: str
     name: str
     role: Role
-    way_in: Literal["name", "oidc", "browser"]
+    way_in: Literal["name", "oidc", "lms", "lti", "browser"]
     created_at: datetime
+    learner: LearnerKey
+    email: str | None
 
 
 class NewInvitation(BaseModel):
@@ -134,11 +143,12 @@ class AuditView(BaseModel):
 
 
 class ResultView(BaseModel):
-    """A row of the feed: what counts for a learner at a question from here on."""
+    """A row of the feed: what counts for a learner at a question from here on. `member` is the learner's id here."""
 
     user: str
     submission_id: str
-    learner: str
+    learner: LearnerKey
+    member: str
     quiz: str
     question: str
     attempt: int | None
