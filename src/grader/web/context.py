@@ -5,13 +5,23 @@ from typing import Annotated
 from urllib.parse import parse_qs
 
 from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
 
 from grader.content import Contents
-from grader.identity import DEFAULT_COURSE, Identity
+from grader.courses.desk import Desk
+from grader.courses.handing_in import Answer
+from grader.courses.pseudonyms import Blinding
+from grader.errors import Unauthorized, Unprocessable
+from grader.identity import DEFAULT_COURSE, Identity, Role
 from grader.library import Library
+from grader.lms.tool import Tool
+from grader.pipeline import Pipeline
 from grader.store.database import Database
+from grader.store.writer import Writer
 from grader.web.provider import Provider
 from grader.web.sessions import SessionCookies
+
+FIELDS_MAX = 200
 
 
 @dataclass(frozen=True)
@@ -21,7 +31,20 @@ class PageContext:
     content: Contents
     sessions: SessionCookies
     public_origin: str | None
-    provider: Provider | None = None
+    provider: Provider | None
+    tool: Tool | None
+    """The LTI tool; None without the packages of the extra `lti`."""
+    writer: Writer[Answer]
+    queue_per_user: int
+    blinding: Blinding
+
+    def desk_of(self, course: str) -> Desk:
+        """What reviewing in a course works with, on its content as it is now."""
+        return Desk(self.database, self.content.of(course).library, self.blinding)
+
+    def pipeline_for(self, who: Identity) -> Pipeline:
+        """What reads and grades the answers of a user's course."""
+        return self.content.of(who.course).pipeline
 
     def library_for(self, who: Identity | None) -> Library:
         """The content that is loaded now for a user's course; for a browser without a session, of the default one."""
@@ -55,9 +78,25 @@ async def visitor_of(request: Request) -> Identity | None:
 Visitor = Annotated[Identity | None, Depends(visitor_of)]
 
 
+def instructor(who: Identity | None) -> Identity:
+    """The instructor of the browser. Raises Unauthorized, Forbidden."""
+    if who is None:
+        raise Unauthorized("Sign in first.")
+    who.require(Role.INSTRUCTOR)
+    return who
+
+
 async def form_of(request: Request) -> dict[str, str]:
     """The fields of a form that the browser sent; of a repeated field, the first."""
-    fields = parse_qs((await request.body()).decode(errors="replace"))
+    return await run_in_threadpool(parsed_form, await request.body())
+
+
+def parsed_form(body: bytes) -> dict[str, str]:
+    """The fields of a form as it is sent. Raises Unprocessable for more fields than a page has."""
+    try:
+        fields = parse_qs(body.decode(errors="replace"), keep_blank_values=True, max_num_fields=FIELDS_MAX)
+    except ValueError as error:
+        raise Unprocessable(f"A form has at most {FIELDS_MAX} fields.") from error
     return {name: values[0] for name, values in fields.items()}
 
 

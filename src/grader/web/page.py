@@ -1,8 +1,7 @@
-"""Prepares a quiz for the templates of the student page: the student's view with safe HTML."""
+"""Words a question for the templates: its text as safe HTML, what it is worth, and what a script may use."""
 
 import re
-from collections.abc import Mapping
-from functools import lru_cache
+import textwrap
 from typing import Any
 
 from markupsafe import Markup
@@ -11,7 +10,8 @@ from grader.domain.markup import plain_text
 from grader.domain.quiz import Quiz
 from grader.domain.student_view import student_view
 from grader.library import Library
-from grader.web.prose import safe_html
+from grader.web.figures import NARROW
+from grader.web.prose import cached_prose
 
 HEADINGS = {
     "mcq": "Choose one",
@@ -22,22 +22,21 @@ HEADINGS = {
     "code": "Exercise",
 }
 
+SHORT = 44
+"""Characters of a question in the list of questions."""
+
 BLOCK = re.compile(r"\s*<(p|div|ul|ol|pre|table|figure|h[1-6]|blockquote)\b", re.IGNORECASE)
+FIRST_PARAGRAPH = re.compile(r"\s*<p>.*?</p>", re.DOTALL)
 
-prose = lru_cache(maxsize=4096)(safe_html)
 
-
-def page_of(library: Library, quiz: Quiz, notices: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Returns the quiz as the template's variables; `notices` are the learner's messages by question."""
+def page_of(library: Library, quiz: Quiz) -> dict[str, Any]:
+    """Returns the quiz as a learner may see it, as the template's variables."""
     starters = {question.id: library.starter(question) for question in quiz.questions}
-    view, notices = student_view(quiz), notices or {}
+    view = student_view(quiz)
     return {
         "id": view["id"],
         "title": plain_text(view["title"]),
-        "questions": [
-            card_of(quiz.id, question, starters[question["id"]]) | {"notice": notices.get(question["id"], "")}
-            for question in view["questions"]
-        ],
+        "questions": [card_of(quiz.id, question, starters[question["id"]]) for question in view["questions"]],
         "labs": [{"id": lab["id"], "title": plain_text(lab["title"] or "")} for lab in view["labs"]],
     }
 
@@ -51,18 +50,31 @@ def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict
     """One question: its text as safe HTML, its points, attempts and limits as sentences."""
     return question | {
         "heading": plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]]),
+        "short": plain_text(question["title"] or question["label"] or "") or shortened(plain_text(question["q"])),
         "prompt": paragraphs(question["q"]),
-        "options": [prose(option) for option in question.get("options", ())],
+        "opening": opening(question["q"]),
+        "options": [cached_prose(option) for option in question.get("options", ())],
         "worth": worth(question["points"], question["attempts"]),
         "allowance": allowance(question["limits"]) if "limits" in question else "",
         "starter": starter,
-        "starter_url": f"/quizzes/{quiz_id}/{question['id']}/starter.py",
+        "path": f"/quizzes/{quiz_id}/{question['id']}",
     }
 
 
 def paragraphs(text: str) -> Markup:
     """The prompt as safe HTML, wrapped in a paragraph unless it begins with a block element."""
-    return prose(text if BLOCK.match(text) else f"<p>{text}</p>")
+    return cached_prose(text if BLOCK.match(text) else f"<p>{text}</p>")
+
+
+def opening(text: str) -> Markup:
+    """The first paragraph of the prompt."""
+    first = FIRST_PARAGRAPH.match(text)
+    return paragraphs(text if first is None else first[0])
+
+
+def shortened(text: str) -> str:
+    """The first words of a question that has no title, for the list of questions."""
+    return textwrap.shorten(text.replace("$", ""), SHORT, placeholder="…")
 
 
 def worth(points: float, attempts: int | None) -> str:
@@ -76,8 +88,8 @@ def worth(points: float, attempts: int | None) -> str:
 def allowance(limits: dict[str, float]) -> str:
     """The limits of a script as a sentence."""
     return (
-        f"A script may use {limits['cpu_s']:g} s of processor time, {limits['memory_mb']:g} MB of memory "
-        f"and {limits['output_kb']:g} KB of output. It has no network and no files but its own."
+        f"A script may use {limits['cpu_s']:g}{NARROW}s of processor time, {limits['memory_mb']:g}{NARROW}MB of memory "
+        f"and {limits['output_kb']:g}{NARROW}KB of output. It has no network and no files but its own."
     )
 
 

@@ -3,6 +3,7 @@
 import html
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from xml.etree.ElementTree import tostring
 
 import nh3
@@ -80,6 +81,12 @@ def safe_html(prose: str) -> Markup:
     """
     clean = _CLEANER.clean("".join(_Reader(prose).pieces()))  # sanitised last: MathML is no safer than its TeX
     return Markup(clean)  # noqa: S704
+
+
+@lru_cache(maxsize=4096)
+def cached_prose(prose: str) -> Markup:
+    """`safe_html` of an author's text, which many pages show."""
+    return safe_html(prose)
 
 
 class _Reader:

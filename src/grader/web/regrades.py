@@ -8,11 +8,11 @@ from fastapi.responses import RedirectResponse, Response
 
 from grader.courses import regrades
 from grader.courses.regrades import IDS_MAX, SCOPES, Scope, Wanted
-from grader.errors import CallerError, Unauthorized, Unprocessable
-from grader.identity import Identity, Role
+from grader.errors import CallerError, Unprocessable
+from grader.identity import Identity
 from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
-from grader.web.context import Form, PageContext, Pages, Visitor
+from grader.web.context import Form, PageContext, Pages, Visitor, instructor
 from grader.web.rendering import page
 
 PAGE = "/instructor/regrades"
@@ -96,14 +96,6 @@ def with_list(request: Request, pages: PageContext, who: Identity, status: int =
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
     quizzes = [quiz for quiz in pages.library_for(who).quizzes.values() if quiz.questions]
     return page(request, "regrades.html", status, who=who, quizzes=quizzes, scopes=SCOPES, regrades=listed, **more)
-
-
-def instructor(who: Identity | None) -> Identity:
-    """The instructor of the browser. Raises Unauthorized, Forbidden."""
-    if who is None:
-        raise Unauthorized("Sign in first.")
-    who.require(Role.INSTRUCTOR)
-    return who
 
 
 def wanted(form: dict[str, str]) -> Wanted:

@@ -25,13 +25,24 @@ class SessionCookies:
     secure: bool
     anonymous: bool
 
-    def set_cookie(self, opened: BrowserSession) -> str:
-        """The `Set-Cookie` header that starts a session in the browser; the cookie lives as long as the session."""
-        return self._header(opened.secret, int(opened.lifetime.total_seconds()))
+    def set_cookie(self, opened: BrowserSession, *, framed: bool = False) -> str:
+        """The `Set-Cookie` header that starts a session in the browser; the cookie lives as long as the session.
 
-    def delete_cookie(self) -> str:
+        `framed` is for a page in the frame of another site: see `attributes`.
+        """
+        return self._header(opened.secret, int(opened.lifetime.total_seconds()), framed=framed)
+
+    def delete_cookie(self, *, framed: bool = False) -> str:
         """The `Set-Cookie` header that makes the browser forget its session."""
-        return self._header("", 0)
+        return self._header("", 0, framed=framed)
+
+    def attributes(self, max_age_s: int, *, framed: bool) -> str:
+        """The attributes of a cookie. One for a frame is kept for the embedding site alone: partitioned.
+
+        Without https browsers take no such cookie; on loopback, sites on all ports count as one.
+        """
+        site = "None; Secure; Partitioned" if framed and self.secure else "Lax; Secure" if self.secure else "Lax"
+        return f"Max-Age={max_age_s}; Path=/; HttpOnly; SameSite={site}"
 
     def reading(self, query: Callable[[Session], Result]) -> Result:
         """Calls `query` in a transaction for reading."""
@@ -53,11 +64,13 @@ class SessionCookies:
     def end(self, cookies: Mapping[str, str]) -> None:
         """Ends the browser's session."""
         with self.database.write() as session:
-            for name in (SECURE_COOKIE, COOKIE):
-                end_session(session, cookies.get(name, ""))
+            self.end_in(session, cookies)
 
-    def _header(self, value: str, max_age_s: int) -> str:
-        attributes = f"Max-Age={max_age_s}; Path=/; HttpOnly; SameSite=Lax"
-        if self.secure:
-            return f"{SECURE_COOKIE}={value}; {attributes}; Secure"
-        return f"{COOKIE}={value}; {attributes}"
+    def end_in(self, session: Session, cookies: Mapping[str, str]) -> None:
+        """As `end`, in a transaction that is under way."""
+        for name in (SECURE_COOKIE, COOKIE):
+            end_session(session, cookies.get(name, ""))
+
+    def _header(self, value: str, max_age_s: int, *, framed: bool) -> str:
+        name = SECURE_COOKIE if self.secure else COOKIE
+        return f"{name}={value}; {self.attributes(max_age_s, framed=framed)}"

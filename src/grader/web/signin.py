@@ -109,7 +109,10 @@ def make_return_link(request: Request, pages: Pages, who: Visitor) -> Response:
 
 
 @router.post("/signout")
-def sign_out(request: Request, pages: Pages) -> Response:
+def sign_out(request: Request, pages: Pages, who: Visitor) -> Response:
     """Ends the session."""
     pages.sessions.end(request.cookies)
-    return RedirectResponse("/", 303, {"Set-Cookie": pages.sessions.delete_cookie()})
+    response = RedirectResponse("/", 303, {"Set-Cookie": pages.sessions.delete_cookie()})
+    if who is not None and who.platform is not None:
+        response.headers.append("Set-Cookie", pages.sessions.delete_cookie(framed=True))
+    return response

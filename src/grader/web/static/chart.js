@@ -1,5 +1,5 @@
 // A line chart as SVG: series against x, linear or logarithmic, with marked values.
-// chart({ title, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points, faint}], marks: [{x | y, label}] })
+// chart({ title, height, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points, faint}], marks: [{x | y, label}] })
 
 import { el, number, svg } from "./dom.js";
 
@@ -9,15 +9,16 @@ const COLOURS = 6;
 
 export function chart(spec) {
   const across = scale(spec.x, values(spec, "x"), LEFT, WIDTH - RIGHT);
-  const up = scale(spec.y, values(spec, "y"), HEIGHT - BOTTOM, TOP);
-  const picture = svg("svg", { class: "chart", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": described(spec) });
-  picture.append(...gridX(across, spec.x), ...gridY(up, spec.y), frame());
+  const floor = (spec.height ? Math.max(120, spec.height) : HEIGHT) - BOTTOM;
+  const up = scale(spec.y, values(spec, "y"), floor, TOP);
+  const picture = svg("svg", { class: "chart", viewBox: `0 0 ${WIDTH} ${floor + BOTTOM}`, role: "img", "aria-label": described(spec) });
+  picture.append(...gridX(across, spec.x, floor), ...gridY(up, spec.y), frame(floor));
   for (const mark of spec.marks ?? []) picture.append(...marked(mark, across, up));
   const layers = spec.series.map((line, index) => [line, drawn(line, index, across, up)]);
   layers.sort(([a], [b]) => Boolean(b.faint) - Boolean(a.faint)); // faint ones lie underneath
   for (const [, parts] of layers) picture.append(...parts);
   const figure = el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
-  figure.moveCursor = cursorOn(picture, across);
+  figure.moveCursor = cursorOn(picture, across, floor);
   return figure;
 }
 
@@ -56,15 +57,15 @@ function decades(low, high) {
     .filter((value) => Math.log10(value) >= low && Math.log10(value) <= high);
 }
 
-function gridX(across, axis) {
+function gridX(across, axis, floor) {
   const lines = across.ticks.flatMap((tick) => {
     const x = across.place(tick);
     return [
-      svg("line", { class: "grid", x1: x, x2: x, y1: TOP, y2: HEIGHT - BOTTOM }),
-      svg("text", { x, y: HEIGHT - BOTTOM + 15, "text-anchor": "middle" }, number(tick)),
+      svg("line", { class: "grid", x1: x, x2: x, y1: TOP, y2: floor }),
+      svg("text", { x, y: floor + 15, "text-anchor": "middle" }, number(tick)),
     ];
   });
-  const label = svg("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, axis?.label ?? "");
+  const label = svg("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: floor + BOTTOM - 6, "text-anchor": "middle" }, axis?.label ?? "");
   return [...lines, label];
 }
 
@@ -76,13 +77,13 @@ function gridY(up, axis) {
       svg("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end" }, number(tick)),
     ];
   });
-  const middle = (TOP + HEIGHT - BOTTOM) / 2;
+  const middle = (TOP + up.from) / 2;
   const label = svg("text", { x: 12, y: middle, "text-anchor": "middle", transform: `rotate(-90 12 ${middle})` }, axis?.label ?? "");
   return [...lines, label];
 }
 
-function frame() {
-  return svg("path", { class: "frame", d: `M${LEFT} ${TOP}V${HEIGHT - BOTTOM}H${WIDTH - RIGHT}` });
+function frame(floor) {
+  return svg("path", { class: "frame", d: `M${LEFT} ${TOP}V${floor}H${WIDTH - RIGHT}` });
 }
 
 function marked(mark, across, up) {
@@ -90,7 +91,7 @@ function marked(mark, across, up) {
     const x = across.place(mark.x);
     const onLeft = x > (LEFT + WIDTH) / 2;
     return [
-      svg("line", { class: "mark-line", x1: x, x2: x, y1: TOP, y2: HEIGHT - BOTTOM }),
+      svg("line", { class: "mark-line", x1: x, x2: x, y1: TOP, y2: up.from }),
       svg("text", { x: x + (onLeft ? -4 : 4), y: TOP + 10, "text-anchor": onLeft ? "end" : "start" }, mark.label ?? ""),
     ];
   }
@@ -102,8 +103,8 @@ function marked(mark, across, up) {
 }
 
 // A vertical line at the time that the player shows.
-function cursorOn(picture, across) {
-  const line = svg("line", { class: "cursor", y1: TOP, y2: HEIGHT - BOTTOM, x1: LEFT, x2: LEFT, visibility: "hidden" });
+function cursorOn(picture, across, floor) {
+  const line = svg("line", { class: "cursor", y1: TOP, y2: floor, x1: LEFT, x2: LEFT, visibility: "hidden" });
   picture.append(line);
   return (x) => {
     for (const end of ["x1", "x2"]) line.setAttribute(end, across.place(x));
@@ -120,7 +121,7 @@ function dashOf(line, index) {
 }
 
 function drawn(line, index, across, up) {
-  const inside = (y) => Math.min(Math.max(y, TOP - 1), HEIGHT - BOTTOM + 1);
+  const inside = (y) => Math.min(Math.max(y, TOP - 1), up.from + 1);
   let d = "", pen = "M";
   const points = [];
   for (let i = 0; i < line.x.length; i++) {

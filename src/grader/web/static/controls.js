@@ -16,7 +16,7 @@ export class Controls {
     const id = freshId("control");
     const shown = el("output", { for: id });
     const show = (value) => { shown.textContent = `${written(value, spec.digits)}${spec.unit ? ` ${spec.unit}` : ""}`; };
-    const input = el("input", { id, type: "range", min: spec.min, max: spec.max, step: spec.step, value: spec.value });
+    const input = el("input", { id, type: "range", min: spec.min, max: spec.max, step: spec.step ?? "any", value: spec.value });
     input.addEventListener("input", () => {
       const value = Math.min(onGrid(Number(input.value), spec), spec.max);
       show(value);
@@ -39,7 +39,8 @@ export class Controls {
 }
 
 // Rounds to the step: the browser's own values carry rounding errors.
-function onGrid(value, { min, step }) {
+function onGrid(value, { min, max, step }) {
+  if (!step) return Number(value.toPrecision(4)) >= min ? Math.min(Number(value.toPrecision(4)), max) : min;
   return Number((min + Math.round((value - min) / step) * step).toPrecision(12));
 }
 

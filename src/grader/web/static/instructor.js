@@ -1,37 +1,20 @@
-// The instructor page: the table of submissions; a row opens the submission under the table, with the form of its review.
+// The desk: the list of answers; a row opens the answer, as the server renders it, and the form of its review.
 
 import { get, post } from "./api.js";
 import { el, number } from "./dom.js";
-import "./statistics.js";
 import { closeReview, openReview } from "./review.js";
-import { showVerdict, toneOf } from "./verdict.js";
 
 const find = (name) => document.querySelector(`[data-${name}]`);
 const [filters, status, rows, more, one] = ["filters", "status", "submissions", "more", "one"].map(find);
 const PATHS = { submissions: "/submissions?", reviews: "/reviews?", second: "/reviews?second=true&", disagreements: "/reviews/disagreements?" };
+const TONES = { correct: "ok", partial: "part", needs_review: "wait", grader_fault: "wait" };
 let cursor = null;
 let shown = "submissions"; // which list the table holds
 
 filters.addEventListener("submit", (event) => { event.preventDefault(); load(true); });
 more.addEventListener("click", () => load(false));
-find("certify").addEventListener("click", certify);
-find("certify").disabled = find("show").disabled = false; // a click before this would be lost
+find("show").disabled = false; // a click before this would be lost
 load(true);
-
-async function certify() {
-  const [button, progress, table] = ["certify", "certifying", "certificates"].map(find);
-  button.disabled = true;
-  progress.textContent = "Simulating…";
-  try {
-    const response = await fetch("/instructor/certificates");
-    if (!response.ok) throw new Error();
-    table.innerHTML = await response.text(); // our own table: everything in it was escaped by the server
-    progress.textContent = "";
-  } catch {
-    progress.textContent = "The keys could not be checked. Reload this page and try again.";
-  }
-  button.disabled = false;
-}
 
 async function load(afresh) {
   const query = new URLSearchParams({ limit: 50 });
@@ -59,7 +42,7 @@ function row(submission) {
     el("td", {}, el("time", { datetime: submission.created_at }, when.toLocaleString())),
     el("td", {}, submission.user),
     el("td", {}, open),
-    el("td", {}, verdict ? el("span", { class: `mark ${toneOf(verdict.status)}` }, verdict.status.replaceAll("_", " ")) : submission.status),
+    el("td", {}, verdict ? el("span", { class: `mark ${TONES[verdict.status] ?? "no"}` }, verdict.status.replaceAll("_", " ")) : submission.status),
     el("td", { class: "number" }, verdict ? `${number(verdict.points)} / ${number(verdict.max_points)}` : ""));
 }
 
@@ -69,7 +52,7 @@ async function show(id, listed = {}) {
     const submission = await get(`/submissions/${encodeURIComponent(id)}`);
     await closeReview();
     if (!submission.verdict) return;
-    draw(submission);
+    await draw(id);
     one.focus({ preventScroll: true });
     one.scrollIntoView({ block: "start" });
     await openReview(submission, listed, shown === "second", decided);
@@ -79,7 +62,7 @@ async function show(id, listed = {}) {
 }
 
 async function decided(submission, next) {
-  if (submission) draw(submission);
+  if (submission && !next) await draw(submission.id);
   await load(true);
   if (next) await openNext();
 }
@@ -90,20 +73,17 @@ async function openNext() {
     return;
   }
   try {
-    const quiz = filters.quiz.value;
-    const claimed = await post("/reviews:claim", { ...(quiz ? { quiz } : {}), second: shown === "second" });
+    const [quiz, question] = [filters.quiz.value, filters.question.value.trim()];
+    const claimed = await post("/reviews:claim", { ...(quiz ? { quiz } : {}), ...(quiz && question ? { question } : {}), second: shown === "second" });
     await show(claimed.id);
   } catch (error) {
     status.textContent = error.message;
   }
 }
 
-function draw(submission) {
-  showVerdict(one, submission);
-  one.prepend(el("h3", {}, `${submission.user}: ${submission.quiz} ${submission.question}`), answer(submission.answer));
-}
-
-function answer(given) {
-  const text = typeof given === "object" && given !== null ? given.source : String(given);
-  return el("pre", { tabindex: 0, "aria-label": "Answer" }, text);
+async function draw(id) {
+  const response = await fetch(`/instructor/review/${encodeURIComponent(id)}`);
+  if (!response.ok) throw new Error("This answer could not be shown. Reload this page.");
+  one.innerHTML = await response.text(); // our own page: everything in it was escaped by the server
+  one.hidden = false;
 }

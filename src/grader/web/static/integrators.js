@@ -1,18 +1,20 @@
 // One scene under all five integrators from one state: how far the energy drifts, and what a step costs.
 
-import { post } from "./api.js";
+import { post, setProse } from "./api.js";
 import { chart } from "./chart.js";
 import { el, freshId, number } from "./dom.js";
 
 const SETTLE_MS = 400;
 
 export function openIntegrators(box, target, lab) {
-  const models = Array.from(new Set([lab.model, ...lab.models]));
-  const model = el("select", { id: freshId("model") }, models.map((name) => el("option", {}, name)));
+  const models = new Map([[lab.model, lab.model], ...lab.models.map((one) => (Array.isArray(one) ? one : [one, one]))]);
+  const model = el("select", { id: freshId("model") }, Array.from(models, ([name, label]) => el("option", { value: name }, label)));
   const timestep = el("input", { id: freshId("timestep"), type: "number", min: 0.1, max: 100, step: 0.1, value: number(1000 * lab.timestep) });
   const key = el("select", { id: freshId("key") }, el("option", { value: "" }, "the model's own"));
   const status = el("p", { class: "progress", role: "status" });
   const results = el("div");
+  const note = el("div", { class: "prose meta" });
+  if (lab.note) setProse(note, lab.note);
   let timer = 0, turn = null, shownModel = null;
 
   function offerKeys(answer) {
@@ -42,7 +44,7 @@ export function openIntegrators(box, target, lab) {
   model.addEventListener("change", soon);
   key.addEventListener("change", soon);
   timestep.addEventListener("input", () => { if (timestep.validity.valid && timestep.value) soon(); });
-  box.replaceChildren(el("div", { class: "controls" }, control("model", model), control("start", key), control("timestep (ms)", timestep)), status, results);
+  box.replaceChildren(el("div", { class: "controls" }, control("model", model), control("start", key), control("timestep (ms)", timestep)), status, results, note);
   run();
 }
 

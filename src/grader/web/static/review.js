@@ -1,13 +1,13 @@
 // A review: opening the form claims the submission; If-Match guards against changes since then.
 
-import { get, post, request, setProse, tagged } from "./api.js";
+import { get, post, request, tagged } from "./api.js";
 import { el, number } from "./dom.js";
 
 const HEARTBEAT_MS = 5 * 60_000;
 
 const form = document.querySelector("[data-review]");
 const find = (name) => form.querySelector(`[data-${name}]`);
-const [reference, progress, rubric, marks] = ["reference", "deciding", "rubric", "marks"].map(find);
+const [progress, rubric, marks] = ["deciding", "rubric", "marks"].map(find);
 const buttons = form.querySelectorAll("[type=submit]");
 let seen = null;
 
@@ -41,8 +41,6 @@ export async function openReview(submission, listed, second, onDecided) {
   showMarks(listed);
   showSaved(body.comments);
   progress.textContent = held ? yours(body.claim) : "";
-  reference.hidden = !body.reference;
-  if (body.reference) setProse(reference, body.reference);
   form.hidden = false;
 }
 
@@ -65,10 +63,10 @@ function showRubric(items, verdict) {
   rubric.replaceChildren(rubric.querySelector("legend"), ...items.flatMap((item, index) => {
     const heading = item.group && item.group !== group ? el("p", { class: "meta" }, item.group) : null;
     group = item.group;
-    const key = index < 9 ? `${index + 1} ` : "";
+    const key = index < 9 ? el("kbd", {}, String(index + 1)) : el("span");
     const box = el("input", { type: "checkbox", name: "item", value: item.id, checked: ticked.has(item.id), onchange: sum });
     box.dataset.points = item.points;
-    return [heading, el("label", {}, box, ` ${key}${item.title} (${number(item.points)})`)].filter(Boolean);
+    return [heading, el("label", {}, key, box, el("span", {}, item.title), el("span", { class: "meta" }, number(item.points)))].filter(Boolean);
   }));
   rubric.hidden = !items.length;
   form.points.max = verdict.max_points;

@@ -4,18 +4,34 @@ const FOV = Math.PI / 4; // MuJoCo's default vertical field of view
 const NEAR = 0.01;
 const ROUND = 20;
 const BALL = ballPoints();
+const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const AXIS_COLOURS = ["#c92a2a", "#2b8a3e", "#1864ab"];
 
 export class Scene {
   // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
   // where it leaves something out, so that the poses at the start fit.
-  constructor(canvas, geoms, camera, poses) {
+  // `turned` is what the learner adds: degrees to azimuth and elevation, a factor to distance.
+  constructor(canvas, geoms, camera, poses, turned) {
     this.canvas = canvas;
     this.geoms = geoms.map((geom) => ({ ...geom, points: surface(geom.type, geom.size) }));
-    this.view = viewFrom({ ...fitting(geoms, poses), ...camera });
+    this.camera = { azimuth: 90, elevation: -20, ...fitting(geoms, poses), ...camera };
+    this.turned = turned;
   }
 
-  // poses: one [x, y, z, qw, qx, qy, qz] per geom; trail: [[x, y, z], ...].
-  draw(poses, trail = []) {
+  get reach() {
+    return this.camera.distance;
+  }
+
+  turnedView() {
+    const { azimuth, elevation, distance, target } = this.camera;
+    const up = Math.min(89, Math.max(-89, elevation + this.turned.elevation));
+    return viewFrom({ azimuth: azimuth + this.turned.azimuth, elevation: up, distance: distance * this.turned.distance, target });
+  }
+
+  // poses: one [x, y, z, qw, qx, qy, qz] per geom; trail: [[x, y, z], ...]; over: by overlay, the rows of this frame;
+  // shown: the names of the overlays to draw; forceScale: the length of a force's arrow [m/N].
+  draw(poses, trail = [], over = {}, shown = new Set(), forceScale = 0) {
+    this.view = this.turnedView();
     const pixel = this.fit();
     const pen = this.canvas.getContext("2d");
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
@@ -28,6 +44,56 @@ export class Scene {
     this.drawTrail(pen, pixel, trail);
     solid.sort((a, b) => b.depth - a.depth);
     for (const { geom, pose } of solid) this.drawSolid(pen, pixel, geom, pose);
+    this.drawOver(pen, pixel, over, shown, forceScale);
+  }
+
+  // Overlays lie on top of the bodies, so that what is inside or behind them is seen.
+  drawOver(pen, pixel, over, shown, forceScale) {
+    const size = 0.06 * this.reach;
+    const rows = (name) => (shown.has(name) ? over[name] ?? [] : []).filter((row) => !row.includes(null));
+    for (const pose of rows("frames")) {
+      AXES.forEach((axis, i) => this.arrow(pen, pixel, pose, placed(pose, axis.map((value) => size * value)), AXIS_COLOURS[i]));
+    }
+    for (const [x, y, z, ...axis] of rows("joints")) {
+      this.arrow(pen, pixel, [x, y, z], [x, y, z].map((value, i) => value + 1.5 * size * axis[i]), "#0b7285");
+    }
+    for (const point of rows("com")) this.dot(pen, pixel, point, "#862e9c");
+    for (const point of rows("sites")) this.dot(pen, pixel, point, "#2b8a3e");
+    for (const [x, y, z] of rows("contacts")) this.dot(pen, pixel, [x, y, z], "#e8590c");
+    const acting = shown.has("forces") ? over.contacts ?? [] : [];
+    for (const row of acting.filter((one) => !one.includes(null))) {
+      const point = row.slice(0, 3);
+      this.arrow(pen, pixel, point, point.map((value, i) => value + forceScale * row[3 + i]), "#c2255c");
+    }
+  }
+
+  dot(pen, pixel, point, fill) {
+    const seen = this.view.see(point);
+    if (seen[2] < NEAR) return;
+    pen.beginPath();
+    pen.arc(...pixel(seen), 3 * (window.devicePixelRatio || 1), 0, 2 * Math.PI);
+    pen.fillStyle = fill;
+    pen.fill();
+  }
+
+  arrow(pen, pixel, from, to, stroke) {
+    const ratio = window.devicePixelRatio || 1;
+    pen.strokeStyle = stroke;
+    pen.lineWidth = 2 * ratio;
+    this.segment(pen, pixel, from, to);
+    const [a, b] = [this.view.see(from), this.view.see(to)];
+    if (a[2] < NEAR || b[2] < NEAR) return;
+    const [[x0, y0], [x, y]] = [pixel(a), pixel(b)];
+    const length = Math.hypot(x - x0, y - y0), head = Math.min(7 * ratio, length / 2);
+    if (head < 1) return;
+    const [dx, dy] = [(head * (x - x0)) / length, (head * (y - y0)) / length];
+    pen.beginPath();
+    pen.moveTo(x, y);
+    pen.lineTo(x - dx - dy / 2, y - dy + dx / 2);
+    pen.lineTo(x - dx + dy / 2, y - dy - dx / 2);
+    pen.closePath();
+    pen.fillStyle = stroke;
+    pen.fill();
   }
 
   fit() {
@@ -99,7 +165,7 @@ function fitting(geoms, poses) {
 }
 
 // MuJoCo's free camera: it looks from `distance` away at `target`, along azimuth and elevation.
-function viewFrom({ azimuth = 90, elevation = -20, distance, target }) {
+function viewFrom({ azimuth, elevation, distance, target }) {
   const [az, up] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
   const forward = [Math.cos(up) * Math.cos(az), Math.cos(up) * Math.sin(az), Math.sin(up)];
   const right = [Math.sin(az), -Math.cos(az), 0];

@@ -1,0 +1,148 @@
+"""The measurements behind a verdict that pages draw: read from its evidence, each kind of them if its shape is right.
+
+Evidence is stored JSON, possibly of an older version, so what cannot be read is left out.
+"""
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+
+class Part(BaseModel):
+    """Frozen; further keys are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Run(Part):
+    """The motion at one end of a claimed bracket: time [s] and the first coordinate [rad or m]."""
+
+    case: str
+    end: str
+    timestep_ms: float
+    diverged: bool
+    time_s: list[float] = Field(min_length=2)
+    angle: list[float] = Field(min_length=2)
+
+
+class Claim(Part):
+    """A claimed bracket [ms] under one integrator, on the axis of the search [ms]."""
+
+    case: str
+    integrator: str
+    search_ms: tuple[float, float]
+    horizon_s: float
+    claim_ms: tuple[float, float] | None
+    said_none: bool
+
+
+class Limit(Part):
+    """The limits of one case and integrator [ms]; None where there is none in the search."""
+
+    case: str
+    linear_ms: float | None
+    within_ms: float | None
+    spring_ms: float | None = None
+
+
+class Difference(Part):
+    """The distance from MuJoCo's RK4 against time [s]."""
+
+    case: str
+    tolerance: float = Field(gt=0)
+    time_s: list[float]
+    qpos: list[float | None]
+    qvel: list[float | None]
+
+
+class Order(Part):
+    """The error against the timestep [ms]; None where a run ended early."""
+
+    timestep_ms: list[float] = Field(min_length=2)
+    error: list[float | None]
+    slope: float | None
+    expected_slope: float
+
+
+class Coefficients(Part):
+    """A Butcher tableau as it is written: rows of `a`, `b` and `c`."""
+
+    a: list[list[str]]
+    b: list[str]
+    c: list[str]
+
+
+class Tableau(Part):
+    """The tableau measured from a step, the one that was asked for, and the cells that differ."""
+
+    given: Coefficients
+    asked: Coefficients
+    wrong: list[Any] = []
+
+
+class ChartAxis(Part):
+    """The axis of a chart that a kind of exercise asks for."""
+
+    label: str = ""
+    log: bool = False
+    min: float | None = None
+    max: float | None = None
+
+
+class Series(Part):
+    """One line of such a chart."""
+
+    label: str = ""
+    x: list[float | None]
+    y: list[float | None]
+
+
+class Mark(Part):
+    """A marked value on one axis of such a chart."""
+
+    x: float | None = None
+    y: float | None = None
+    label: str = ""
+
+
+class Chart(Part):
+    """A line chart that a kind of exercise asks for."""
+
+    case: str
+    title: str = ""
+    x: ChartAxis = ChartAxis()
+    y: ChartAxis = ChartAxis()
+    series: list[Series]
+    marks: list[Mark] = []
+
+
+class Value(Part):
+    """One result of a call: computed and expected."""
+
+    case: str
+    call: int
+    arguments: list[Any]
+    result: str
+    unit: str | None = None
+    computed: Any = None
+    expected: Any = None
+
+
+Read = TypeVar("Read")
+
+
+def several(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
+    """The list under a key; empty if it is missing or of another shape."""
+    try:
+        return TypeAdapter(list[kind]).validate_python(evidence.get(key) or [])  # type: ignore[valid-type]
+    except ValidationError:
+        return []
+
+
+def one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
+    """The object under a key; None if it is missing or of another shape."""
+    try:
+        return TypeAdapter(kind).validate_python(evidence[key]) if evidence.get(key) else None
+    except ValidationError:
+        return None

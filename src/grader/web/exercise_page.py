@@ -1,0 +1,90 @@
+"""The page of one exercise: the statement; the editor, the attempts, the newest verdict and what is under way."""
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from grader.domain.quiz import Quiz
+from grader.errors import NotFound
+from grader.library import Library
+from grader.web.figures import points
+from grader.web.lesson_page import Asked, Typed, asked, facts_of
+from grader.web.lessons import lesson_id, title_of
+from grader.web.page import page_of
+from grader.web.verdict_card import card_of
+from grader.web.work import Given, Work
+
+LINES_MAX = 2000
+"""Longer scripts stand side by side without marks: to compare takes a time that grows with the square."""
+
+
+@dataclass(frozen=True)
+class SourceLine:
+    """A line of one of two scripts; `kind` is `same`, `changed`, or `gap` where only the other has a line."""
+
+    text: str
+    kind: str
+
+
+def exercise_page(
+    library: Library, quiz: Quiz, question_id: str, work: Work, attempts: Sequence[Given], *,
+    chosen: str | None = None, typed: Typed | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
+    view = next(view for view in page_of(library, quiz)["questions"] if view["id"] == question_id)
+    here = asked(view, quiz.id, work, typed)
+    running = attempts[0] if attempts and attempts[0].verdict is None else None
+    shown = attempt_to_show(attempts, chosen)
+    facts = facts_of([quiz], work)
+    lesson = lesson_id(quiz.id)
+    return {
+        "quiz": {"id": quiz.id, "title": quiz.title},
+        "lesson": {"id": lesson, "title": title_of(lesson), "path": f"/lessons/{lesson}"},
+        "here": here,
+        "facts": facts | {"points": points_here(here)},
+        "attempts": attempts,
+        "shown": shown,
+        "running": running,
+        "card": None if shown is None else card_of(shown),
+        "source": source_of(here, shown, chosen, typed),
+    }
+
+
+def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | None:
+    """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
+    if chosen is None:
+        return next((one for one in attempts if one.verdict is not None), None)
+    found = next((one for one in attempts if one.id == chosen), None)
+    if found is None:
+        raise NotFound("You have no such attempt at this exercise.")
+    return found
+
+
+def source_of(here: Asked, shown: Given | None, chosen: str | None, typed: Typed | None) -> str:
+    """The text of the editor: what was refused, the chosen or newest attempt, else the starter."""
+    if typed is not None:
+        return typed.answer
+    given = shown if chosen is not None else here.place.given
+    return (given.text if given is not None else "") or here.view["starter"] or ""
+
+
+def points_here(here: Asked) -> str:
+    """The points that count at this exercise."""
+    place = here.place
+    return f"{'–' if place.points is None else points(place.points)} of {points(place.of)}"
+
+
+def side_by_side(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:
+    """Two scripts line by line, with gaps so that equal lines stand beside each other."""
+    olds, news = left.splitlines(), right.splitlines()
+    pair: tuple[list[SourceLine], list[SourceLine]] = ([], [])
+    if len(olds) + len(news) > LINES_MAX:
+        return [SourceLine(text, "same") for text in olds], [SourceLine(text, "same") for text in news]
+    matcher = difflib.SequenceMatcher(None, olds, news)
+    for tag, a, b, c, d in matcher.get_opcodes():
+        kind = "same" if tag == "equal" else "changed"
+        for lines, part in zip(pair, (olds[a:b], news[c:d]), strict=True):
+            lines.extend(SourceLine(text, kind) for text in part)
+            lines.extend([SourceLine("", "gap")] * (max(b - a, d - c) - len(part)))
+    return pair

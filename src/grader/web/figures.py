@@ -1,0 +1,73 @@
+"""Numbers as people read them: few figures, true minus signs, and no line break before a unit."""
+
+import math
+import re
+
+NARROW = "\u202f"
+"""The narrow no-break space between a number and its unit."""
+
+MINUS = "−"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+FRACTIONS = {"1/2": "½", "1/3": "⅓", "1/6": "⅙"}
+
+SPANS = {86_400: "day", 3600: "hour", 60: "minute"}
+
+UNITS = "ms|µs|s|min|h|kg|g|mm|cm|km|m|rad|deg|Hz|kHz|N|Nm|J|W|Pa|K|V|A|KB|MB|GB|kB|%|points?|attempts?|steps?|lines?"
+AMOUNT = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w]))")
+SCIENTIFIC = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]?\d{2,3})(?!\w)")
+NEGATIVE = re.compile(r"(?<![\w.−-])-(?=\d)")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """At most `digits` significant figures: `19.98`, `−2.5`, `1.9·10⁻³`; a dash for None."""
+    if value is None:
+        return "–"
+    if not math.isfinite(value):
+        return "not a number" if math.isnan(value) else f"{MINUS if value < 0 else ''}∞"
+    size = abs(value)
+    if size != 0 and not 1e-3 <= size < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        factor = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        return f"{'' if factor == '1' else f'{factor}·'}10{power(int(exponent))}".replace("-", MINUS)
+    return plain(value, digits).replace("-", MINUS)
+
+
+def plain(value: float, digits: int) -> str:
+    """A number of moderate size without an exponent."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if rounded == int(rounded) else repr(rounded)
+
+
+def power(exponent: int) -> str:
+    """An exponent in superscript figures."""
+    return str(exponent).translate(SUPERSCRIPTS)
+
+
+def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+    """A number and its unit, never parted by the end of a line."""
+    return f"{number(value, digits)}{NARROW}{unit}"
+
+
+def fraction(text: str) -> str:
+    """A coefficient of a tableau: the commonest fractions as one sign."""
+    return FRACTIONS.get(text, text.replace("-", MINUS))
+
+
+def points(value: float) -> str:
+    """Points to two decimals, without trailing zeros."""
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def span(seconds: float) -> str:
+    """How long something has lasted, in its largest unit: `3 days`, `1 hour`, `under a minute`."""
+    for size, unit in SPANS.items():
+        if (whole := int(seconds // size)) >= 1:
+            return f"{whole}{NARROW}{unit}{'' if whole == 1 else 's'}"
+    return "under a minute"
+
+
+def unbroken(text: str) -> str:
+    """A plain text whose numbers keep their units on the same line, and have true minus signs and powers of ten."""
+    text = SCIENTIFIC.sub(lambda found: f"{found[1]}·10{power(int(found[2]))}", text)
+    return NEGATIVE.sub(MINUS, AMOUNT.sub(NARROW, text))

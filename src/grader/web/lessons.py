@@ -1,0 +1,44 @@
+"""Groups quizzes into lessons by their ids: `1.3-check` and `1.3-exercises` are of lesson 1.3."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from grader.domain.quiz import Quiz
+
+NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
+OTHER = "questions"
+"""The lesson of quizzes whose ids begin with no number."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """Quizzes that a page shows together."""
+
+    id: str
+    title: str
+    quizzes: tuple[Quiz, ...]
+
+    @property
+    def path(self) -> str:
+        """Its address."""
+        return f"/lessons/{self.id}"
+
+
+def lessons_of(quizzes: Mapping[str, Quiz]) -> list[Lesson]:
+    """All lessons, in the order of their first quiz."""
+    groups: dict[str, list[Quiz]] = {}
+    for quiz in quizzes.values():
+        groups.setdefault(lesson_id(quiz.id), []).append(quiz)
+    return [Lesson(name, title_of(name), tuple(some)) for name, some in groups.items()]
+
+
+def lesson_id(quiz_id: str) -> str:
+    """The lesson that a quiz belongs to."""
+    found = NUMBERED.match(quiz_id)
+    return OTHER if found is None else found[1]
+
+
+def title_of(lesson: str) -> str:
+    """A lesson's name."""
+    return "Questions and exercises" if lesson == OTHER else f"Lesson {lesson}"

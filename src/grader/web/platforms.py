@@ -1,0 +1,127 @@
+"""`/instructor/lti`: learning platforms, and their courses that are linked with ours. It needs no script.
+
+Every instructor sees the courses of platforms that are linked with the own course, or ask to be. Instructors of the
+course `default` also administer the platforms.
+"""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import RedirectResponse, Response
+from sqlalchemy.orm import Session
+
+from grader.courses import platforms as rules
+from grader.errors import CallerError
+from grader.identity import DEFAULT_COURSE, Identity
+from grader.lms import administration
+from grader.lms.tool import MISSING, addresses
+from grader.web.context import Form, PageContext, Pages, Visitor, instructor
+from grader.web.frames import PRIVATE, LtiTool
+from grader.web.rendering import page
+
+PAGE = "/instructor/lti"
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get(PAGE)
+def show(request: Request, pages: Pages, who: Visitor) -> Response:
+    """The platforms and their courses; to anyone but an instructor, how to sign in."""
+    if who is None or not who.is_instructor:
+        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=pages.provider is not None)
+    return shown(request, pages, who)
+
+
+def shown(request: Request, pages: PageContext, who: Identity, status: int = 200, **more: Any) -> Response:
+    """The page as it is now, with the outcome of a form."""
+    administers = who.course == DEFAULT_COURSE
+
+    def listed(session: Session) -> dict[str, Any]:
+        platforms = administration.platforms_of(session) if administers else []
+        return {"platforms": platforms, "contexts": administration.contexts_of(session, who.course)}
+
+    lists = pages.sessions.reading(listed)
+    tool = addresses(pages.origin_of(request))
+    trouble = None if pages.tool is not None else MISSING
+    context = {"trouble": trouble, "administers": administers, "tool": tool, **lists, **more}
+    return page(request, "platforms.html", status, PRIVATE, who=who, **context)
+
+
+@router.post(f"{PAGE}/platforms")
+def add(request: Request, pages: Pages, who: Visitor, form: Form) -> Response:
+    """Registers a platform by hand; it waits for approval. Shows the page again if it is refused."""
+    who = instructor(who)
+    try:
+        rules.require_administrator(who)
+        given = administration.registration_of({**form, "origins": form.get("origins", "").split()})
+        pages.sessions.writing(lambda session: rules.add(session, who, given, form.get("deployment_id", "").strip()))
+    except CallerError as error:
+        return shown(request, pages, who, 422, trouble=str(error))
+    return RedirectResponse(PAGE, 303)
+
+
+@router.post(f"{PAGE}/platforms/{{platform_id}}/approve")
+def approve(platform_id: int, pages: Pages, who: Visitor) -> Response:
+    """Approves a platform and the deployments that wait. Raises Unauthorized, Forbidden, NotFound."""
+    who = instructor(who)
+    rules.require_administrator(who)
+    pages.sessions.writing(lambda session: rules.approve(session, who, platform_id))
+    return RedirectResponse(PAGE, 303)
+
+
+@router.post(f"{PAGE}/platforms/{{platform_id}}/remove")
+def remove(platform_id: int, pages: Pages, who: Visitor) -> Response:
+    """Removes a platform. Raises Unauthorized, Forbidden, NotFound."""
+    who = instructor(who)
+    rules.require_administrator(who)
+    pages.sessions.writing(lambda session: rules.remove(session, who, platform_id))
+    return RedirectResponse(PAGE, 303)
+
+
+@router.post(f"{PAGE}/registration")
+def registration(request: Request, pages: Pages, who: Visitor, _tool: LtiTool) -> Response:
+    """Shows a single-use address for dynamic registration. Raises Unauthorized, Forbidden."""
+    who = instructor(who)
+    rules.require_administrator(who)
+    origin = pages.origin_of(request)
+    link = pages.sessions.writing(lambda session: administration.registration_link(session, origin))
+    return shown(request, pages, who, link=link)
+
+
+@router.post(f"{PAGE}/contexts/{{context_id}}/link")
+def link(context_id: int, pages: Pages, who: Visitor) -> Response:
+    """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
+    who = instructor(who)
+
+    def change(session: Session) -> None:
+        rules.of_course(session, who, context_id)
+        rules.link(session, who, context_id, who.course)
+
+    pages.sessions.writing(change)
+    return RedirectResponse(PAGE, 303)
+
+
+@router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
+def unlink(context_id: int, pages: Pages, who: Visitor) -> Response:
+    """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
+    who = instructor(who)
+
+    def change(session: Session) -> None:
+        rules.of_course(session, who, context_id)
+        rules.unlink(session, who, context_id)
+
+    pages.sessions.writing(change)
+    return RedirectResponse(PAGE, 303)
+
+
+@router.post(f"{PAGE}/contexts/{{context_id}}/roster")
+async def roster(request: Request, context_id: int, pages: Pages, who: Visitor, tool: LtiTool) -> Response:
+    """Pulls the members of a platform's course into the own one, and tells how many. Raises Forbidden, NotFound."""
+    who = instructor(who)
+    try:
+        pulled = await administration.pull_roster(pages.database, tool.authorized, who, context_id)
+    except CallerError as error:
+        return await run_in_threadpool(shown, request, pages, who, 409, trouble=str(error))
+    told = f"{pulled.members} members; {pulled.removed} others whom an instructor had removed."
+    return await run_in_threadpool(shown, request, pages, who, told=told)
