@@ -101,8 +101,9 @@ def database_of(backend: str) -> Iterator[str]:
 @contextmanager
 def process(arguments: list[str], port: int, **environment: str) -> Iterator[int]:
     """The id of a server on this port once it accepts connections. Raises RuntimeError if it does not start."""
+    null = subprocess.DEVNULL  # the log too: a line for each request
     server = subprocess.Popen(  # noqa: S603  our own command
-        [sys.executable, *arguments], env=os.environ | environment, stdout=subprocess.DEVNULL
+        [sys.executable, *arguments], env=os.environ | environment, stdout=null, stderr=null
     )
     try:
         end = time.monotonic() + START_S
@@ -134,32 +135,46 @@ def free_port() -> int:
 
 
 class Client:
-    """A kept connection that sends one request again and again; it costs the machine as little as possible."""
+    """A connection that sends one request again and again; it costs the machine as little as possible."""
 
     def __init__(self, port: int, token: str) -> None:
         body = json.dumps(ANSWER).encode()
         head = f"POST {PATH} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nAuthorization: Bearer {token}\r\n"
         self.request = f"{head}Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+        self.port = port
+        self.connect()
+
+    def connect(self) -> None:
+        """Opens a new connection: a server closes those that are idle."""
+        self.socket = socket.create_connection(("127.0.0.1", self.port), timeout=60)
 
     def answer(self) -> float:
-        """Sends the answer; the time until the whole response is there [s]. Raises RuntimeError unless it is 201."""
+        """Sends the answer; the time until the whole response is there [s]. Raises RuntimeError without a 201."""
         begin = time.perf_counter()
         self.socket.sendall(self.request)
-        got = self.socket.recv(65536)
+        got = self._receive()
         while (end := got.find(b"\r\n\r\n")) < 0:
-            got += self.socket.recv(65536)
+            got += self._receive()
         head = got[:end].lower()
         length = int(head.split(b"content-length:")[1].split(b"\r\n")[0])
         while len(got) < end + 4 + length:
-            got += self.socket.recv(65536)
+            got += self._receive()
         if not got.startswith(b"HTTP/1.1 201"):
             raise RuntimeError(f"the server answered {got[:500]!r}")
         return time.perf_counter() - begin
 
+    def _receive(self) -> bytes:
+        part = self.socket.recv(65536)
+        if not part:
+            raise RuntimeError("the server closed the connection")
+        return part
+
 
 def burst(clients: list[Client], seconds: float) -> list[float]:
     """Every client sends one answer after the other for so long; the times of all [s]."""
+    for client in clients:
+        client.socket.close()
+        client.connect()
     until = time.perf_counter() + seconds
 
     def one(client: Client) -> list[float]:

@@ -1,5 +1,8 @@
 """A fast check that no speed was lost: ratios of CPU time, each with a floor, so that any machine can run it.
 
+A ratio is the shortest time of one work over the shortest of the other, measured in turns: beside eight processes that
+spin on two cores it stays within a few percent of a quiet machine's.
+
 `python -m grader.bench.floors [WORD]` prints every ratio (of the floors whose name contains WORD) beside its floor and
 exits 1 where one is below.
 """
@@ -37,7 +40,7 @@ ratio = partial(paired, budget_s=0.4)
 
 @dataclass(frozen=True)
 class Floor:
-    """The ratio that `measure` returns must be at least `least`; `source` says what that number rests on."""
+    """The ratio of the shortest times must be at least `least`; `source` says what that number rests on."""
 
     name: str
     measure: Callable[[], Paired]
@@ -92,24 +95,11 @@ FLOORS = [
     Floor("all, double pendulum", lambda: rungs(TWO, 0, 3), 1.8, TWO_THIRDS),
     Floor("Python loop, RK4 at 2 ms", lambda: peer_and_rk4("Python loop, RK4", 0.002, 0.002), 1.5, TWO_THIRDS),
     Floor("SciPy to 1e-6, RK4 at 4 ms", lambda: peer_and_rk4("SciPy DOP853, mj_forward", 1e-6, 0.004), 2, TWO_THIRDS),
-    *(Floor(f"C, {n}, {i}", partial(against_c, n, i), 0.58, "0.87 when quiet") for n, i in COURSE),
+    *(Floor(f"C, {n}, {i}", partial(against_c, n, i), 0.85, "0.92 to 0.98 measured") for n, i in COURSE),
     *(Floor(f"lesson, {n}, {i}", partial(against_the_lesson, n, i), 1.8, "3 when quiet") for n, i in COURSE),
     *(Floor(f"line, {n}", partial(speed, n), LINES[n][-1], "by hand in Python; loops 2 x at most") for n in LINES),
     Floor("bisection to certificate", bisection, 20, "100 when quiet"),
 ]
-
-
-def best_of(floor: Floor, tries: int = 4) -> Paired:
-    """The first measurement that reaches the floor, or the best of `tries`: a disturbance passes, a loss stays.
-
-    Raises NoLoop where it cannot be measured here.
-    """
-    best = floor.measure()
-    for _ in range(tries - 1):
-        if best.ratio >= floor.least:
-            break
-        best = max(best, floor.measure(), key=lambda found: found.ratio)
-    return best
 
 
 def main(words: list[str]) -> int:
@@ -120,14 +110,14 @@ def main(words: list[str]) -> int:
         if not all(word in floor.name for word in words):
             continue
         try:
-            found = best_of(floor)
+            found = floor.measure()
         except NoLoop as why:
             print(f"{'-':6}{floor.name:32}not measured: {why}")
             continue
-        below = found.ratio < floor.least
+        below = found.least < floor.least
         failed += below
-        measured = f"x{found.ratio:.2f} ({found.low:.2f} to {found.high:.2f})"
-        print(f"{'BELOW' if below else 'ok':6}{floor.name:32}{measured:28}floor x{floor.least:g}: {floor.source}")
+        measured = f"x{found.least:.2f} (pairs {found.low:.2f} to {found.high:.2f})"
+        print(f"{'BELOW' if below else 'ok':6}{floor.name:32}{measured:32}floor x{floor.least:g}: {floor.source}")
     return 1 if failed else 0
 
 

@@ -7,16 +7,16 @@ database of its own, with rate limits lifted.
 import atexit
 import json
 import os
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from http.client import HTTPConnection
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -25,7 +25,7 @@ from urllib.request import urlopen
 import numpy as np
 from matplotlib.figure import Figure
 
-from grader.bench.answers import backends, beside_bare
+from grader.bench.answers import backends, beside_bare, free_port
 from grader.bench.study import Measurement, Record, Records, Study
 from grader.domain.run import Job, RunStatus
 from grader.sandbox import cell, policy
@@ -48,6 +48,10 @@ JUDGED = {
     "rk4-free-joint": "correct__quaternion_derivative.py",
 }
 """Right answers; the last is judged by its convergence, which costs most."""
+
+WORKER_COUNTS = (1, 2, 4)
+NUMBERS = count()
+"""Makes every script differ from all others."""
 
 WORKERS = 2
 BURST = 200
@@ -128,25 +132,28 @@ def token_of(folder: str, user: str) -> str:
     return subprocess.check_output(arguments, text=True).strip()  # noqa: S603  our own command
 
 
+@contextmanager
+def served(students: int, **environment: str) -> Iterator[list[Client]]:
+    """A client for each student of `grader serve`, on a free port with fresh data and these settings."""
+    with TemporaryDirectory() as folder:
+        port = free_port()
+        arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
+        null, settings = subprocess.DEVNULL, os.environ | UNLIMITED | environment
+        process = subprocess.Popen(arguments, env=settings, stdout=null, stderr=null)  # noqa: S603  our own command
+        try:
+            wait_until_ready(process, port)
+            yield [Client(port, token_of(folder, f"student{number}")) for number in range(students)]
+        finally:
+            process.terminate()
+            process.wait(30)
+
+
 @cache
 def clients() -> list[Client]:
-    """A client for each student of `grader serve`, on a free port with fresh data.
-
-    It is started when something is left to measure, and stopped at exit.
-    """
+    """The clients of a server that is started when something is left to measure, and stopped at exit."""
     stack = ExitStack()
     atexit.register(stack.close)
-    folder = stack.enter_context(TemporaryDirectory())
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = int(free.getsockname()[1])
-    arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
-    null, environment = subprocess.DEVNULL, os.environ | UNLIMITED
-    process = subprocess.Popen(arguments, env=environment, stdout=null, stderr=null)  # noqa: S603  our own command
-    stack.callback(process.wait, 30)
-    stack.callback(process.terminate)
-    wait_until_ready(process, port)
-    return [Client(port, token_of(folder, f"student{number}")) for number in range(STUDENTS)]
+    return stack.enter_context(served(STUDENTS))
 
 
 def percentiles(times_s: Sequence[float]) -> Record:
@@ -193,6 +200,46 @@ class Beside(Measurement):
     def measure(self, quick: bool, done: Records) -> Record:
         """Rates, their ratio, wall times [s] and the servers' CPU times for one answer [s]."""
         return beside_bare(self.backend, self.students, *((1, 1.0) if quick else (5, 5.0)))
+
+
+@dataclass(frozen=True)
+class Workers(Measurement):
+    """Scripts graded in a second by one, two and four grading processes; more than there are cores gain little."""
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Rates by the number of processes [1/s], and their ratios to one: medians of bursts in turn."""
+        each, rounds = (4, 1) if quick else (15, 5)
+        with ExitStack() as stack:
+            busy = {n: stack.enter_context(served(2 * n, GRADER_WORKERS=str(n))) for n in WORKER_COUNTS}
+            for several in busy.values():
+                graded_per_second(several, 1)
+            rates = [{n: graded_per_second(several, each) for n, several in busy.items()} for _ in range(rounds)]
+        runs = [
+            {
+                "workers": n,
+                "per_second": float(np.median([rate[n] for rate in rates])),
+                "ratio": float(np.median([rate[n] / rate[1] for rate in rates])),
+            }
+            for n in WORKER_COUNTS
+        ]
+        return {"cores": os.cpu_count() or 1, "runs": runs}
+
+    def rows(self, record: Record) -> list[Record]:
+        """One row a number of processes."""
+        return [{"cores": record["cores"], **run} for run in record["runs"]]
+
+
+def graded_per_second(several: Sequence[Client], each: int) -> float:
+    """The rate at which scripts of these clients are graded; each client hands in the next once one is graded."""
+
+    def hand_in(client: Client) -> None:
+        for _ in range(each):
+            client.graded("servo-threshold", f"{SCRIPT}# {next(NUMBERS)}\n")  # each draws other cases
+
+    begin = time.perf_counter()
+    with ThreadPoolExecutor(len(several)) as pool:
+        list(pool.map(hand_in, several))
+    return len(several) * each / (time.perf_counter() - begin)
 
 
 @dataclass(frozen=True)
@@ -259,10 +306,10 @@ def overhead_s(jail: Jail) -> float:
 
 
 def plan(_quick: bool) -> Sequence[Measurement]:
-    """Typed numbers and scripts, by one student and by four at once, and what the jail and judging cost alone."""
+    """Answers and scripts, by one student and by four at once; what the jail and judging cost alone; more workers."""
     loads = [Load(load, students) for students in (1, STUDENTS) for load in ("answers", "scripts")]
     beside = [Beside(backend, students) for backend in backends() for students in (10, 50)]
-    return [Overhead(), *beside, *loads, *map(Judging, JUDGED)]
+    return [Overhead(), *beside, *loads, Workers(), *map(Judging, JUDGED)]
 
 
 def summarise(records: Records) -> Record:
@@ -271,10 +318,10 @@ def summarise(records: Records) -> Record:
 
 
 def draw(records: Records, _summary: Record) -> Figure:
-    """Median and 95th percentile of each load."""
+    """Median and 95th percentile of each load that has them."""
     figure = Figure(figsize=(7, 4))
     axes = figure.subplots()
-    bars = [(label_of(key, row), row) for key, record in records.items() for row in key.rows(record)]
+    bars = [(label_of(key, row), row) for key, record in records.items() for row in key.rows(record) if "p95_s" in row]
     for place, (label, row) in enumerate(bars):
         axes.barh(place, 1e3 * row["p95_s"], color="#bbccee", height=0.6)
         axes.barh(place, 1e3 * row["median_s"], color="#335599", height=0.6)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -46,12 +47,12 @@ Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Measurement:
+class Measurement(ABC):
     """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart."""
 
+    @abstractmethod
     def measure(self, quick: bool, done: "Records") -> Record:
         """Measure, with a small part of the effort where `quick`; `done` holds the measurements listed before."""
-        raise NotImplementedError
 
     def row(self) -> Record:
         """The kind and the fields, for JSON and CSV."""
