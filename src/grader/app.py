@@ -5,18 +5,18 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.metadata import version
-from typing import Any, TypeVar
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
-from sqlalchemy.orm import Session
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
+from grader.accounts import sign_in_url
 from grader.api import openapi, problems, routes
 from grader.api.admission import AdmissionMiddleware, AdmissionRules
 from grader.api.compression import CompressionMiddleware
@@ -24,21 +24,20 @@ from grader.api.conditional import ConditionalMiddleware
 from grader.api.connections import TimedProtocol
 from grader.api.context import Context, context_in
 from grader.api.lab_runs import LabRuns
+from grader.api.on_behalf import HAND_IN_ON_BEHALF
 from grader.api.rate import RateLimit
 from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
 from grader.api.submissions import HAND_IN
 from grader.content import Contents
-from grader.courses import people, results
 from grader.courses.handing_in import hand_in
 from grader.courses.pseudonyms import Blinding
 from grader.courses.recomputing import Recomputing
-from grader.courses.sign_in import create_sign_in_code
-from grader.courses.tokens import create_token, revoke_all
-from grader.domain.policy import Extension
+from grader.deliveries import deliveries_of
 from grader.grading_process import Graders
-from grader.identity import Role
-from grader.library import load
+from grader.lms.fetching import PlatformKeys
+from grader.lms.keys import ToolKeys
+from grader.lms.tool import Tool, is_installed
 from grader.logs import is_json, log_to_stderr
 from grader.monitoring import Monitor, check_content
 from grader.queue.worker import Worker
@@ -47,6 +46,7 @@ from grader.store.database import Database
 from grader.store.installation import blind_review_secret
 from grader.store.writer import Writer
 from grader.web.context import PageContext
+from grader.web.errors import PageErrors
 from grader.web.provider import Provider
 from grader.web.routes import router as pages
 from grader.web.sessions import SessionCookies
@@ -59,9 +59,14 @@ COMPRESSED_BYTES_MIN = 1024
 COMPRESSION = 5
 """The gzip level: nearly as small as 9, in a third of the time."""
 
-FAULT = 3
+SWITCH_S = 0.0005
+"""How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
+waits after every answer of the database. Python's own 5 ms would be most of the time that a batch takes."""
 
-Result = TypeVar("Result")
+YOUNG_OBJECTS = 10_000
+"""New objects between two looks for garbage cycles; Python's own 700 cost a tenth of every request."""
+
+FAULT = 3
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -71,14 +76,15 @@ def create_app(settings: Settings) -> FastAPI:
     database.migrate()
     content = Contents(settings.content, settings.courses, database)
     graders = graders_of(settings)
-    worker = worker_of(settings, database, content.archive, graders)
+    worker = worker_of(settings, database, content.archive, graders, deliveries_of(settings, database, content.archive))
     labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
     monitor = Monitor(database, graders, worker)
-    public_origin = settings.public_origin and settings.origin
+    public_origin, tool = settings.public_origin and settings.origin, tool_of(settings, database)
+    rules = admission_rules(settings)
     context = Context(
         database, content, settings.queue_per_user, labs, Writer(database, partial(hand_in, database)),
-        Blinding(blind_review_secret(database)), readiness_of(settings, monitor, content), monitor.exposition,
-        settings.metrics_token, public_origin,
+        Blinding(blind_review_secret(database)), readiness_of(settings, monitor, content), rules.by_user,
+        monitor.exposition, settings.metrics_token, public_origin, settings.private_hosts, tool,
     )  # fmt: skip
     sessions = SessionCookies(database, settings.origin.startswith("https:"), settings.is_local)
     app = FastAPI(
@@ -90,15 +96,19 @@ def create_app(settings: Settings) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.context = context
-    app.state.pages = PageContext(content, sessions, public_origin, provider_of(settings))
+    app.state.pages = PageContext(
+        content, sessions, public_origin, provider_of(settings), tool, context.writer, settings.queue_per_user,
+        context.blinding,
+    )  # fmt: skip
     problems.install(app)
-    app.router.routes.append(HAND_IN)
+    app.router.routes += [HAND_IN, HAND_IN_ON_BEHALF]
     app.include_router(routes.router)
     app.include_router(pages)
     openapi.install(app)
     app.add_middleware(ConditionalMiddleware)
     app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
-    app.add_middleware(AdmissionMiddleware, database=database, rules=admission_rules(settings))
+    app.add_middleware(AdmissionMiddleware, database=database, rules=rules)
+    app.add_middleware(PageErrors)
     app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))
@@ -123,6 +133,17 @@ def provider_of(settings: Settings) -> Provider | None:
     secret = settings.oidc_client_secret
     text = None if secret is None else secret.get_secret_value()
     return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
+
+
+def tool_of(settings: Settings, database: Database) -> Tool | None:
+    """The LTI tool; None without the packages of its extra."""
+    if not is_installed():
+        return None
+    from grader.lms.access_tokens import AccessTokens
+    from grader.lms.outgoing import Outgoing
+
+    keys, outgoing = ToolKeys(database), Outgoing(settings.private_hosts)
+    return Tool(keys, PlatformKeys(outgoing), outgoing, AccessTokens(outgoing, keys.sign))
 
 
 def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
@@ -160,47 +181,6 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
             context.labs.close()
 
     return lifespan
-
-
-def issue_token(settings: Settings, user: str, role: str, course: str | None) -> str:
-    """Creates a bearer token in the database of these settings. Raises Unprocessable."""
-    return in_database(settings, lambda session: create_token(session, user, role, course))
-
-
-def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:
-    """Revokes the tokens and sessions of a user. Returns how many were valid."""
-    return in_database(settings, lambda session: revoke_all(session, user, course))
-
-
-def give_extension(settings: Settings, key: tuple[str | None, str, str], granted: Extension) -> None:
-    """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz, and Unprocessable."""
-    course, quiz, user = key
-    database = Database(settings.database)
-    database.migrate()
-    try:
-        with database.write() as session:
-            learner = people.named(session, user, Role.STUDENT, course)
-            library = load(settings.courses.get(learner.course, settings.content))
-            results.grant(database, library, session, learner, quiz, granted=granted, by=None)
-    finally:
-        database.close()
-
-
-def sign_in_url(settings: Settings) -> str:
-    """The address where the instructor signs in; good for one sign-in."""
-    code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
-    return f"{settings.origin}/signin?code={code}"
-
-
-def in_database(settings: Settings, change: Callable[[Session], Result]) -> Result:
-    """Calls `change` in a transaction on a newly opened database, and returns its result."""
-    database = Database(settings.database)
-    database.migrate()
-    try:
-        with database.write() as session:
-            return change(session)
-    finally:
-        database.close()
 
 
 class Server(uvicorn.Server):
@@ -242,6 +222,8 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
 
 def run_server(settings: Settings) -> None:
     """Serves until a signal ends it; SIGHUP loads the content again. Exits 3 if it cannot start."""
+    sys.setswitchinterval(SWITCH_S)
+    gc.set_threshold(YOUNG_OBJECTS)
     app = create_app(settings)
     context = context_in(app)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=context.content.reload_or_log).start())

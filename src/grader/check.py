@@ -1,7 +1,8 @@
 """Checks a content folder: it loads, its keys are certified, its reference programs get their statuses."""
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from grader.certify import certify_question
-from grader.domain.quiz import CodeQuestion
+from grader.domain.quiz import CodeQuestion, NumericQuestion, PredictQuestion, Question
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.domain.verdict import Status
 from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFound
@@ -20,6 +21,8 @@ from grader.pipeline import Pipeline
 
 POINTS_ROUNDING = 1e-6
 """Rounding of shares of points."""
+
+UNVERIFIED = "no simulation confirms this key: add a `verify` (docs/authoring.md)"
 
 Say = Callable[[str], None]
 
@@ -52,11 +55,14 @@ def content_root(path: Path) -> Path:
     raise ContentError([Fault(str(path), "-", "no content folder here: a folder with quizzes/ and models/ inside")])
 
 
-def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say) -> Report:
+def check_content(
+    path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say, draws: int = 1
+) -> Report:
     """Load the content folder of `path`, certify its keys, and grade its reference programs.
 
     A path inside the folder restricts certificates and reference programs to those below it. `pipeline_for` opens a
-    pipeline, with its jail, for a library.
+    pipeline, with its jail, for a library. Each reference program is graded under `draws` draws of the hidden cases,
+    and must get one status and one diagnosis under all of them.
     """
     report = Report()
     try:
@@ -75,7 +81,7 @@ def check_content(path: Path, pipeline_for: Callable[[Library], AbstractContextM
     references = [item for item in found if isinstance(item, ReferenceProgram)]
     if references or exercises:
         with pipeline_for(library) as pipeline:
-            grade_references(pipeline, references, report, say)
+            grade_references(pipeline, references, report, say, draws)
             for quiz_id, question in exercises:
                 report.faults.extend(grade_lazy_answers(pipeline, quiz_id, question, say))
     report.faults.sort()
@@ -94,6 +100,8 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
         for question in quiz.questions:
             certificate = certify_question(question, library.model_xml)
             if certificate is None:
+                if could_be_decided(question):
+                    report.warnings.append(Fault(library.file(quiz.id), f"{question.id}.verify", UNVERIFIED))
                 continue
             say(f"{quiz.id} {question.id}: key {'certified' if certificate.ok else 'REFUSED'}")
             report.certificates.append({"quiz": quiz.id, "question": question.id, **certificate.to_json()})
@@ -101,6 +109,11 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
             report.warnings.extend(Fault(file, f"{question.id}.answer", remark) for remark in certificate.remarks)
             if not certificate.ok:
                 report.faults.append(Fault(file, f"{question.id}.{certificate.key}", certificate.why))
+
+
+def could_be_decided(question: Question) -> bool:
+    """Whether a `verify` could derive the key again: a number, or a prediction with a lab to run."""
+    return isinstance(question, NumericQuestion) or (isinstance(question, PredictQuestion) and question.sim is not None)
 
 
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, CodeQuestion]]:
@@ -161,30 +174,59 @@ def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
         yield ReferenceProgram(file, source, quiz, question, Path(name).stem.partition("__")[0], diagnosis)
 
 
-def grade_references(pipeline: Pipeline, references: list[ReferenceProgram], report: Report, say: Say) -> None:
-    """Grade every reference program; a wrong status or diagnosis is a fault."""
+@dataclass(frozen=True)
+class Outcome:
+    """What a reference program got under one seed."""
+
+    got: str
+    diagnosis: str | None
+
+    def __str__(self) -> str:
+        return f"{self.got} ({self.diagnosis})" if self.diagnosis else self.got
+
+
+def grade_references(
+    pipeline: Pipeline, references: list[ReferenceProgram], report: Report, say: Say, draws: int
+) -> None:
+    """Grade every reference program; a wrong status or diagnosis, or one that depends on the draw, is a fault."""
     with ThreadPoolExecutor(max_workers=2) as pool:
-        for reference, outcome in zip(references, pool.map(lambda r: grade_one(pipeline, r), references), strict=True):
-            say(f"{reference.file}: {outcome['got']}")
-            report.references.append({"file": reference.file, "expected": reference.status, **outcome})
-            report.faults.extend(Fault(reference.file, reference.status, why) for why in mismatches(reference, outcome))
+        graded = pool.map(lambda reference: grade_with_seeds(pipeline, reference, draws), references)
+        for reference, outcomes in zip(references, graded, strict=True):
+            first = next(iter(outcomes.values()))
+            say(f"{reference.file}: {', '.join(dict.fromkeys(one.got for one in outcomes.values()))}")
+            report.references.append({"file": reference.file, "expected": reference.status, **vars(first)})
+            report.faults.extend(
+                Fault(reference.file, reference.status, why) for why in mismatches(reference, outcomes)
+            )
 
 
-def grade_one(pipeline: Pipeline, reference: ReferenceProgram) -> dict[str, Any]:
-    """Grade a reference program, seeded by the name of its file; return status and diagnosis."""
-    seed = zlib.crc32(reference.file.encode())
+def grade_with_seeds(pipeline: Pipeline, reference: ReferenceProgram, draws: int) -> dict[int, Outcome]:
+    """Grade a reference program under consecutive seeds, the first from the name of its file; return seed: outcome."""
+    first = zlib.crc32(reference.file.encode())
+    return {seed: grade_one(pipeline, reference, seed) for seed in range(first, first + draws)}
+
+
+def grade_one(pipeline: Pipeline, reference: ReferenceProgram, seed: int) -> Outcome:
+    """Grade a reference program under one seed."""
     try:
         verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.source}, seed)
     except (CallerError, InvalidAnswer) as error:
-        return {"got": "not found" if isinstance(error, NotFound) else "no verdict", "diagnosis": str(error)}
-    return {"got": verdict.status.value, "diagnosis": verdict.diagnosis}
+        return Outcome("not found" if isinstance(error, NotFound) else "no verdict", str(error))
+    return Outcome(verdict.status.value, verdict.diagnosis)
 
 
-def mismatches(reference: ReferenceProgram, outcome: dict[str, Any]) -> Iterable[str]:
-    """Yield each difference between the outcome and what the reference program requires."""
+def mismatches(reference: ReferenceProgram, outcomes: dict[int, Outcome]) -> Iterator[str]:
+    """Yield each difference between the outcomes, by seed, and what the reference program requires."""
     if reference.status not in set(Status):
         yield f"the name must begin with a status: {', '.join(Status)}"
-    elif outcome["got"] != reference.status:
-        yield f"graded {outcome['got']} ({outcome['diagnosis']})"
-    elif reference.diagnosis and reference.diagnosis not in (outcome["diagnosis"] or ""):
-        yield f"diagnosis is {outcome['diagnosis']!r}, not {reference.diagnosis!r}"
+        return
+    counts = Counter(outcomes.values())
+    for outcome, count in counts.items():
+        seed = next(seed for seed, one in outcomes.items() if one == outcome)
+        where = f" in {count} of {len(outcomes)} draws, as with --seed {seed}" if len(outcomes) > 1 else ""
+        if outcome.got != reference.status:
+            yield f"graded {outcome}{where}"
+        elif reference.diagnosis and reference.diagnosis not in (outcome.diagnosis or ""):
+            yield f"diagnosis is {outcome.diagnosis!r}, not {reference.diagnosis!r}{where}"
+        elif len(counts) > 1:
+            yield f"the verdict depends on the draw: {outcome}{where}"

@@ -1,6 +1,8 @@
 """The command line: `grader serve | worker | grade | check | import | extend | token | invite | advise | bench`.
 
-`operate.py` adds `backup | migrate | prune | erase | rotate-secret`.
+`operate.py` adds `backup | migrate | prune | erase | rotate-secret | deliveries | replay`, `teaching.py` adds
+`pack | roster`, `lti.py` the commands of `grader lti`. What only some commands need is imported in them: MuJoCo,
+SQLAlchemy and pydantic take several times as long as the rest of a short command.
 """
 
 import json
@@ -8,25 +10,26 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from pydantic import ValidationError
-from pydantic_settings import SettingsError
 from rich.console import Console
 
-from grader.domain.policy import Extension
-from grader.domain.quiz import CodeQuestion
-from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, Unprocessable
-from grader.library import Library, load
-from grader.logs import log_to_stderr
+from grader.lti import lti
 from grader.operate import operate
-from grader.pipeline import Pipeline
-from grader.settings import PREFIX, Settings
+from grader.teaching import pack, roster
+
+if TYPE_CHECKING:
+    from grader.domain.policy import Extension
+    from grader.domain.verdict import Verdict
+    from grader.library import Library
+    from grader.pipeline import Pipeline
+    from grader.settings import Settings
 
 CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
 INTERRUPTED = 130
@@ -38,6 +41,9 @@ cli = typer.Typer(
 token = typer.Typer(help="Bearer tokens.", no_args_is_help=True)
 cli.add_typer(token, name="token")
 cli.add_typer(operate)
+cli.add_typer(pack, name="pack")
+cli.add_typer(roster, name="roster")
+cli.add_typer(lti, name="lti")
 
 err = Console(stderr=True)
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
@@ -46,32 +52,55 @@ Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
 
 
 def main() -> None:
-    """Runs a command. Every error becomes a line on stderr and an exit code."""
+    """Runs a command. Every error that is the caller's becomes a line on stderr and an exit code."""
     open_missing_standard_streams()
-    log_to_stderr()
     try:
         cli()
-    except ValidationError as error:
-        for wrong in error.errors():
-            told = wrong["msg"].removeprefix("Value error, ")
-            where = f"{PREFIX}{'_'.join(map(str, wrong['loc']))}: ".upper() if wrong["loc"] else ""
-            err.print(f"{where}{told}", style="red", markup=False, soft_wrap=True)
-        sys.exit(USAGE)
-    except SettingsError as error:  # not JSON where JSON is needed
-        fields = [(name, field) for name, field in Settings.model_fields.items() if f'"{name}"' in str(error)]
-        for name, field in fields:
-            err.print(f"{PREFIX}{name.upper()}: {field.description}", style="red", markup=False, soft_wrap=True)
-        sys.exit(USAGE)
     except ContentError as error:
-        for fault in error.faults:
-            err.print(str(fault), style="red", markup=False, soft_wrap=True)
+        complain(*map(str, error.faults))
         sys.exit(USAGE)
     except (CallerError, InvalidAnswer, OSError, UnicodeDecodeError) as error:
-        err.print(str(error), style="red", markup=False, soft_wrap=True)
+        complain(str(error))
         sys.exit(USAGE)
     except JailFault as error:
-        err.print(str(error), style="red", markup=False, soft_wrap=True)
+        complain(str(error))
         sys.exit(FAULT)
+    except ValueError as error:
+        complain(*faults_of_settings(error))
+        sys.exit(USAGE)
+
+
+@cli.callback()
+def begin() -> None:
+    """Auto-grading of a MuJoCo course."""
+    from grader.logs import log_to_stderr
+
+    log_to_stderr()
+
+
+def complain(*lines: str) -> None:
+    """Prints errors on stderr."""
+    for line in lines:
+        err.print(line, style="red", markup=False, soft_wrap=True)
+
+
+def faults_of_settings(error: ValueError) -> list[str]:
+    """What is wrong with the settings, a line for each. Raises the error again if they are not its cause."""
+    from pydantic import ValidationError
+    from pydantic_settings import SettingsError
+
+    from grader.settings import PREFIX, Settings
+
+    if isinstance(error, ValidationError):
+        return [
+            (f"{PREFIX}{'_'.join(map(str, wrong['loc']))}: ".upper() if wrong["loc"] else "")
+            + wrong["msg"].removeprefix("Value error, ")
+            for wrong in error.errors()
+        ]
+    if isinstance(error, SettingsError):  # not JSON where JSON is needed
+        fields = [(name, field) for name, field in Settings.model_fields.items() if f'"{name}"' in str(error)]
+        return [f"{PREFIX}{name.upper()}: {field.description}" for name, field in fields]
+    raise error
 
 
 def open_missing_standard_streams() -> None:
@@ -81,8 +110,10 @@ def open_missing_standard_streams() -> None:
     os.close(descriptor)
 
 
-def settings_with(**overrides: Any) -> Settings:
+def settings_with(**overrides: Any) -> "Settings":
     """The settings from the environment, overridden by the options of the command line."""
+    from grader.settings import Settings
+
     return Settings(**{name: value for name, value in overrides.items() if value is not None})
 
 
@@ -92,14 +123,16 @@ def say(message: str) -> None:
 
 
 @contextmanager
-def pipeline_for(library: Library, jailed: bool = True) -> Iterator[Pipeline]:
+def pipeline_for(library: "Library", jailed: bool = True) -> Iterator["Pipeline"]:
     """A pipeline without server or database; the jail starts only if a script is to run."""
+    from grader.pipeline import Pipeline
+
     if not jailed:
         yield Pipeline(library)
         return
     from grader.sandbox.jail import Jail
 
-    with Jail(library.root / "models", allow_t2=Settings().allow_t2) as jail:
+    with Jail(library.root / "models", allow_t2=settings_with().allow_t2) as jail:
         yield Pipeline(library, jail.run)
 
 
@@ -118,9 +151,10 @@ def serve(
 @cli.command()
 def worker(data: Data = None) -> None:
     """Run one more grading worker on the database of a server."""
+    from grader.deliveries import deliveries_of
     from grader.worker import run_worker
 
-    run_worker(settings_with(data=data))
+    run_worker(settings_with(data=data), deliveries_of)
 
 
 @cli.command()
@@ -133,15 +167,34 @@ def grade(
         int | None,
         typer.Option(min=0, help="Repeats the hidden cases of an earlier verdict; drawn at random if not given."),
     ] = None,
+    *,
+    key: Annotated[
+        Path | None, typer.Option(help="A file of random bytes: with it the same answer gets the same hidden cases.")
+    ] = None,
+    form: Annotated[
+        Literal["gradescope", "junit"] | None, typer.Option("--format", help="Print the document of another grader.")
+    ] = None,
 ) -> None:
     """Grade one answer with no server and no database. Exits 0 if it is correct, else 1."""
-    library = load(Settings().content)
+    from grader.domain.quiz import CodeQuestion
+    from grader.domain.verdict import Status
+    from grader.library import load
+
+    if as_json and form is not None:
+        raise Unprocessable("Give either --json or --format.")
+    library = load(settings_with().content)
     is_script = isinstance(library.question(quiz, question), CodeQuestion)
     given: Any = {"source": read_script(Path(answer))} if is_script else answer
     with pipeline_for(library, jailed=is_script) as pipeline:
-        submission = pipeline.read(quiz, question, given, seed)
-        verdict = pipeline.judge_with_retries(submission)
-    if as_json:
+        keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
+        submission = keyed.read(quiz, question, given, seed)
+        verdict = keyed.judge_with_retries(submission)
+    if form is not None:
+        from grader.reports import Graded, junit_xml, results_json
+
+        write = {"gradescope": results_json, "junit": junit_xml}[form]
+        print(write(Graded(library.quiz(quiz), submission.question, verdict, submission.seed)))
+    elif as_json:
         document = json.loads(verdict.model_dump_json()) | {"seed": submission.seed}
         print(json.dumps(document, ensure_ascii=False, indent=2))
     else:
@@ -159,7 +212,7 @@ def read_script(path: Path) -> str:
         raise Unprocessable(f"{path} is not UTF-8 text: {error}") from error
 
 
-def show(verdict: Verdict, seed: int | None) -> None:
+def show(verdict: "Verdict", seed: int | None) -> None:
     """Prints a verdict for a person at a terminal, with the seed that repeats it."""
     out = Console(markup=False, highlight=False, soft_wrap=True)
     out.print(f"{verdict.status}: {verdict.points:g} of {verdict.max_points:g} points")
@@ -178,11 +231,15 @@ def show(verdict: Verdict, seed: int | None) -> None:
 
 
 @cli.command()
-def check(paths: Annotated[list[Path] | None, typer.Argument()] = None, as_json: Json = False) -> None:
+def check(
+    paths: Annotated[list[Path] | None, typer.Argument()] = None,
+    as_json: Json = False,
+    draws: Annotated[int, typer.Option(min=1, help="draws of the hidden cases for each reference program")] = 1,
+) -> None:
     """Load every quiz and model, re-derive every answer key, grade every reference solution."""
     from grader.check import check_content
 
-    reports = [check_content(path, pipeline_for, say) for path in paths or [Settings().content]]
+    reports = [check_content(path, pipeline_for, say, draws) for path in paths or [settings_with().content]]
     faults = [fault for report in reports for fault in report.faults]
     if as_json:
         documents = [report.to_json() for report in reports]
@@ -204,9 +261,11 @@ def import_(
     """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON."""
     from grader.lesson import import_lesson
 
-    quizzes = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem)
+    imported = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem)
+    for remark in imported.remarks:
+        print(f"warning: {remark}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)
-    for quiz_id, quiz in quizzes.items():
+    for quiz_id, quiz in imported.quizzes.items():
         path = out / f"{quiz_id}.json"
         path.write_text(json.dumps(quiz, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
         print(path)
@@ -215,15 +274,55 @@ def import_(
 @cli.command()
 def advise(
     model: Annotated[str, typer.Argument(help="A model of the content folder, or the path of an MJCF file.")],
+    *,
     quantity: Annotated[str | None, typer.Option(help="The quantity of interest, as a lab expression.")] = None,
-    tol: Annotated[float | None, typer.Option(help="Its largest error, in its own unit.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="Length of the run [s].")] = None,
+    tol: Annotated[float | None, typer.Option(help="Its largest error, in its own unit (1e-3).")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length of the run [s] (2).")] = None,
+    key: Annotated[str | None, typer.Option(help="Keyframe of the start, by name or index.")] = None,
+    qpos: Annotated[str | None, typer.Option(help="Positions of the start, separated by commas.")] = None,
+    qvel: Annotated[str | None, typer.Option(help="Velocities of the start, separated by commas.")] = None,
+    ctrl: Annotated[str | None, typer.Option(help="Controls, separated by commas; constant during the run.")] = None,
+    perturb: Annotated[float, typer.Option(help="Add to every velocity a random number of this size at most.")] = 0.0,
+    budget: Annotated[float, typer.Option(help="Seconds after which the best of what was measured is chosen.")] = 60.0,
 ) -> None:
-    """Pick integrator and timestep by the lesson's procedure, with the measurements."""
+    """Pick integrator and timestep by the lesson's procedure, with the measurements.
+
+    Exits with 1 if no setting passes, or if it cannot be told.
+    """
+    from grader.advise import Start
     from grader.advise import advise as measure
 
-    named = Settings().content / "models" / f"{model}.xml"
-    print(measure(named if named.is_file() else Path(model), quantity, tol, seconds))
+    named = settings_with().content / "models" / f"{model}.xml"
+    start = Start(
+        int(key) if key is not None and key.isdecimal() else key,
+        numbers_of(qpos, "--qpos"),
+        numbers_of(qvel, "--qvel"),
+        numbers_of(ctrl, "--ctrl"),
+        perturb,
+    )
+    with Console(stderr=True).status("compiling the model") as status:
+        advice = measure(
+            named if named.is_file() else Path(model),
+            quantity,
+            tol,
+            seconds,
+            start=start,
+            budget_s=budget,
+            progress=status.update,
+        )
+    print(advice)
+    if advice.choice is None:
+        sys.exit(1)
+
+
+def numbers_of(text: str | None, option: str) -> list[float] | None:
+    """Reads numbers separated by commas. Raises Unprocessable for anything else."""
+    if text is None:
+        return None
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise Unprocessable(f"{option} takes numbers separated by commas, such as 0.1,0,-2; not {text!r}") from error
 
 
 @cli.command()
@@ -253,15 +352,19 @@ def extend(
     data: Data = None,
 ) -> None:
     """Give one learner an extension of a quiz; with no option but --user, take an earlier one back."""
-    from grader.app import give_extension
+    from grader.accounts import give_extension
 
     granted = extension_of(due, until, attempts)
     give_extension(settings_with(data=data), (course, quiz, user), granted)
     print(granted.model_dump_json())
 
 
-def extension_of(due: str | None, until: str | None, attempts: int) -> Extension:
+def extension_of(due: str | None, until: str | None, attempts: int) -> "Extension":
     """The extension that the options describe. Raises Unprocessable."""
+    from pydantic import ValidationError
+
+    from grader.domain.policy import Extension
+
     try:
         return Extension.model_validate({"due": due, "until": until, "attempts": attempts})
     except ValidationError as error:
@@ -281,7 +384,7 @@ def token_create(
     expires: Annotated[str | None, typer.Option(help="Lifetime, as 12h, 30d or 26w. Unlimited if not given.")] = None,
 ) -> None:
     """Print a new bearer token, and nothing else, on stdout."""
-    from grader.app import in_database
+    from grader.accounts import in_database
     from grader.courses.tokens import create_token
 
     lifetime = None if expires is None else lifetime_of(expires)
@@ -301,7 +404,7 @@ def lifetime_of(text: str) -> timedelta:
 @token.command("list")
 def token_list(course: Course = None, data: Data = None, as_json: Json = False) -> None:
     """List the valid tokens of a course, one a line: id, user, role, scopes, expiry and last use."""
-    from grader.app import in_database
+    from grader.accounts import in_database
     from grader.courses.tokens import shown, tokens
     from grader.identity import DEFAULT_COURSE
 
@@ -325,7 +428,7 @@ def token_revoke(
     data: Data = None,
 ) -> None:
     """Revoke every token and browser session of a user, or one token, and print how many there were."""
-    from grader.app import in_database, revoke_tokens
+    from grader.accounts import in_database, revoke_tokens
     from grader.courses.tokens import revoke
     from grader.identity import DEFAULT_COURSE
 
@@ -349,7 +452,7 @@ def invite(
     data: Data = None,
 ) -> None:
     """Print a single-use link for each name, in their order, one a line on stdout; the names go to stderr."""
-    from grader.app import in_database
+    from grader.accounts import in_database
     from grader.courses.invitations import invite as make
 
     settings = settings_with(data=data)

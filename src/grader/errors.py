@@ -11,6 +11,7 @@ GraderError
 │   ├── Outdated         changed since the caller saw it
 │   ├── TooLarge         more bytes than allowed
 │   ├── Unprocessable    well-formed, but not meaningful
+│   ├── FaultyRows       rows of a file that cannot be taken; all are listed at once
 │   ├── Unconditional    a precondition is missing
 │   └── TooManyRequests  too often
 ├── NotReady          ours: a part of the service does not work now; `/readyz` tells which
@@ -87,6 +88,14 @@ class TooLarge(CallerError):
 
 class Unprocessable(CallerError):
     """Well-formed, but not meaningful."""
+
+
+class FaultyRows(CallerError):
+    """Rows of a file cannot be taken, so that none was; `faults` lists each with its file, line and column."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(map(str, self.faults)))
 
 
 class Unconditional(CallerError):

@@ -76,6 +76,8 @@ class Identity:
     """The scopes of a restricted token; None for all rights of the role."""
     credential: str = ""
     """The id of the credential that was presented."""
+    platform: int | None = None
+    """The learning platform whose launch opened the session; its pages may show ours in a frame."""
 
     @property
     def is_instructor(self) -> bool:
@@ -158,10 +160,12 @@ def issue(
     *,
     scopes: frozenset[Scope] | None = None,
     by: Identity | None = None,
+    platform: int | None = None,
 ) -> str:
     """Stores a new credential of the member, valid for `lifetime` or until it is revoked. Returns its text.
 
     `by` is the member who issues it; None for the command line, and for sessions, which members start themselves.
+    `platform` is the learning platform whose launch opens a session.
     """
     credential_id, secret = secrets.token_hex(8), secrets.token_hex(32)
     credential = Credential(
@@ -174,6 +178,7 @@ def issue(
         course=member.course,
         scopes=None if scopes is None else " ".join(sorted(scopes)),
         created_by=None if by is None else by.user,
+        platform=platform,
         expires_at=None if lifetime is None else now() + lifetime,
     )
     credentials.add(session, credential)
@@ -196,8 +201,10 @@ def identity_of(credential: Credential) -> Identity:
     """The identity that a credential proves."""
     by_cookie = credential.kind == Kind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
-    role = Role(credential.role)
-    return Identity(credential.member, credential.user, role, credential.course, by_cookie, scopes, credential.id)
+    return Identity(
+        credential.member, credential.user, Role(credential.role), credential.course, by_cookie, scopes, credential.id,
+        credential.platform,
+    )  # fmt: skip
 
 
 def checked_name(what: str, name: str) -> str:

@@ -1,8 +1,8 @@
 """Imports quizzes and labs from a lesson in Markdown: its fenced `quiz` and `lab` blocks become quiz JSON.
 
-The course's format: a fence of backquotes (or tildes) whose first word is `quiz` or `lab`, the latter followed by the
-kind (`simlab` or `integrators`), around one JSON object. Quiz blocks with the same id form one quiz; all labs of a
-lesson go into one file.
+The course's format: a fence of backquotes (or tildes) whose first word is `quiz`, `debug` or `lab`, the latter followed
+by the kind (`simlab`, which may be left out, or `integrators`), around one JSON object. Quiz blocks with the same id
+form one quiz, and so do `debug` blocks that ask something; all labs of a lesson go into one file.
 """
 
 import re
@@ -18,10 +18,10 @@ from grader.errors import ContentError, Fault
 from grader.labs import lab_programs
 from grader.library.json_text import json_faults, parse_json
 from grader.library.schema import LAB, QUIZ, Part, validate
+from grader.library.semantics import LAB_KINDS, unknown_kind
 
 FENCE = re.compile(r"^( {0,3})(`{3,}|~{3,})[ \t]*([^`\n]*?)[ \t]*$")
 TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
-KINDS = ("simlab", "integrators")
 NEWLINE = re.compile(r"\r\n|\r|\n")
 UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
 SLUG = re.compile(r"[^a-z0-9]+")
@@ -37,8 +37,16 @@ class Block:
     closed: bool
 
 
-def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, Any]]:
-    """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`.
+@dataclass(frozen=True)
+class Lesson:
+    """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`; and remarks for the author."""
+
+    quizzes: dict[str, dict[str, Any]]
+    remarks: tuple[Fault, ...] = ()
+
+
+def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
+    """The quizzes and labs of a lesson. What this service does not have is a remark, and costs nothing else.
 
     Does not check what needs the content folder: models, keyframes, runs. Raises ContentError with all faults, each
     with the lesson's name, the line and the reason.
@@ -50,12 +58,14 @@ def import_lesson(markdown: str, name: str = "lesson") -> dict[str, dict[str, An
             reading.add_quiz(block)
         elif block.words[:1] == ("lab",):
             reading.add_lab(block)
+        elif block.words[:1] == ("debug",):
+            reading.add_debug(block)
     reading.finish(_title(markdown) or name)
-    if not reading.quizzes and not reading.faults:
+    if not reading.quizzes and not reading.faults and not reading.remarks:
         reading.fault(1, "no quiz or lab block here: begin one with ```quiz or ```lab simlab")
     if reading.faults:
         raise ContentError(sorted(reading.faults))
-    return reading.quizzes
+    return Lesson(reading.quizzes, tuple(sorted(reading.remarks)))
 
 
 def blocks(markdown: str) -> Iterator[Block]:
@@ -90,6 +100,7 @@ class _Reading:
         self.name = name
         self.base = UNFIT.sub("-", name).strip("-._")[:50] or "lesson"
         self.faults: list[Fault] = []
+        self.remarks: list[Fault] = []
         self.quizzes: dict[str, dict[str, Any]] = {}
         self.lines: dict[str, int] = {}
         self.labs: list[dict[str, Any]] = []
@@ -97,11 +108,24 @@ class _Reading:
     def fault(self, line: int, why: str) -> None:
         self.faults.append(Fault(self.name, f"line {line}", why))
 
+    def remark(self, line: int, why: str) -> None:
+        self.remarks.append(Fault(self.name, f"line {line}", why))
+
+    def add_debug(self, block: Block) -> None:
+        """Add a question of the kind `debug`. A case to read, which asks nothing, stays in the lesson."""
+        raw = self._object(block)
+        if raw is not None and ("questions" in raw or "options" in raw):
+            self._add_questions(raw if "questions" in raw else {"kind": "debug", **raw}, block)
+        elif raw is not None:
+            self.remark(block.line, "this debug block has no options to choose from: it stays in the lesson alone")
+
     def add_quiz(self, block: Block) -> None:
         """Add a quiz, or the questions of a further block with the same id. A single question becomes a quiz."""
         raw = self._object(block)
-        if raw is None:
-            return
+        if raw is not None:
+            self._add_questions(raw, block)
+
+    def _add_questions(self, raw: dict[str, Any], block: Block) -> None:
         quiz = raw if "questions" in raw else {"questions": [raw]}
         quiz = {"id": f"{self.base}-check", "title": "Knowledge check", **quiz}
         if not isinstance(quiz["questions"], list):
@@ -121,13 +145,12 @@ class _Reading:
 
     def add_lab(self, block: Block) -> None:
         """Add a lab; the default of its id comes from its title."""
-        kind = block.words[1] if len(block.words) > 1 else "none"
-        if kind not in KINDS:
-            self.fault(block.line, f"there is no lab {kind!r}: write ```lab followed by one of {', '.join(KINDS)}")
-            return
         raw = self._object(block)
         if raw is None:
             return
+        kind = str(raw.get("kind", block.words[1] if len(block.words) > 1 else LAB_KINDS[0]))
+        if kind not in LAB_KINDS:
+            self.remark(block.line, unknown_kind(kind))
         taken = {str(lab["id"]) for lab in self.labs}
         lab = {"id": _slug(str(raw.get("title") or kind), taken), "kind": kind, **raw}
         if str(lab["id"]) in taken:

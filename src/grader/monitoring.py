@@ -18,6 +18,7 @@ from grader.errors import JailFault, NotReady
 from grader.grading_process import Graders
 from grader.queue import jobs
 from grader.queue.worker import Worker
+from grader.store import outbox
 from grader.store.database import Database, is_away
 
 FREE_BYTES_MIN = 16 << 20
@@ -72,7 +73,7 @@ class Monitor(Collector):
         """The state of the database, the queue and the jail as it is now, for the Prometheus client."""
         try:
             with self.database.read() as session:
-                families = list(queue_families(session, self.worker))
+                families = [*queue_families(session, self.worker), outbox_family(session)]
         except Exception as error:
             if not is_away(error):
                 raise
@@ -112,3 +113,14 @@ def queue_families(session: Session, worker: Worker) -> Iterator[GaugeMetricFami
         oldest.add_metric((topic,), state.oldest_s or 0.0)
     yield from (counted, oldest)
     yield GaugeMetricFamily("grader_workers", "Live workers on the database.", worker.alive_on(session))
+
+
+def outbox_family(session: Session) -> GaugeMetricFamily:
+    """What the outbox still holds, and its dead letters."""
+    names = ("kind", "state")
+    family = GaugeMetricFamily("grader_outbox_deliveries", "Deliveries that are not sent.", labels=names)
+    found = outbox.counts(session)
+    for kind in outbox.KINDS:
+        for state in (outbox.WAITING, outbox.HELD, outbox.DEAD):
+            family.add_metric((kind, state), found.get((kind, state), 0))
+    return family

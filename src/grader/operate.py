@@ -1,4 +1,7 @@
-"""Commands for the operator of an installation: `grader backup | migrate | prune | erase | rotate-secret`."""
+"""Commands for the operator of an installation.
+
+`grader backup | migrate | prune | erase | rotate-secret | deliveries | replay`.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from grader.errors import Unprocessable
-from grader.settings import Settings
 
 if TYPE_CHECKING:
+    from grader.settings import Settings
     from grader.store.database import Database
 
 operate = typer.Typer()
@@ -19,8 +22,10 @@ operate = typer.Typer()
 Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
 
 
-def settings_in(data: Path | None) -> Settings:
+def settings_in(data: Path | None) -> "Settings":
     """The settings from the environment, with another data folder if one is given."""
+    from grader.settings import Settings
+
     return Settings() if data is None else Settings(data=data)
 
 
@@ -70,6 +75,7 @@ def prune(
     with opened(data) as database:
         print(f"{pruning.idempotency_keys(database, before)} idempotency keys")
         print(f"{pruning.events(database, before)} events")
+        print(f"{pruning.deliveries(database, before)} webhook deliveries")
         print(f"{pruning.ended_credentials(database, PRUNED, before)} sessions and invitations")
 
 
@@ -99,3 +105,29 @@ def rotate_secret(data: Data = None) -> None:
 
     with opened(data) as database, database.write() as session:
         rotate_hidden_case_secret(session)
+
+
+@operate.command()
+def deliveries(
+    state: Annotated[str, typer.Option(help="waiting, held, sent or dead.")] = "dead",
+    course: Annotated[str | None, typer.Option(help="Name of the course; all courses if not given.")] = None,
+    data: Data = None,
+) -> None:
+    """List webhooks and scores, by default those that could not be delivered: one a line, with the reason."""
+    from grader.store import outbox
+
+    if state not in outbox.STATES:
+        raise Unprocessable(f"--state is one of {', '.join(outbox.STATES)}.")
+    with opened(data) as database, database.read() as session:
+        for row, kind in outbox.every(session, state, course):
+            place = "/".join(filter(None, (row.quiz, row.question)))
+            print("\t".join((str(row.id), kind, row.course, row.learner, place, str(row.attempts), row.error or "")))
+
+
+@operate.command()
+def replay(delivery: int, data: Data = None) -> None:
+    """Deliver a dead letter once more. A score then replaces what a person has entered at the platform."""
+    from grader.courses.outbox import replay as again
+
+    with opened(data) as database, database.write() as session:
+        again(session, None, delivery, None)

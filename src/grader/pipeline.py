@@ -44,6 +44,9 @@ ENVIRONMENT = {
     "machine": f"{platform.system()} {platform.machine()}",
 }
 
+encode = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+"""Made once: `json.dumps` makes an encoder for every call."""
+
 log = structlog.get_logger()
 
 
@@ -209,7 +212,7 @@ def canonical(answer: Any) -> str:
     Raises Unprocessable for text that is not UTF-8, and for lists and objects nested more than LEVELS_MAX deep.
     """
     _check_text(answer, LEVELS_MAX)
-    return json.dumps(answer, sort_keys=True, separators=(",", ":"))
+    return encode(answer)
 
 
 def _check_text(value: Any, levels: int) -> None:
@@ -245,7 +248,7 @@ def ungraded(question: Question, status: Status, why: str) -> Verdict:
 
 def submission_digest(quiz_id: str, question_id: str, text: str) -> str:
     """sha256 of the canonical JSON `[quiz, question, answer]`; `text` is the answer's canonical JSON."""
-    ids = json.dumps([quiz_id, question_id], separators=(",", ":")).removesuffix("]")
+    ids = encode([quiz_id, question_id]).removesuffix("]")
     return hashlib.sha256(f"{ids},{text}]".encode()).hexdigest()
 
 

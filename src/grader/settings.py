@@ -94,6 +94,11 @@ class Settings(BaseSettings):
     )
     oidc_course: str = Field(default="default", description="Course whose students the provider's users become.")
 
+    private_hosts: tuple[str, ...] = Field(
+        default=(),
+        description='Hosts of webhooks and learning platforms that may be private, as JSON: ["lms.campus.example"].',
+    )
+
     metrics_token: SecretStr | None = Field(
         default=None, min_length=16,
         description="Token that /metrics asks for. Without one it is open on loopback, and closed elsewhere.",

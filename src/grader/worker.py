@@ -3,9 +3,10 @@
 import json
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
+from types import MappingProxyType
 
 import structlog
 from prometheus_client import REGISTRY, start_http_server
@@ -31,6 +32,11 @@ from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
 Append = Callable[[Session, Submission, Verdict, str], None]
+
+OTHERS = 4
+"""Threads for jobs that wait for others' servers."""
+
+NOTHING_MORE: Mapping[str, Task] = MappingProxyType({})
 
 DAILY, DAY_S = "daily", 86_400.0
 
@@ -154,21 +160,26 @@ def graders_of(settings: Settings) -> Graders:
     return Graders(settings.workers, allow_t2=settings.allow_t2)
 
 
-def worker_of(settings: Settings, database: Database, archive: Archive, graders: Graders) -> Worker:
-    """The worker that the settings describe."""
+def worker_of(
+    settings: Settings, database: Database, archive: Archive, graders: Graders, more: Mapping[str, Task] = NOTHING_MORE
+) -> Worker:
+    """The worker that the settings describe; `more` are the tasks of further topics."""
     retries = Retries(settings.tries)
     topics: dict[str, Task] = {
         jobs.GRADE: Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive)),
         jobs.REGRADE: Regrading(database, archive, judge_with(archive, graders), retries),
         jobs.PRUNE: Pruning(database, timedelta(days=settings.prune_days)),
+        **more,
     }
     if settings.workers:
         schedule_pruning(database)
-    return Worker(database, topics, settings.workers, retries)
+    return Worker(database, topics, settings.workers, retries, OTHERS)
 
 
-def run_worker(settings: Settings) -> None:
+def run_worker(settings: Settings, more: Callable[[Settings, Database, Archive], Mapping[str, Task]]) -> None:
     """Grades until SIGTERM or SIGINT, with the content that servers keep in the database.
+
+    `more` makes the tasks of further topics.
 
     Raises Unprocessable on SQLite.
     """
@@ -183,7 +194,7 @@ def run_worker(settings: Settings) -> None:
     database.migrate()
     archive = Archive(database)
     with graders_of(settings) as graders:
-        worker = worker_of(settings, database, archive, graders)
+        worker = worker_of(settings, database, archive, graders, more(settings, database, archive))
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: ended.set())
         signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as for a server: content comes from the database anyway

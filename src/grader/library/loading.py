@@ -13,9 +13,17 @@ from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import json_faults, parse_json
-from grader.library.mjcf import inline_faults, model_faults
+from grader.library.mjcf import flattened, inline_faults, model_faults
 from grader.library.schema import named_parts, read_quiz
-from grader.library.semantics import number_warnings, prose_warnings, read_starter, semantic_faults, unknown_models
+from grader.library.semantics import (
+    lab_warnings,
+    number_warnings,
+    of_unknown_kind,
+    prose_warnings,
+    read_starter,
+    semantic_faults,
+    unknown_models,
+)
 from grader.library.snapshot import Library, digest_of
 
 
@@ -80,11 +88,12 @@ def _load_models(loading: _Loading) -> None:
             loading.faults.append(xml)
             continue
         name = Path(file).stem
-        loading.models[name] = xml
-        faults = model_faults(xml, file)
+        whole = flattened(xml, file, partial(read_text, loading.root, bytes_max=MODEL_BYTES_MAX))
+        loading.models[name] = whole if isinstance(whole, str) else xml
+        faults = model_faults(whole, file) if isinstance(whole, str) else whole
         loading.faults += faults
         if not faults:
-            loading.compiled[name] = xml
+            loading.compiled[name] = loading.models[name]
 
 
 def _load_quiz(loading: _Loading, file: str) -> None:
@@ -97,7 +106,8 @@ def _load_quiz(loading: _Loading, file: str) -> None:
         loading.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
     parsed = read_quiz(raw, file)
-    refused = [fault for key, part in named_parts(raw) for fault in inline_faults(part, file, key)]
+    known = [(key, part) for key, part in named_parts(raw) if not of_unknown_kind(part)]
+    refused = [fault for key, part in known for fault in inline_faults(part, file, key)]
     loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file), *refused]
     keys = [fault.key for fault in refused]
     tried = [p for p in (*parsed.questions, *parsed.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
@@ -143,7 +153,7 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     loading.files[quiz.id] = file
     for key, part in named_parts(raw):
         loading.warnings.extend(prose_warnings(part, file, key))
-    loading.warnings.extend(number_warnings(quiz, file))
+    loading.warnings.extend((*number_warnings(quiz, file), *lab_warnings(quiz, file)))
 
 
 def _model_files(models: Mapping[str, str]) -> dict[str, str]:

@@ -1,7 +1,10 @@
-"""Checks models: each compiles, and refers to no other file."""
+"""Checks models: each compiles, and refers to no other file but models to attach, which become part of it."""
 
+import ctypes
+import threading
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -51,8 +54,99 @@ def model_faults(xml: str, file: str) -> list[Fault]:
     try:
         mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
-        return [Fault(file, "model", "does not compile: " + " ".join(str(error).split()))]
+        return [_does_not_compile(file, error)]
     return []
+
+
+def _does_not_compile(file: str, error: ValueError) -> Fault:
+    return Fault(file, "model", "does not compile: " + " ".join(str(error).split()))
+
+
+ATTACHED_MAX = 20
+"""How many files a model may attach, itself or through others."""
+
+DIGITS = 17
+"""Significant digits of the numbers of a flattened model: as many as a double has."""
+
+_writing = threading.Lock()
+
+
+def flattened(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | list[Fault]:
+    """The model with the models that it attaches written into it; the text itself where it attaches none.
+
+    `read` gives the text of a file by its path in the content folder. The result compiles to the same model, bit for
+    bit. Returns the faults of a model that cannot be read, or that does not compile.
+    """
+    attached: dict[str, str] = {}
+    waiting = list(_attached_files(xml))
+    while waiting:
+        name = waiting.pop()
+        if name in attached:
+            continue
+        text = read((Path(file).parent / name).as_posix())
+        if isinstance(text, Fault):
+            return [Fault(file, "model", f"attaches {name!r}, which {text.why}")]
+        attached[name] = text
+        waiting += _attached_files(text)
+        if len(attached) > ATTACHED_MAX:
+            return [Fault(file, "model", f"attaches more than {ATTACHED_MAX} files: write some of them here")]
+    if not attached:
+        return xml
+    others = [
+        fault
+        for text in (xml, *attached.values())
+        for fault in _other_file_faults(_without_models(text), file, "model")
+    ]
+    return others or _one_text(xml, file, {name: text.encode() for name, text in attached.items()})
+
+
+def _one_text(xml: str, file: str, attached: dict[str, bytes]) -> str | list[Fault]:
+    prepare()
+    try:
+        spec = mujoco.MjSpec.from_string(xml, include=attached)
+        spec.compile()
+        with _writing:
+            return _written(spec)
+    except ValueError as error:
+        return [_does_not_compile(file, error)]
+
+
+def _written(spec: mujoco.MjSpec) -> str:
+    """The spec's MJCF with all digits. MuJoCo writes six unless told otherwise, which would change the model."""
+    library = ctypes.CDLL(mujoco._functions.__file__)
+    digits = library._mjPRIVATE__get_xml_precision()
+    library._mjPRIVATE__set_xml_precision(DIGITS)
+    try:
+        text: str = spec.to_xml()
+        return text
+    finally:
+        library._mjPRIVATE__set_xml_precision(digits)
+
+
+def _models_in(root: ET.Element) -> Iterator[tuple[ET.Element, ET.Element]]:
+    """Every `<model file=...>` of the assets, with the element that holds it."""
+    for assets in root.iter("asset"):
+        yield from ((assets, model) for model in assets.findall("model") if model.get("file"))
+
+
+def _attached_files(xml: str) -> Iterator[str]:
+    """The files of the models that an MJCF text attaches; none of a text that is not XML."""
+    try:
+        root = ET.fromstring(xml)  # noqa: S314 - the author's own file
+    except ET.ParseError:
+        return
+    yield from (model.attrib["file"] for _, model in _models_in(root))
+
+
+def _without_models(xml: str) -> str:
+    """The text without the models that it attaches, whose other references are to be told; itself if it is not XML."""
+    try:
+        root = ET.fromstring(xml)  # noqa: S314 - the author's own file
+    except ET.ParseError:
+        return xml
+    for assets, model in list(_models_in(root)):
+        assets.remove(model)
+    return ET.tostring(root, encoding="unicode")
 
 
 def inline_faults(raw: Any, file: str, key: str) -> Iterator[Fault]:

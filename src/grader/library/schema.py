@@ -8,7 +8,19 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from grader.domain import verify
-from grader.domain.lab import Button, IntegratorsLab, Lab, LabConfig, Plot, PlotTrace, Readout, Select, SimLab, Slider
+from grader.domain.lab import (
+    Button,
+    IntegratorsLab,
+    Lab,
+    LabConfig,
+    Plot,
+    PlotTrace,
+    Readout,
+    Select,
+    SimLab,
+    Slider,
+    UnknownLab,
+)
 from grader.domain.misread import misread, without_remarks
 from grader.domain.policy import Late, Policy
 from grader.domain.quiz import (
@@ -46,6 +58,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "second_marking": SecondMarking,
     "simlab": SimLab,
     "integrators": IntegratorsLab,
+    "unknown": UnknownLab,
     "sim": LabConfig,
     "slider": Slider,
     "select": Select,

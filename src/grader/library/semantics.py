@@ -5,11 +5,12 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from grader.answers import known_unit
-from grader.domain.lab import IntegratorsLab, Lab, LabConfig
+from grader.domain.lab import OVERLAYS, IntegratorsLab, Lab, LabConfig, UnknownLab
 from grader.domain.quiz import CodeQuestion, NumericQuestion, OpenQuestion, PredictQuestion, Question, Quiz
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault, NotFound
@@ -21,14 +22,21 @@ from grader.library.json_text import dotted
 PROSE = ("q", "title", "options", "explain", "reference", "note")
 """Keys of texts that are shown with TeX between dollar signs."""
 
+LAB_KINDS = ("simlab", "integrators")
+
 DOLLAR = re.compile(r"(?<!\\)\$")
 
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:
     """Yield a fault for every model that a question or lab names and that is not in models/."""
-    for at, name in named_models(raw, key):
+    for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
             yield Fault(file, at, f"there is no models/{name}.xml: take one of {', '.join(sorted(models))}")
+
+
+def of_unknown_kind(raw: Any) -> bool:
+    """Whether a part of a quiz is a lab of an unknown kind, whose keys are not read."""
+    return isinstance(raw, dict) and "q" not in raw and raw.get("kind", LAB_KINDS[0]) not in LAB_KINDS
 
 
 def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
@@ -41,7 +49,8 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
             if name == "model" and isinstance(item, str):
                 yield dotted(key, name), item
             elif name == "models" and isinstance(item, list):
-                yield from ((dotted(key, name, index), one) for index, one in enumerate(item) if isinstance(one, str))
+                named = [one[0] if isinstance(one, list) and one else one for one in item]
+                yield from ((dotted(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str))
             elif not name.startswith("x-"):
                 yield from named_models(item, dotted(key, name))
 
@@ -96,6 +105,27 @@ def number_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
             yield Fault(file, dotted(question.id, "tol"), "2 % of 0 is 0: give tol, or only an exact 0 is right")
 
 
+def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
+    """Yields a warning for every lab of an unknown kind, and for every overlay that is not drawn."""
+    labs: dict[str, Lab | LabConfig] = {lab.id: lab for lab in quiz.labs}
+    for question in quiz.questions:
+        if isinstance(question, PredictQuestion) and question.sim is not None:
+            labs[dotted(question.id, "sim")] = question.sim
+    for key, lab in labs.items():
+        if isinstance(lab, UnknownLab):
+            yield Fault(file, dotted(key, "kind"), unknown_kind(lab.kind))
+        elif isinstance(lab, LabConfig) and (more := [name for name in lab.over_the_scene if name not in OVERLAYS]):
+            why = f"{', '.join(more)}: not drawn; what can be drawn are {', '.join(OVERLAYS)}"
+            yield Fault(file, dotted(key, "overlays"), why)
+
+
+def unknown_kind(kind: str) -> str:
+    """The remark on a lab of an unknown kind."""
+    near = get_close_matches(kind, LAB_KINDS, n=1)
+    meant = f" (did you mean {near[0]}?)" if near else ""
+    return f"there is no lab {kind!r}{meant}: learners see a placeholder; the kinds are {', '.join(LAB_KINDS)}"
+
+
 def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
     """Key and value of every text that a student may see."""
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ()
@@ -137,7 +167,7 @@ def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextO
 def _lab_faults(lab: LabConfig | IntegratorsLab, models: Mapping[str, str], key: str) -> Iterator[Fault]:
     """Faults of one lab, which needs either the name of a model or its own MJCF; their `file` is empty."""
     xml = lab.xml if isinstance(lab, LabConfig) else None
-    if (lab.model is None) == (xml is None):
+    if (not lab.model) == (xml is None):
         yield Fault("", dotted(key, "model"), "give either model, a name in models/, or xml, the model itself")
         return
     if xml is None:

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Protocol
 
 import structlog
@@ -22,6 +23,9 @@ LOOK_S = 1.0
 
 KEEP_S = 2.0
 """Pause between two looks for jobs whose owner has ended [s]."""
+
+APART = (jobs.DELIVER, jobs.PRUNE)
+"""Topics whose jobs wait for others' servers, or take long: with threads of their own they hold up no grading."""
 
 GRACE_S = 5.0
 """How long a stopping worker waits for the jobs in progress [s]."""
@@ -68,6 +72,8 @@ class Schedule(Protocol):
 class Worker:
     """Does `threads` jobs at a time, of the topics in `tasks`.
 
+    With `others`, so many further threads do the jobs of `APART`, and the first ones leave them alone.
+
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
     database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back.
     """
@@ -76,6 +82,7 @@ class Worker:
     tasks: Mapping[str, Task]
     threads: int
     retries: Schedule
+    others: int = 0
     owner: Owner = field(init=False)
     _change: threading.Condition = field(default_factory=threading.Condition)
     _news: int = 0
@@ -91,7 +98,10 @@ class Worker:
         """Starts the threads."""
         self._listening.enter_context(self.database.signals.listening(jobs.NEWS, self.wake))
         self._keep_owner()  # before the first claim: the jobs of an owner without a lock are released
-        targets = [self._keep, *[self._work] * self.threads]
+        apart = tuple(topic for topic in self.tasks if topic in APART and self.others)
+        first = tuple(topic for topic in self.tasks if topic not in apart)
+        lanes = [first] * self.threads + [apart] * (self.others if apart else 0)
+        targets: list[Callable[[], None]] = [self._keep, *(partial(self._work, topics) for topics in lanes)]
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
         for thread in self._threads:
             thread.start()
@@ -131,12 +141,12 @@ class Worker:
         """Whether every thread runs."""
         return bool(self._threads) and all(thread.is_alive() for thread in self._threads)
 
-    def do_one(self) -> bool:
-        """Does the next job. False if there is none."""
+    def do_one(self, topics: tuple[str, ...] = ()) -> bool:
+        """Does the next job, of these topics or of any. False if there is none."""
         claimed: Claim | None = None
         try:
             with self.database.write() as session:
-                claimed = jobs.claim(session, self.owner.id, tuple(self.tasks))
+                claimed = jobs.claim(session, self.owner.id, topics or tuple(self.tasks))
                 if claimed is None:
                     return False
                 # Before the commit: what the database calls ours and is not held here counts as lost.
@@ -205,11 +215,11 @@ class Worker:
                 if self._stop.wait(LOOK_S):
                     raise
 
-    def _work(self) -> None:
+    def _work(self, topics: tuple[str, ...]) -> None:
         while not self._stop.is_set():
             seen = self._news
             try:
-                if self.do_one():
+                if self.do_one(topics):
                     continue
             except AWAY as error:
                 log.warning("the database is away", error=type(error).__name__)

@@ -3,7 +3,8 @@
 From the first byte of the student's source on, this process may be under the student's control: what it sends is a
 claim. Order: the driver is executed, the student's source imported as a module (never as `__main__`), the driver's
 `run(student, inputs, submit)` called. The inputs arrive after the import. The driver finds `hidden_inputs()` among its
-names: it asks for the hidden inputs, and what is printed after that is not kept.
+names: it asks for the hidden inputs, and what is printed after that is not kept. If it defines `compile_source(source,
+filename)`, that compiles the student's source.
 """
 
 import builtins
@@ -19,9 +20,9 @@ import re
 import struct
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -35,6 +36,9 @@ REFUSALS = {errno.EPERM, errno.EACCES, errno.ENOSYS, errno.EROFS}
 REASON_BYTES_MAX = 2000
 COURSE = "mjcourse"
 FORBIDDEN = "scripts may not start processes, use the network, or reach for files that are not theirs"
+PROCESSES = re.compile(r"/(multiprocessing/|concurrent/futures/process|subprocess)")
+"""Files of the standard library that start processes."""
+LINE_CHARS_MAX = 80
 WANT = b"W"  # asks for the next part of the job
 OWN_FOLDERS: list[str] = []  # set by prepare(): a file missing here is not a refusal of the jail
 
@@ -142,7 +146,7 @@ def _run(work: dict[str, Any], filename: str) -> None:
     driver: dict[str, Any] = {"__name__": "driver", "__builtins__": builtins}
     driver.update(kind_of=_kind, hidden_inputs=hidden_inputs)
     exec(compile(work["driver"], "<driver>", "exec"), driver)  # noqa: S102
-    student = _import(work["source"], filename)
+    student = _import(work["source"], filename, driver.get("compile_source", _compiled))
     driver["run"](student, _next_part(), submit)
 
 
@@ -162,7 +166,12 @@ def _next_part() -> dict[str, Any]:
     return receive()
 
 
-def _import(source: str, filename: str) -> ModuleType:
+def _compiled(source: str, filename: str) -> CodeType:
+    code: CodeType = compile(source, filename, "exec", dont_inherit=True)
+    return code
+
+
+def _import(source: str, filename: str, compile_source: Callable[[str, str], CodeType]) -> ModuleType:
     """Run the student's source as a module named for its file, in sys.modules for dataclasses and pickle."""
     name = re.sub(r"\W", "_", Path(filename).stem)
     if name in sys.modules or name in sys.stdlib_module_names or name == "__main__":
@@ -174,7 +183,7 @@ def _import(source: str, filename: str) -> ModuleType:
     sys.path.insert(0, "")
     with contextlib.suppress(OSError, UnicodeError):  # without a scratch directory it cannot read its own file
         Path(filename).write_text(source, encoding="utf-8")
-    exec(compile(source, filename, "exec", dont_inherit=True), module.__dict__)  # noqa: S102
+    exec(compile_source(source, filename), module.__dict__)  # noqa: S102
     return module
 
 
@@ -191,15 +200,32 @@ def _explain(error: BaseException, filename: str) -> tuple[str, str]:
         notes, shown.__notes__ = shown.__notes__ or (), None
         last = [line for line in shown.format_exception_only() if line.strip()]
         reason = " ".join([last[-1].strip() if last else type(error).__name__, *map(str, notes)])
+        reason += _place(error, shown.stack)
     except BaseException:
         reason = type(error).__name__
     return kind, _said(error, kind, reason)
 
 
+def _place(error: BaseException, own: traceback.StackSummary) -> str:
+    """Where in the student's file an error was raised, to end a sentence; of a syntax error the line itself."""
+    if isinstance(error, SyntaxError):
+        return f" (line {error.lineno}: {(error.text or '').strip()[:LINE_CHARS_MAX]})"
+    return f", in line {own[-1].lineno} of your script" if own else ""
+
+
 def _said(error: BaseException, kind: str, reason: str) -> str:
     if isinstance(error, SystemExit):
         return "The script called exit() before it was graded."
+    if kind == "forbidden" and any(map(PROCESSES.search, _files(error))):
+        return f"{reason} (processes are not available here; one is enough)"
     return f"{reason} ({FORBIDDEN})" if kind == "forbidden" else reason
+
+
+def _files(error: BaseException) -> Iterator[str]:
+    step = error.__traceback__
+    while step is not None:
+        yield step.tb_frame.f_code.co_filename
+        step = step.tb_next
 
 
 def _kind(error: BaseException) -> str:
