@@ -1,4 +1,4 @@
-# diagnosis: mju_derivQuat and the like
+# diagnosis: as if the angular velocity were given in the world
 import mujoco
 import numpy as np
 

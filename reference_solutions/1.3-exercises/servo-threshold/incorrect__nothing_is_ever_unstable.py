@@ -1,2 +1,3 @@
+# diagnosis: without a single step
 def largest_stable_timestep(model, integrator):
     return None

@@ -1,5 +1,5 @@
-# diagnosis: Too high: the run is already unstable
-"""The bracket of a right bisection, moved up by 1 %: no known mistake, so none may be named."""
+# diagnosis: your answer calls that timestep stable
+"""The bracket of a right bisection, moved up by 1 %: its ends were never tried."""
 
 import mujoco
 

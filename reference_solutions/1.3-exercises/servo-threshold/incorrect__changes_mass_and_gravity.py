@@ -1,0 +1,22 @@
+# diagnosis: the mass and gravity differ
+import mujoco
+def unstable(model, integrator, h):
+    model.opt.timestep = h; model.opt.integrator = integrator
+    model.opt.gravity[2] = 0; model.body_mass[1] *= 2; data = mujoco.MjData(model)
+    data.qpos[0] = 1
+    while data.time < 3:
+        mujoco.mj_step(model, data)
+        if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number or data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number:
+            return True
+    return False
+def largest_stable_timestep(model, integrator):
+    lo, hi = 0.001, 0.05
+    if not unstable(model, integrator, hi):
+        return None
+    while hi - lo > 0.0005:
+        mid = (lo + hi) / 2
+        if unstable(model, integrator, mid):
+            hi = mid
+        else:
+            lo = mid
+    return lo, hi
