@@ -27,6 +27,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(mark)
         if not any(item.get_closest_marker(mark) for mark in NOT_FAST):
             item.add_marker("fast")
+    quick = {path: all(item.get_closest_marker("fast") for item in of) for path, of in by_file(items).items()}
+    items.sort(key=lambda item: quick[item.path])  # the last file decides when two processes have ended
+
+
+def by_file(items: list[pytest.Item]) -> dict[Path, list[pytest.Item]]:
+    """The tests of each file."""
+    found: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        found.setdefault(item.path, []).append(item)
+    return found
 
 
 def marks_of(item: pytest.Function) -> set[str]:

@@ -1,34 +1,79 @@
-"""Databases for tests: SQLite in a temporary folder, and a schema of its own on PostgreSQL where one answers."""
+"""Databases for tests: SQLite in a temporary folder, and a schema of its own on PostgreSQL where one answers.
+
+Each process of pytest-xdist has a PostgreSQL database of its own: NOTIFY and advisory locks know no schemas.
+"""
 
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import psycopg
 import pytest
 from sqlalchemy.engine import make_url
 
+from grader.store.database import Database
+
 POSTGRES = os.environ.get("GRADER_TEST_POSTGRES", "postgresql://postgres@127.0.0.1:5432/test")
+WORKER = os.environ.get("PYTEST_XDIST_WORKER")
 BACKENDS = ("sqlite", "postgresql")
 
 
 @contextmanager
-def database_url(backend: str, folder: Path) -> Iterator[str]:
-    """The URL of an empty database; skips where no PostgreSQL answers."""
+def database_url(backend: str, folder: Path, *, empty: bool = False) -> Iterator[str]:
+    """The URL of a database without rows; skips where no PostgreSQL answers.
+
+    On SQLite it has the newest tables already, unless `empty`: a copied file costs less than every migration.
+    """
     if backend == "sqlite":
-        yield f"sqlite:///{folder / 'grader.db'}"
+        file = folder / "grader.db"
+        if not empty:
+            file.touch(0o600)
+            file.write_bytes(newest_tables())
+        yield f"sqlite:///{file}"
         return
     schema = f"grader_test_{secrets.token_hex(6)}"
     try:
-        connection = psycopg.connect(POSTGRES, autocommit=True, connect_timeout=3)
+        server = own_database()
+        connection = psycopg.connect(server, autocommit=True, connect_timeout=3)
     except psycopg.OperationalError:
         pytest.skip(f"no PostgreSQL answers at {POSTGRES}; set GRADER_TEST_POSTGRES to test on one")
     with connection:
         connection.execute(f"CREATE SCHEMA {schema}")
         try:
-            url = make_url(POSTGRES).update_query_dict({"options": f"-csearch_path={schema}"})
+            url = make_url(server).update_query_dict({"options": f"-csearch_path={schema}"})
             yield url.render_as_string(hide_password=False)
         finally:
             connection.execute(f"DROP SCHEMA {schema} CASCADE")
+
+
+@cache
+def newest_tables() -> bytes:
+    """A SQLite file with the newest tables and no rows."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "grader.db"
+        database = Database(f"sqlite:///{file}")
+        database.migrate()
+        database.empty_log()
+        database.close()
+        return file.read_bytes()
+
+
+@cache
+def own_database() -> str:
+    """The URL of this process's database on the server, which is made if it is not there."""
+    if WORKER is None:
+        return POSTGRES
+    url = make_url(POSTGRES)
+    url = url.set(database=f"{url.database}_{WORKER}")
+    with psycopg.connect(POSTGRES, autocommit=True, connect_timeout=3) as connection:
+        try:
+            connection.execute(f'CREATE DATABASE "{url.database}"')
+        except psycopg.errors.DuplicateDatabase:
+            pass
+        except psycopg.errors.InsufficientPrivilege:
+            return POSTGRES
+    return url.render_as_string(hide_password=False)

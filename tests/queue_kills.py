@@ -15,9 +15,9 @@ from typing import Any
 
 import httpx
 
-from grader.app import issue_token
 from grader.settings import Settings
 from sites import ROOT
+from tokens import issue_token
 
 START_S = 120.0
 GRADED_S = 240.0

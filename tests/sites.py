@@ -11,9 +11,10 @@ from typing import Any
 import httpx
 from fastapi import FastAPI
 
-from grader.app import create_app, issue_token
+from grader.app import create_app
 from grader.settings import Settings
 from servers import serving
+from tokens import issue_token
 
 ROOT = Path(__file__).parents[1]
 

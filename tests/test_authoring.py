@@ -12,12 +12,13 @@ from grader.domain import lab, quiz
 from grader.domain.policy import Late, Policy
 from grader.domain.rubric import RubricItem, SecondMarking
 from grader.domain.run import Limits
-from grader.domain.verify import ServoJoint, Verify
+from grader.domain.verify import Claim, ServoJoint, Verify
 from grader.exercises import Case, Number, installed_kinds
 from grader.exercises.kinds.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.kinds.values import parameters as values
 from grader.expressions import fields
+from grader.labs import lab_scene, run_integrators, run_lab
 from grader.library import load
 
 ROOT = Path(__file__).parents[1]
@@ -34,6 +35,7 @@ RULES: list[type[BaseModel]] = [Policy, Late, RubricItem, SecondMarking]
 PARTS: list[type[BaseModel]] = [
     *WAYS,
     ServoJoint,
+    Claim,
     *QUESTIONS,
     *RULES,
     Limits,
@@ -87,3 +89,10 @@ def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_pat
     certified = [certificate for certificate in certificates if certificate is not None]
     assert [one.why for one in certified if not one.ok or one.remarks] == []
     assert {one.method for one in certified} == {"stage", "threshold", "measurement", "expression", "outcome"}
+    (cart, five) = library.quiz("2-labs").labs
+    assert isinstance(cart, lab.SimLab) and isinstance(five, lab.IntegratorsLab)
+    heavy = run_lab(cart, library.model_xml("cart"), {"mass": 4.0, "force": 0.0}, [(0.5, "kick")])
+    assert heavy.stable
+    start = lab_scene(cart, library.model_xml("cart"), {"mass": 4.0}).start
+    assert start.qpos.tolist() == [0.3], "the keyframe must outlive the constants that are derived again"
+    assert all(run.steps == 500 for run in run_integrators(five, library.model_xml("cart")).runs)

@@ -8,6 +8,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from sqlalchemy.orm import Session
@@ -30,6 +31,20 @@ def verdict_of(*arguments: str) -> tuple[int, dict[str, Any]]:
     done = grader("grade", "1.3-check", *arguments, "--json") if "--" not in arguments else grader(*arguments)
     assert done.stdout, done.stderr
     return done.returncode, json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("module", "unneeded"),
+    [
+        ("grader.cli", {"mujoco", "numpy", "scipy", "pydantic", "sqlalchemy", "structlog"}),
+        ("grader.accounts", {"mujoco", "numpy", "scipy", "fastapi", "alembic", "psycopg", "pint"}),
+        ("grader.pipeline", {"scipy.stats", "sqlalchemy", "fastapi"}),
+    ],
+)
+def test_a_command_imports_what_it_needs(module: str, unneeded: set[str]) -> None:
+    code = f"import sys, {module}; print(*sorted({unneeded!r} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
 
 
 def test_seconds_are_converted_to_the_unit_asked_for() -> None:
@@ -207,3 +222,13 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
     assert extend().returncode == 0
     assert kept() == {}
     database.close()
+
+
+def test_the_document_of_another_grader_has_the_same_exit_codes() -> None:
+    for answer, code, failures in (("5 ms", 0, "0"), ("0.005", 1, "2")):
+        done = grader("grade", "1.3-check", "q2", answer, "--format", "junit")
+        assert (done.returncode, ElementTree.fromstring(done.stdout).attrib["failures"]) == (code, failures)
+    done = grader("grade", "1.3-check", "q2", "0.005", "--format", "gradescope")
+    assert (done.returncode, json.loads(done.stdout)["score"]) == (1, 0.0)
+    refused = grader("grade", "1.3-check", "q2", "5 ms", "--format", "junit", "--json")
+    assert (refused.returncode, refused.stdout) == (2, "")

@@ -20,11 +20,13 @@ from sqlalchemy.engine import make_url
 
 from databases import POSTGRES
 from grader.api.admission import PREFIX as API
-from grader.app import issue_token
 from grader.settings import Settings
 from grader.store.database import Database
 from proxies import DEPLOY, PROXIES, adapted, free_port
 from sites import Site, open_site, write_content
+from tokens import issue_token
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")

@@ -116,7 +116,7 @@ def test_the_explanation_of_an_exercise_comes_with_full_marks_only(library: Libr
     folder = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
     with Jail(ROOT / "models", workers=1) as jail:
         pipeline = Pipeline(library, jail.run)
-        for name in ("correct__spectral_radius.py", "partial__half_a_second.py"):
+        for name in ("correct__spectral_radius.py", "incorrect__half_a_second.py"):
             source = (folder / name).read_text(encoding="utf-8")
             verdict = pipeline.grade("1.3-exercises", "servo-threshold", {"source": source})
             assert (verdict.explain is not None) == name.startswith("correct")

@@ -8,10 +8,10 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
+from grader.accounts import revoke_tokens, sign_in_url
 from grader.api.admission import drop_escaped_cookies
 from grader.api.problems import STATUS, problem_of
 from grader.api.rate import RateLimit, address_of
-from grader.app import issue_token, revoke_tokens, sign_in_url
 from grader.courses.people import named
 from grader.errors import (
     CallerError,
@@ -26,6 +26,7 @@ from grader.errors import (
 from grader.identity import Kind, Role, issue
 from grader.settings import Settings
 from grader.store.database import Database
+from tokens import issue_token
 
 API = "/api/v1"
 ANSWER = {"quiz": "small", "question": "q1", "answer": 1}
@@ -198,6 +199,7 @@ def test_a_user_over_the_rate_limit_gets_429_and_others_do_not(open_site_with: C
     assert site.anonymous().get("/healthz").status_code == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [

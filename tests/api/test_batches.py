@@ -9,7 +9,7 @@ import httpx
 import pytest
 from sqlalchemy import func, select
 
-from grader.app import revoke_tokens
+from grader.accounts import revoke_tokens
 from grader.courses import handing_in
 from grader.store.tables import Event, IdempotencyKey, Result, ResultRevision, Submission, VerdictRow
 from sites import Site
@@ -61,6 +61,7 @@ def together(go: threading.Event, clients: list[httpx.Client], *args: Any, **hea
         return [one.result() for one in waiting]
 
 
+@pytest.mark.slow
 def test_answers_of_many_learners_leave_every_row_once(either_site: Site, one_batch: threading.Event) -> None:
     clients = [either_site.client(f"user{number}") for number in range(8)]
     made = together(one_batch, clients, "q1", 1, **{"Idempotency-Key": "k"})

@@ -110,6 +110,7 @@ def test_three_hundred_half_sent_requests_keep_nobody_out(origin: str, connect: 
     assert httpx.get(f"{origin}/healthz", timeout=20).status_code == 200
 
 
+@pytest.mark.slow
 def test_a_client_that_does_not_read_is_cut_off(connect: Callable[..., socket.socket]) -> None:
     connection = connect(b"")
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

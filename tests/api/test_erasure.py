@@ -17,6 +17,8 @@ from grader.errors import Conflict, NotFound, Unprocessable
 from grader.settings import Settings
 from sites import Site, open_site, write_content
 
+pytestmark = pytest.mark.slow
+
 ADA = "Ada \u201cTELLTALE\u201d Lovelace%"
 STORY = "TELLTALE: I was ill in May."
 

@@ -6,15 +6,17 @@ from datetime import timedelta
 from typing import Any
 
 import httpx
+import pytest
 from sqlalchemy import func, select, update
 
-from grader.app import issue_token, sign_in_url
+from grader.accounts import sign_in_url
 from grader.courses import sign_in
 from grader.courses.people import unnamed
 from grader.identity import Role
 from grader.store.database import Database
 from grader.store.tables import Credential, Member, now
 from sites import Site
+from tokens import issue_token
 
 API = "/api/v1"
 OURS = {"Sec-Fetch-Site": "same-origin"}
@@ -77,6 +79,7 @@ def test_a_learner_has_128_random_bits(site: Site) -> None:
     assert all(re.fullmatch(r"[0-9a-f]{32}", one) for one in ids)
 
 
+@pytest.mark.slow
 def test_get_requests_leave_no_rows(site: Site, nobody: httpx.Client) -> None:
     code = sign_in_url(site.settings).partition("code=")[2]
     before = count(site, SESSIONS), count(site, select(func.count()).select_from(Member))

@@ -209,6 +209,7 @@ def test_a_run_that_fails_is_paid_by_its_cpu_time() -> None:
     asyncio.run(ask())
 
 
+@pytest.mark.slow
 def test_labs_keep_nobody_else_waiting(open_site_with: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     go = threading.Event()
 

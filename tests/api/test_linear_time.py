@@ -18,7 +18,8 @@ from grader.answers import read_answer
 from grader.api.admission import drop_escaped_cookies, origin_of
 from grader.api.labs import LabBody
 from grader.api.paging import read_cursor
-from grader.courses.gradebook import FORMULA
+from grader.courses.cells import FORMULA
+from grader.courses.roster import read_roster
 from grader.domain.lab import LabConfig
 from grader.domain.quiz import ChoiceQuestion, NumericQuestion, OpenQuestion
 from grader.errors import GraderError
@@ -147,6 +148,18 @@ RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
     "cursor": (read_cursor, {unit: repeated(unit) for unit in ["a", "=", "/", "é"]}),
     "output": (lambda text: clean(text.encode(), LARGE), {unit: repeated(unit) for unit in PRINTED}),
     "reason": (one_line, {unit: repeated(unit) for unit in PRINTED}),
+    "roster": (
+        read_roster,
+        {
+            "columns": repeated(",a", "name"),
+            "cells": repeated(",", "name\n"),
+            "people": repeated("a\n", "name\n"),
+            "faults": repeated("a,b\n", "name\n"),
+            "quotes": repeated('"', "name\n"),
+            "address": repeated("@a", "name,email\na,"),
+            "id": repeated("'=", "name,external_id\na,"),
+        },
+    ),
     "spreadsheet cell": (FORMULA.match, {unit: repeated(unit) for unit in ["'", " ", "' ", "=", "'\t"]}),
 }
 

@@ -50,6 +50,7 @@ def test_every_response_has_an_example_that_fits_its_schema(document: dict[str, 
     assert not (found := "\n".join(faults(document))), found
 
 
+@pytest.mark.slow
 def test_a_route_without_an_example_is_told_where_to_write_one() -> None:
     app = FastAPI(title="test", version="0")
     app.include_router(routes.router)

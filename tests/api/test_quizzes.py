@@ -14,8 +14,8 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.app import issue_token
 from grader.settings import Settings
+from tokens import issue_token
 
 ROOT = Path(__file__).parents[2]
 API = "/api/v1"

@@ -13,6 +13,8 @@ from grader.queue.worker import Worker
 from grader.worker import worker_of
 from sites import QUIZ, Site
 
+pytestmark = pytest.mark.slow
+
 API = "/api/v1"
 SAME_ORIGIN = {"Sec-Fetch-Site": "same-origin"}
 
@@ -143,7 +145,7 @@ def test_two_regrades_never_change_one_quiz_at_the_same_time(site: Site) -> None
 
 def signed_in(site: Site) -> httpx.Client:
     """An instructor's browser as far as HTTP goes."""
-    from grader.app import sign_in_url
+    from grader.accounts import sign_in_url
 
     code = sign_in_url(site.settings).rpartition("=")[2]
     browser = site.anonymous(SAME_ORIGIN)

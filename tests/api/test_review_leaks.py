@@ -25,6 +25,8 @@ from grader.store.tables import Submission
 from properties import patient
 from sites import Site, open_site, write_content
 
+pytestmark = pytest.mark.slow
+
 RUBRIC = [{"id": "a", "title": "LEAK", "points": 1}, {"id": "b", "title": "LEAK", "points": -0.5}]
 NAMES = ("number", "choice", "prediction", "text", "script")
 """As test_leaks.py looks for them; here all are texts for a reviewer."""

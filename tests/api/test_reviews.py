@@ -91,6 +91,7 @@ def test_a_claim_keeps_others_out_until_it_expires(site: Site, monkeypatch: pyte
     assert decide(tom, made["id"], etag, points=1).status_code == 200
 
 
+@pytest.mark.slow
 def test_instructors_who_claim_at_once_get_one_each(either_site: Site) -> None:
     made = {hand_in(either_site.client(f"learner{number}"))["id"] for number in range(6)}
     people = [either_site.client(f"teacher{number}", "instructor") for number in range(6)]

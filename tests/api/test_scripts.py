@@ -19,6 +19,8 @@ from grader.store.tables import Submission
 from grader.worker import Grading, Judge, fault_with, grade_with
 from sites import ROOT, Site, open_site
 
+pytestmark = pytest.mark.slow
+
 API = "/api/v1"
 REFERENCE = ROOT / "reference_solutions" / "1.3-exercises" / "servo-threshold" / "correct__spectral_radius.py"
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)

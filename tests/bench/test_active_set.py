@@ -4,6 +4,8 @@ import pytest
 
 from bench.active_set import CONSTANT, active_sets, order
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("name", CONSTANT)
 @pytest.mark.parametrize(("integrator", "expected"), [("RK4", 4), ("Euler", 1)])

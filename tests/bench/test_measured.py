@@ -401,11 +401,16 @@ def test_what_a_measurement_is_stands_in_the_code() -> None:
     assert precision.HORIZON_S == RESULTS["precision"]["horizon_s"] == 1.024
 
 
-@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.__name__)
+@pytest.mark.parametrize(
+    "claim",
+    [pytest.param(claim, marks=[pytest.mark.slow] if claim is averaged else []) for claim in CLAIMS],
+    ids=lambda claim: claim.__name__,
+)
 def test_the_page_says_what_the_results_say(claim: Callable[[], str]) -> None:
     assert claim() in prose("docs/measured.md")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_no_number_or_superlative_is_left_without_a_claim(page: str) -> None:
     text = prose(page)

@@ -5,7 +5,7 @@ import pytest
 from grader.bench.collisions import CASES
 from grader.bench.grid import as_grid, as_rows
 from grader.bench.scenes import load_scene
-from grader.bench.stability import CHARTS, LEVELS, Class, Edge, Full, Map, OnChart, summarise
+from grader.bench.stability import CHARTS, LEVELS, Class, Edge, Full, Map, summarise
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from grader.bench.stability import CHARTS, LEVELS, Class, Edge, Full, Map, OnCha
     ],
 )
 def test_points_of_the_map_are_what_the_lessons_servo_does(integrator: str, timestep_s: float, kind: Class) -> None:
-    assert OnChart("stiffness", integrator).classify(timestep_s, 2000.0) is kind
+    assert Map("stiffness", integrator).classify(timestep_s, 2000.0) is kind
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,17 @@
 
 import copy
 import json
+import math
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from grader.certify import Certificate, certify_question
-from grader.domain.quiz import Question
+from grader.domain.quiz import ChoiceQuestion, NumericQuestion, PredictQuestion, Question
 from grader.errors import NotFound
 
 ROOT = Path(__file__).parents[2]
@@ -223,6 +225,7 @@ def test_a_measurement_must_be_known_to_a_fifth_of_the_tolerance() -> None:
     assert "more than a fifth of the tolerance" in refused.why
 
 
+@pytest.mark.slow
 def test_a_chaotic_measurement_is_refused() -> None:
     tip = {
         "by": "measurement",
@@ -322,3 +325,178 @@ def test_a_lab_that_fails_names_the_key_from_which_the_failing_part_was_taken(
     certificate = certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED | sim, verify), only_known)
     assert certificate is not None
     assert (certificate.ok, certificate.key) == (False, key)
+
+
+SPRING = """<mujoco><option gravity="0 0 0"/>
+  <worldbody><body><inertial pos="0 0 0" mass="{mass!r}" diaginertia="1 1 1"/>
+    <joint name="rail" type="slide" axis="1 0 0" stiffness="{stiffness!r}"/></body></worldbody>
+  <actuator><general joint="rail" biastype="affine" gainprm="0" biasprm="0 0 {damper!r}"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_no_right_limit_of_a_spring_is_refused_by_luck(damped: bool) -> None:
+    """From rest: an undamped motion neither decays nor grows below its limit."""
+    rng = np.random.default_rng(7 + damped)
+    for _ in range(40):
+        mass, stiffness = np.exp(rng.uniform(-3, 3)), np.exp(rng.uniform(2, 10))
+        damper = np.exp(rng.uniform(-3, 1)) if damped else 0.0
+        # Source: Euler's limit for m a = -k x - c v: h = (sqrt(c^2 + 4 m k) - c) / k.
+        limit_s = (np.sqrt(damper**2 + 4 * mass * stiffness) - damper) / stiffness
+        xml = SPRING.format(mass=float(mass), stiffness=float(stiffness), damper=float(-damper))
+        verify = {"by": "threshold", "xml": xml, "qpos": [0.1], "low": limit_s / 4, "high": 3 * limit_s}
+        certificate = certify(numeric(1e3 * limit_s, 10 * limit_s, "ms", **verify))
+        assert certificate.ok, certificate.why
+        off = certify(numeric(1.015e3 * limit_s, 10 * limit_s, "ms", **verify))
+        assert not off.ok
+
+
+def test_where_the_horizon_is_too_short_the_linear_limit_is_compared_with() -> None:
+    """A soft servo under gravity: beyond its limit gravity bounds the motion, and MuJoCo never warns."""
+    soft = {"model.actuator_gainprm[0]": 20, "model.actuator_biasprm[1]": -20, "model.actuator_biasprm[2]": -0.1}
+    verify = {"by": "threshold", "model": "pendulum_servo", "qpos": [0.3], "set": soft, "low": 0.05, "high": 0.4}
+    # Source: h = (sqrt(c^2 + 4 I K) - c) / K with K = kp + m g L = 24.905, I = 0.2501, c = 0.1.
+    limit_ms = 1e3 * (math.sqrt(0.01 + 4 * 0.2501 * 24.905) - 0.1) / 24.905
+    certificate = certify(numeric(round(limit_ms, 3), 2.0, "ms", **verify, criterion="no_warning", seconds=3))
+    assert certificate.ok, certificate.why
+    assert certificate.measured["compared with"] == "the linear stability limit"
+    assert any("too short to decide" in remark for remark in certificate.remarks)
+    assert certificate.uncertainty is not None and certificate.uncertainty < 0.4
+    plain = certify(numeric(round(limit_ms, 3), 2.0, "ms", **verify))
+    assert plain.ok and not plain.remarks
+
+
+TUMBLING = """<mujoco><option gravity="0 0 0" timestep="0.004" integrator="RK4"/>
+  <worldbody><body><joint name="spin" type="ball"/><geom type="box" size=".3 .1 .02" density="1000"/></body></worldbody>
+</mujoco>"""
+
+TUMBLES = {"xml": TUMBLING, "setup": "data.qvel.set([0.02, 6, 0.02])"}
+"""A box that spins about its intermediate axis, which reverses every few seconds (Dzhanibekov's effect)."""
+
+
+def history(*claims: Any, answer: int = 0, seconds: float = 8.0) -> Certificate:
+    options = [f"option {index}" for index in range(len(claims))]
+    verify = {"by": "outcome", "claims": list(claims), "seconds": seconds}
+    return certify(predict(options, answer, TUMBLES, verify))
+
+
+def test_how_often_a_body_reverses_is_counted() -> None:
+    upright = "data.qvel[1] < 0"
+
+    def flips(at_least: int, at_most: int) -> dict[str, Any]:
+        return {"expr": upright, "when": "times", "at_least": at_least, "at_most": at_most}
+
+    counted = history(flips(1, 9), flips(0, 0))
+    assert counted.ok, counted.why
+    number = counted.measured["option 0"]["times"]
+    assert number >= 1
+    assert not history(flips(int(number) + 1, 99), flips(0, 0)).ok
+
+
+def test_when_it_reverses_first_and_how_fast_it_is_within_a_window() -> None:
+    first = {"expr": "data.qvel[1] < 0", "when": "first"}
+    early = history(first | {"at_most": 8.0}, first | {"at_least": 8.0})
+    assert early.ok, early.why
+    time_s = early.measured["option 0"]["first"]
+    assert 0 < time_s < 8
+    window = {"expr": "data.qvel[1]", "when": "min", "until": 0.9 * time_s}
+    assert history(window | {"at_least": 0}, window | {"at_most": -1}).ok
+    later = {"expr": "data.qvel[1]", "when": "min", "since": 0.9 * time_s}
+    assert history(later | {"at_most": -1}, later | {"at_least": 0}).ok
+
+
+def test_each_claim_has_its_own_when() -> None:
+    ever = {"expr": "data.qvel[1] < 0", "when": "ever"}
+    always = {"expr": "data.qvel[1] > 0", "when": "always"}
+    assert history(ever, always).ok
+    assert not history(ever, always, answer=1).ok
+
+
+def test_what_never_happens_has_no_first_time() -> None:
+    never = {"expr": "data.qvel[1] > 100", "when": "first", "at_least": 0}
+    assert history("data.qvel[1] < 100", never, seconds=0.5).ok
+
+
+def test_a_count_that_hangs_on_the_timestep_is_refused() -> None:
+    steps = {"expr": "Math.round(1e3 * data.time) % 3 == 0", "when": "times"}
+    refused = history({**steps, "at_most": 2}, {**steps, "at_least": 3}, seconds=0.02)
+    assert not refused.ok
+    assert "round-off or on the timestep" in refused.why
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        {"expr": "1", "when": "times"},
+        {"expr": "1", "when": "ever", "at_least": 1},
+        {"expr": "1", "when": "ever", "since": 2, "until": 1},
+        {"expr": "1", "when": "often"},
+    ],
+)
+def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        history(claim, "true")
+
+
+def test_a_criterion_may_need_history_too() -> None:
+    times = {"expr": "data.qpos[0] > 0.2", "when": "times", "at_least": 2}
+    labelled = {"by": "options", "criterion": times, "seconds": 4}
+    fast = certify(predict(["gentle", "firm", "hard"], 0, PUSHED, labelled))
+    counted = {name: row["times"] for name, row in fast.measured.items()}
+    assert counted["gentle"] >= 2
+
+
+def ten_questions() -> list[Question]:
+    """Questions with a right key, of every way to derive one."""
+    cart = {"inertia": 2.0, "kp": 500.0, "kv": 2.0}
+    euler_ms = 1e3 * (math.sqrt(4 + 4 * 2 * 500) - 2) / 500
+    swing = {"by": "measurement", "model": "pendulum", "setup": "data.qpos[0] = 0.01", "seconds": 1.0}
+    flips = {"expr": "data.qvel[1] < 0", "when": "ever"}
+    return [
+        lesson(1),
+        lesson(2),
+        lesson(3),
+        numeric(euler_ms, 1.0, "ms", by="threshold", servo=cart),
+        numeric(
+            1e3 * (math.sqrt(4 + 4 * 2 * 500) + 2) / 500,
+            1.0,
+            "ms",
+            by="threshold",
+            servo=cart,
+            integrator="implicitfast",
+        ),
+        numeric(-2.787, 0.5, "mrad", **swing, expr="data.qpos[0] * 1000"),
+        numeric(5, 0.05, "ms", by="expression", expr="1000 * 2 * 0.05 / 20"),
+        predict(
+            ["gentle", "firm", "hard"],
+            2,
+            PUSHED,
+            {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever"},
+        ),
+        predict(
+            ["it reverses", "it does not"],
+            0,
+            TUMBLES,
+            {"by": "outcome", "claims": [flips, {"expr": "data.qvel[1] > 0", "when": "always"}], "seconds": 6},
+        ),
+        predict(
+            ["at rest", "moving"],
+            0,
+            {"model": "pendulum_servo", "setup": "data.qpos[0] = 1"},
+            {"by": "outcome", "claims": ["Math.abs(data.qpos[0]) < 0.01", "Math.abs(data.qpos[0]) >= 0.01"]},
+        ),
+    ]
+
+
+@pytest.mark.parametrize("number", range(10))
+def test_every_other_key_of_a_certified_question_is_refused(number: int) -> None:
+    question = ten_questions()[number]
+    assert certify(question).ok
+    if isinstance(question, NumericQuestion):
+        others = [question.answer + sign * 1.5 * question.tolerance for sign in (-1, 1)]
+    else:
+        assert isinstance(question, ChoiceQuestion | PredictQuestion)
+        others = [index for index in range(len(question.options)) if index != question.answer]
+    tolerance = {"tol": question.tolerance} if isinstance(question, NumericQuestion) else {}
+    for other in others:
+        assert not certify(question.model_copy(update={"answer": other, **tolerance})).ok, other

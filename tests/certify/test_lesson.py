@@ -21,7 +21,7 @@ def faults_of(markdown: str) -> list[str]:
 
 
 def test_quizzes_and_labs_come_out_as_they_were_written() -> None:
-    files = import_lesson(LESSON, "9.9")
+    files = import_lesson(LESSON, "9.9").quizzes
     assert list(files) == ["9.9-check", "9.9-labs"]
     quiz = files["9.9-check"]
     assert [q["kind"] for q in quiz["questions"]] == ["mcq", "numeric", "predict"]
@@ -46,7 +46,7 @@ def test_the_imported_files_load_as_content(tmp_path: Path) -> None:
     (tmp_path / "models").mkdir()
     for name in ("pendulum", "double_pendulum"):
         (tmp_path / f"models/{name}.xml").write_text((ROOT / f"models/{name}.xml").read_text())
-    for name, quiz in import_lesson(LESSON, "9.9").items():
+    for name, quiz in import_lesson(LESSON, "9.9").quizzes.items():
         (tmp_path / f"quizzes/{name}.json").write_text(json.dumps(quiz))
     library = load(tmp_path)
     assert [question.id for question in library.quizzes["9.9-check"].questions] == ["q1", "q2", "q3"]
@@ -59,7 +59,7 @@ def test_the_knowledge_check_of_lesson_1_3_survives_the_way_through_markdown() -
     lesson = "# Lesson 1.3\n\n```quiz\n" + json.dumps(raw) + "\n```\n"
     for lab in labs:
         lesson += f"\n```lab {lab['kind']}\n{json.dumps({k: v for k, v in lab.items() if k != 'kind'})}\n```\n"
-    files = import_lesson(lesson, "1.3")
+    files = import_lesson(lesson, "1.3").quizzes
     assert files["1.3-check"] == raw
     assert Quiz.model_validate(files["1.3-labs"]).labs[1].id == "servo-stability"
 
@@ -81,7 +81,7 @@ def test_every_fault_is_told_with_its_line() -> None:
 ```
 
 ```lab gymnasium
-{"model": "pendulum"}
+{"model": "pendulum",}
 ```
 
 ```lab simlab
@@ -93,14 +93,13 @@ def test_every_fault_is_told_with_its_line() -> None:
         "line 3",
         "line 9, column 16",
         "line 12",
-        "line 16",
+        "line 17, column 22",
         "line 20",
     ]
     text = "\n".join(faults)
     assert "answer" in text
     assert "column 16" in text
     assert "setup: line 1, column" in text
-    assert "no lab 'gymnasium'" in text
     assert "controler" in text
 
 
@@ -137,12 +136,55 @@ def test_a_lesson_that_is_wrong_is_refused(lesson: str, why: str) -> None:
 def test_a_byte_order_mark_and_the_line_ends_of_other_alphabets_do_no_harm(newline: str) -> None:
     question = {"kind": "open", "q": "one\u2028two\x85three\x0b"}
     text = json.dumps(question, ensure_ascii=False)
-    (quiz,) = import_lesson(newline.join(["\ufeff```quiz", text, "```", ""])).values()
+    (quiz,) = import_lesson(newline.join(["\ufeff```quiz", text, "```", ""])).quizzes.values()
     assert quiz["questions"] == [question]
 
 
+def test_a_lab_without_a_kind_runs_one_scene_and_one_of_an_unknown_kind_costs_nothing_but_a_remark() -> None:
+    lesson = import_lesson(
+        """```quiz
+{"kind": "open", "q": "Why?"}
+```
+```lab
+{"model": "pendulum", "title": "No kind"}
+```
+```lab policies
+{"title": "Searching", "anything": [1, {"model": "none"}]}
+```
+""",
+        "9.9",
+    )
+    assert [(lab["id"], lab["kind"]) for lab in lesson.quizzes["9.9-labs"]["labs"]] == [
+        ("no-kind", "simlab"),
+        ("searching", "policies"),
+    ]
+    assert list(lesson.quizzes) == ["9.9-check", "9.9-labs"]
+    (remark,) = lesson.remarks
+    assert remark.key == "line 7"
+    assert "no lab 'policies'" in remark.why
+
+
+def test_a_debug_block_becomes_a_question_or_a_remark() -> None:
+    lesson = import_lesson(
+        """```debug
+{"q": "What is wrong?", "options": ["the mass", "the sign"], "answer": 1}
+```
+```debug
+{"title": "Case 1", "symptom": "It falls.", "cause": "No contact."}
+```
+""",
+        "9.9",
+    )
+    (question,) = lesson.quizzes["9.9-check"]["questions"]
+    assert question["kind"] == "debug"
+    assert Quiz.model_validate({**lesson.quizzes["9.9-check"], "questions": [{"id": "q1", **question}]}).questions
+    (remark,) = lesson.remarks
+    assert remark.key == "line 4"
+    assert "no options" in remark.why
+
+
 def test_a_single_question_is_a_quiz_of_the_lesson() -> None:
-    files = import_lesson('```quiz\n{"kind": "open", "q": "Why?"}\n```', "my lesson")
+    files = import_lesson('```quiz\n{"kind": "open", "q": "Why?"}\n```', "my lesson").quizzes
     assert files == {
         "my-lesson-check": {
             "id": "my-lesson-check",

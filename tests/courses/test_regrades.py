@@ -47,6 +47,8 @@ from grader.store.tables import ResultRevision, Submission, VerdictRow, new_id
 from grader.worker import judge_with
 from properties import patient
 
+pytestmark = pytest.mark.slow
+
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
 LATE = {"per_day": 0.5, "until": "2199-12-31T00:00:00Z"}
 LATE_POLICY = {"due": DUE.isoformat(), "late": LATE}

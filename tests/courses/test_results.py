@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from sqlalchemy.orm import Session
 
 from databases import BACKENDS, database_url
 from grader.courses import results as counting
@@ -25,7 +26,8 @@ from grader.library import Library, load
 from grader.store import answers, extensions, results, submissions
 from grader.store.database import Database
 from grader.store.results import LearnerAt
-from grader.store.tables import Member, Result, ResultRevision, Submission, insert_row, new_id, now
+from grader.store.rows import insert_rows
+from grader.store.tables import Member, Result, ResultRevision, Submission, new_id, now, values_of
 from properties import patient
 
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
@@ -72,11 +74,15 @@ def an_answer(key: LearnerAt, attempt: int = 1) -> Submission:
     return Submission(id=new_id(), **key._asdict(), user="Ann", answer="1", content_digest="d", attempt=attempt)
 
 
+def stored_at(session: Session, key: LearnerAt) -> dict[LearnerAt, answers.Found]:
+    return answers.stored(session, [answers.Asked(*key, credential="", key="")], now()).at
+
+
 def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdict | None) -> Submission:
     submission = an_answer(key)
     with database.write() as session:
         submissions.add(session, [(submission, verdict)])
-        counting.count_new(session, [New(library, submission, verdict)], answers.found(session, {key}))
+        counting.count_new(session, [New(library, submission, verdict)], stored_at(session, key))
     return submission
 
 
@@ -91,7 +97,7 @@ def the_feed(database: Database, course: str, after: int = 0) -> list[ResultRevi
         database.lock(session, f"feed\n{course}")
         results.number_new(session, course)
     with database.read() as session:
-        return [row for row, _ in results.feed(session, course, after, 1000)]
+        return [row for row, *_ in results.feed(session, course, after, 1000)]
 
 
 def the_result(database: Database, key: LearnerAt) -> Result | None:
@@ -175,9 +181,9 @@ def test_a_reader_of_the_feed_never_skips_a_late_committer(database: Database, l
     slow, quick = a_row(course, "slow"), a_row(course, "quick")
     slow.submission_id = quick.submission_id = made.id
     with database.write() as late:
-        insert_row(late, slow)
+        insert_rows(late, ResultRevision, [values_of(slow)])
         with database.write() as early:
-            insert_row(early, quick)
+            insert_rows(early, ResultRevision, [values_of(quick)])
         seen = the_feed(database, course, after=1)
         assert [row.learner for row in seen] == ["quick"]
     assert seen[-1].position is not None
@@ -298,6 +304,7 @@ class Learning(RuleBasedStateMachine):
         assert progress.solved == any(one.status is Status.CORRECT for one in used)
 
 
+@pytest.mark.slow
 def test_results_and_decisions_after_any_history(database: Database, library: Library) -> None:
     machine = type("OnThisDatabase", (Learning,), {"database": database, "library": library})
     case = machine.TestCase  # type: ignore[attr-defined]

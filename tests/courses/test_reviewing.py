@@ -28,7 +28,7 @@ from grader.store import reviews as stored
 from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import Result, Submission, VerdictRow
+from grader.store.tables import Result, Submission, VerdictRow, now
 from properties import patient
 
 RUBRICS = ({"a": 3.0, "b": 1.0, "c": -0.5}, {"a": 2.0, "b": 2.0, "c": -2.0})
@@ -172,7 +172,8 @@ class Reviewing(RuleBasedStateMachine):
         with self.database.write() as session:
             submissions.add(session, [(row, verdict)])
             new = results.New(self.desk.library, row, verdict)
-            results.count_new(session, [new], answers.found(session, {new.key}))
+            found = answers.stored(session, [answers.Asked(*new.key, credential="", key="")], now()).at
+            results.count_new(session, [new], found)
         self.answers.append(Answer(number, learner, quiz))
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())

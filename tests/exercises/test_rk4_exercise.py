@@ -172,7 +172,7 @@ def test_the_verdict_says_which_method_it_was_with_both_errors(grade: Grade) -> 
 def test_the_same_submission_gives_the_same_json(grade: Grade) -> None:
     for exercise, program in (
         (STEP, PROGRAMS / "rk4-step" / "partial__three_eighths_rule.py"),
-        (question("servo-threshold"), PROGRAMS / "servo-threshold" / "partial__half_a_second.py"),
+        (question("servo-threshold"), PROGRAMS / "servo-threshold" / "incorrect__half_a_second.py"),
     ):
         first, second = (grade(exercise, program.read_text()).model_dump_json() for _ in range(2))
         assert first == second
@@ -235,7 +235,9 @@ def test_a_run_that_breaks_off_is_not_told_that_its_time_is_wrong(grade: Grade) 
     verdict = grade(exercise, broken)
     assert verdict.findings[0].message == "The state does not stay finite. It is no longer finite after step 9."
     slow = CLASSICAL.replace("v, act, t0 + h\n", "v, act, t0 + h / 2\n")
-    assert "data.time has the wrong value" in (grade(exercise, slow).diagnosis or "")
+    verdict = grade(exercise, slow)
+    assert "data.time has the wrong value" in verdict.findings[0].message
+    assert "data.time advances by 1/2 h in a step" in (verdict.diagnosis or "")
 
 
 OTHER_STEP = {

@@ -88,7 +88,10 @@ def bad_script(exercise: CodeQuestion, what: str) -> str:
     right = (PROGRAMS / exercise.id / f"correct__{SOLVED[exercise.id]}.py").read_text()
     entry, threshold = exercise.entry, exercise.check.kind == "threshold"
     arguments = "model, integrator" if threshold else "model, data"
-    visible = {"rk4-step": "(2,), 500 + 75 + 150 + 300 + 600", "rk4-free-joint": "(6,), 250 + 75 + 150 + 300 + 600"}
+    visible = {
+        "rk4-step": "(2,), 500 + 4 + 75 + 150 + 300 + 600",  # with the steps of the probe
+        "rk4-free-joint": "(6,), 250 + 3 + 75 + 150 + 300 + 600",
+    }
     head = "" if threshold else f"VISIBLE, FIRST = {visible[exercise.id]}\n"
     return (
         f"{right}\n{SECRETS}\n{head}solved = {entry}\ncalls = 0\n\n"

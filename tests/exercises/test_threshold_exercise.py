@@ -2,20 +2,27 @@
 
 import json
 from collections.abc import Callable
+from math import isinf
 from typing import Any
 
 import numpy as np
 import pytest
 
 from exercises.conftest import Grade, model_xml, question, with_check
+from grader.domain.misread import without_remarks
 from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
+from grader.exercises.kinds.threshold.judge import Bracket, accepted_lower_ends, judge_claim
+from grader.exercises.kinds.threshold.mistakes import METHODS, Asked
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.sandbox.jail import Jail
 
 SERVO = question("servo-threshold")
+PARAMETERS = ThresholdParameters.model_validate(without_remarks(SERVO.check.parameters))
+HIDDEN = [case.id for case in PARAMETERS.cases if case.hidden]
 LESSON = {"id": "lesson", "set": {"kp": 2000, "kv": 5}}
 
 
@@ -136,19 +143,48 @@ def test_hidden_cases_are_drawn_by_the_seed_and_stay_hidden() -> None:
     assert {picture["case"].partition(".")[0] for picture in verdict.evidence["stability"]} == {"lesson"}
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_every_draw_has_a_limit_well_inside_the_search(seed: int) -> None:
-    cells = {trial.id: trial.problem for trial in plan_exercise(SERVO, model_xml, seed).trials}
-    for case, integrator in (
-        ("heavier-and-longer", "implicitfast"),
-        *((case, "implicitfast") for case in ("stiffer", "well-damped", "stiff", "lighter")),
-        ("heavily-damped", "Euler"),
-    ):
-        scene = cells[f"{case}.{integrator}"].scene
-        inertia, kv = float(scene.model.dof_M0[0]), float(-scene.model.actuator_biasprm[0, 2])
-        kp = float(scene.model.actuator_gainprm[0, 0])
-        limit = 2 * inertia / kv if case == "heavily-damped" else 2 * (inertia / kp) ** 0.5 + kv / kp
-        assert 0.002 < limit < 0.045
+BY_NATURE = {
+    *((case, "Euler", "Euler everywhere") for case in HIDDEN),
+    *((case, "implicitfast", method) for case in HIDDEN[:-1] for method in ("damped joint", "implicitfast everywhere")),
+    ("heavily-damped", "Euler", "overshoot"),
+}
+"""Case, integrator and wrong method, where the method is right: Euler's limit is right under Euler. MuJoCo's
+implicitfast treats a joint's damping as it does the servo's. Strong damping lets nothing swing out that is stable."""
+
+
+LIMITLESS = {("heavily-damped", "implicitfast"), *((case, "discrete") for case in HIDDEN)}
+
+
+def right_claims(cell: Cell) -> list[Bracket]:
+    """The lowest, a middle and the highest right bracket of nearly the allowed width; none where None is right."""
+    lowest, highest = accepted_lower_ends(PARAMETERS, cell)
+    if isinf(lowest):
+        return []
+    assert 0.009 < lowest < highest < 0.047  # well inside the search
+    lows = (lowest + 1e-4, (lowest + highest) / 2, highest - 1e-4)
+    claims = [Bracket(low, low + 0.99 * PARAMETERS.width_s) for low in lows]
+    assert all(judge_claim(PARAMETERS, cell, claim).passed for claim in claims)
+    return claims
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_draw_makes_a_wrong_method_right(seed: int) -> None:
+    """Nothing that is right is what a known wrong method gives, but where the two are right by nature.
+
+    So the points of a wrong method depend on the method, not on the draw or on where its search happens to end.
+    """
+    cells = [trial.problem for trial in plan_exercise(SERVO, model_xml, seed).trials]
+    first = {cell.integrator.name: cell for cell in reversed(cells)}
+    right = {(cell.case, cell.integrator.name): right_claims(cell) for cell in cells if cell.case in HIDDEN}
+    assert {key for key, claims in right.items() if not claims} == LIMITLESS
+    found = {
+        (cell.case, cell.integrator.name, method.id)
+        for cell in cells
+        for claim in right.get((cell.case, cell.integrator.name), [])
+        for method in METHODS
+        if method.gives(Asked(PARAMETERS, cell, first[cell.integrator.name]), claim)
+    }
+    assert found == BY_NATURE
 
 
 OTHER_MODEL = """

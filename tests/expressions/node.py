@@ -98,11 +98,16 @@ def _table(m: Machine) -> dict[str, Any]:
         "qpos": ("free", "hinge"),
         "qvel": ("free", "hinge"),
         "sensor": ("angle",),
+        "bodyId": ("box", "arm"),
+        "jointId": ("hinge",),
     }
     kinds = {"box": mujoco.mjtObj.mjOBJ_BODY, "tip": mujoco.mjtObj.mjOBJ_SITE, "hinge": mujoco.mjtObj.mjOBJ_JOINT}
     return {
         "energy": call("energy"),
         "com": call("com"),
+        "contactPairs": call("contactPairs"),
+        "jacobian": {"tip": call("jacobian", "tip")},
+        "jacobianSV": {"tip": call("jacobianSV", "tip", Record(rows="pos"))},
         **{name: {arg: call(name, arg) for arg in args} for name, args in named.items()},
         **{
             name: {g: call(name, *([g] if g else [])) for g in ("", "box", "rod")}
@@ -110,6 +115,7 @@ def _table(m: Machine) -> dict[str, Any]:
         },
         "enums": {e: {k: {"value": int(v)} for k, v in members.items()} for e, members in paths.ENUMS.items()},
         "ids": {f"{int(kind)} {name}": mujoco.mj_name2id(m.model, kind, name) for name, kind in kinds.items()},
+        "massMatrix": call("massMatrix"),  # last: it moves what depends on qpos to the present
     }
 
 
@@ -166,7 +172,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
         case "t":
             if not isinstance(here, Vector) or len(here) != len(content):
                 return False
-            return all(_same_number(to_number(a), _decoded(b)) for a, b in zip(here.values(), content, strict=True))
+            return all(_same_number(to_number(a), _decoded(b)) for a, b in zip(here, content, strict=True))
     return isinstance(here, Record) and all(same(here[k], v) for k, v in content.items())
 
 

@@ -22,6 +22,9 @@ const library = table => ({
   bodyPos: n => [...table.bodyPos[n]], sitePos: n => [...table.sitePos[n]], geomPos: n => [...table.geomPos[n]],
   bodyVel: n => [...table.bodyVel[n]], qpos: n => table.qpos[n], qvel: n => table.qvel[n], sensor: n => table.sensor[n],
   normalForce: g => table.normalForce[g ?? ''], contacts: g => table.contacts[g ?? ''],
+  bodyId: n => table.bodyId[n], jointId: n => table.jointId[n], massMatrix: () => table.massMatrix.map(row => [...row]),
+  jacobian: n => table.jacobian[n].map(row => [...row]), jacobianSV: n => [...table.jacobianSV[n]],
+  contactPairs: () => [...table.contactPairs],
   norm: a => Math.hypot(...a), dot: (a, b) => a.reduce((s, x, i) => s + x * b[i], 0),
   cross: (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
   deg: x => x * 180 / Math.PI, rad: x => x * Math.PI / 180, clamp: (x, a, b) => Math.min(Math.max(x, a), b)
@@ -29,15 +32,16 @@ const library = table => ({
 const mujoco = table => ({
   ...table.enums,
   mj_resetData: (model, data) => { data.qpos.set(model.qpos0); data.qvel.fill(0); data.ctrl.fill(0); data.qacc_warmstart.fill(0); data.time = 0 },
-  mj_setConst: (model, data) => data.qpos.set(model.qpos0), mj_forward: () => undefined,
+  mj_setConst: () => undefined, mj_forward: () => undefined,
   mj_name2id: (model, kind, name) => table.ids[kind + ' ' + name] ?? -1
 })
 const evaluate = ({ kind, text, value }) => {
   const model = revive(input.model), data = revive(input.data), ctx = {}
   const body = kind === 'expression' ? `return (${text}\n)` : text
   try {
-    const f = new Function('model', 'data', 'mj', 'ctx', 'lib', 'value', body)
-    const result = f(model, data, mujoco(input.table), ctx, library(input.table), value)
+    const f = new Function('model', 'data', 'mj', 'ctx', 'lib', 'sim', 'value', '"use strict"; ' + body)
+    const sim = { play: () => undefined, pause: () => undefined, forward: () => undefined }
+    const result = f(model, data, mujoco(input.table), ctx, library(input.table), sim, value)
     if (kind === 'expression') return { value: encode(result) }
     return { value: encode(undefined), model: encode(model), data: encode(data), ctx: encode(ctx) }
   } catch (error) {

@@ -72,6 +72,33 @@ def test_no_attribute_of_python_or_javascript_is_reached(word: str, place: str) 
     refusal("return " + place.format(word))
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("ctx['__pro' + 'to__'] = 1", "no place named '__proto__'"),
+        ("return ctx['construc' + 'tor']", "no place named 'constructor'"),
+        ("ctx['a'.repeat(65)] = 1", "no place named"),
+        ("for (let i = 0; i < 2000; i++) ctx[i] = i", "more than 1000 names"),
+        ("return model['qpos0']", "square brackets"),
+        ("return lib['energy']()", "only functions that have a name"),
+        ("return {a: 1}", "as an argument only"),
+        ("return lib.jacobianSV('x', {...data})", "write name: value"),
+        ("return lib.jacobianSV('x', {['rows']: 1})", "write name: value"),
+        ("return lib.jacobian('nowhere')", "no site or body named 'nowhere'"),
+        ("return (async () => 1)()", "plain parameters"),
+        ("return (function* () { yield 1 })()", "line 1"),
+        ("return (function f() { return f() })()", "f is not known"),
+        ("return (() => { for (;;) {} })()", "too many steps"),
+        ("return (() => this)()", "line 1"),
+        ("sim.stop()", "not available"),
+        ("return sim.time", "cannot be read"),
+        ("return sim", "cannot be used as a value"),
+    ],
+)
+def test_named_places_options_and_functions_called_at_once_have_their_bounds(text: str, why: str) -> None:
+    assert why in refusal(text)
+
+
 @pytest.mark.parametrize("word", ["__class__", "__proto__", "constructor", "prototype", "toString", "hasOwnProperty"])
 def test_ctx_has_no_names_that_mean_something_else(word: str) -> None:
     refusal(f"ctx.{word} = 1")
@@ -165,6 +192,7 @@ def test_huge_literals_are_numbers_and_texts_are_bounded() -> None:
     assert outcome("return [" + "0," * 4900 + "0].length") == 4901.0
 
 
+@pytest.mark.slow
 def test_long_flat_texts_compile_in_time() -> None:
     for text in (
         "ctx.a = 1;" * 1000,

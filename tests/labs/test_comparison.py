@@ -4,8 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
-from grader.domain.lab import IntegratorsLab
+from grader.domain.lab import IntegratorsLab, Lab, SimLab, UnknownLab
 from grader.domain.quiz import Quiz
 from grader.errors import LabRefused
 from grader.labs import check_integrators, run_integrators
@@ -42,7 +43,7 @@ def test_the_lesson_s_table_comes_out_within_the_band_that_chaos_leaves() -> Non
 def test_model_key_and_timestep_can_be_changed() -> None:
     lab = lesson_lab()
     pendulum = run_integrators(lab, XML["pendulum"], model="pendulum", key="horizontal", timestep=0.01, seconds=2)
-    assert pendulum.energy_j == pytest.approx(9.81, abs=1e-9)
+    assert pendulum.energy == pytest.approx(9.81, abs=1e-9)
     assert pendulum.runs[0].steps == 200
     finer = run_integrators(lab, XML["double_pendulum"], timestep=0.0005, seconds=2)
     coarse = run_integrators(lab, XML["double_pendulum"], seconds=2)
@@ -78,3 +79,22 @@ def test_another_keyframe_starts_from_another_state() -> None:
     assert none["energy"] != own["energy"]
     with pytest.raises(KeyError, match="release"):
         run_integrators(lab, XML["double_pendulum"], key="nowhere")
+
+
+def test_models_may_have_labels_and_the_first_is_the_lab_s_own() -> None:
+    text = '{"id": "five", "kind": "integrators", "models": [["pendulum", "One"], "double_pendulum"], "duration": 0.5}'
+    lab = TypeAdapter[Lab](Lab).validate_json(text, strict=True)
+    assert isinstance(lab, IntegratorsLab)
+    assert (lab.model, lab.seconds) == ("pendulum", 0.5)
+    assert lab.offered == {"pendulum": "One", "double_pendulum": "double_pendulum"}
+    assert {one.steps for one in run_integrators(lab, XML["pendulum"], timestep=0.01).runs} == {50}
+    with pytest.raises(LabRefused, match="one of: pendulum, double_pendulum"):
+        run_integrators(lab, XML["pendulum"], model="arm")
+
+
+@pytest.mark.parametrize(
+    ("keys", "kind"),
+    [({"model": "m"}, SimLab), ({"kind": "simlab", "model": "m"}, SimLab), ({"kind": "x"}, UnknownLab)],
+)
+def test_a_lab_without_a_kind_runs_one_scene(keys: dict[str, str], kind: type) -> None:
+    assert type(TypeAdapter[Lab](Lab).validate_python({"id": "lab", **keys})) is kind

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -240,7 +241,6 @@ OTHER_FILES = {
     "texture": '<asset><texture type="cube" fileup="a.png"/></asset>',
     "hfield": '<asset><hfield file="a.png" size="1 1 1 1"/></asset>',
     "skin": '<deformable><skin file="a.skn"/></deformable>',
-    "model": '<asset><model file="part.xml"/></asset>',
     "flexcomp 'f'": '<worldbody><flexcomp name="f" type="gmsh" file="a.msh"/></worldbody>',
 }
 
@@ -438,3 +438,60 @@ def test_a_question_without_starter(root: Path) -> None:
 def test_a_starter_is_handed_out_as_it_stands() -> None:
     question = CodeQuestion.model_validate({**code("starters/s.py"), "id": "q1"})
     assert Library(Path(), {}, starters={"starters/s.py": "def solve(): ..."}).starter(question) == "def solve(): ..."
+
+
+PART = """<mujoco><worldbody><body name="rod" pos="0 0 0.1234567891">
+  <joint name="turn" axis="0 1 0" damping="0.0123456789"/><geom name="rod" size="0.1 0.3" type="capsule"/>
+</body></worldbody></mujoco>"""
+ATTACHING = """<mujoco><asset><model name="part" file="parts/part.xml"/></asset><worldbody>
+  <attach model="part" body="rod" prefix="left-"/>
+  <frame pos="1 0 0"><attach model="part" body="rod" prefix="right-"/></frame>
+</worldbody></mujoco>"""
+
+
+def test_a_model_that_attaches_another_is_one_text_bit_for_bit(root: Path) -> None:
+    (root / "models/parts").mkdir()
+    (root / "models/parts/part.xml").write_text(PART)
+    (root / "models/two.xml").write_text(ATTACHING)
+    written = load(root).model_xml("two")
+    assert "parts/part.xml" not in written
+    own, other = mujoco.MjModel.from_xml_string(written), mujoco.MjModel.from_xml_path(str(root / "models/two.xml"))
+    assert own.body("right-rod").pos[2] == 0.1234567891
+    assert own.joint("left-turn").damping == 0.0123456789
+    for name in ("body_pos", "body_mass", "body_inertia", "geom_size", "dof_damping", "jnt_axis", "qpos0"):
+        assert getattr(own, name).tobytes() == getattr(other, name).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("part", "why"),
+    [
+        (None, "attaches 'parts/part.xml', which is not a file"),
+        ("<mujoco", "not well-formed"),
+        (PART.replace("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>'), "m.stl"),
+        (PART.replace('name="rod" pos', 'name="other" pos'), "does not compile"),
+        (
+            '<mujoco><asset><model name="x" file="../../../etc/passwd"/></asset></mujoco>',
+            "attaches '../../../etc/passwd'",
+        ),
+    ],
+)
+def test_what_cannot_be_attached_is_told(root: Path, part: str | None, why: str) -> None:
+    (root / "models/parts").mkdir()
+    if part is not None:
+        (root / "models/parts/part.xml").write_text(part)
+    (root / "models/two.xml").write_text(ATTACHING)
+    (fault,) = faults(root)
+    assert (fault.file, fault.key) == ("models/two.xml", "model")
+    assert why in fault.why
+
+
+def test_a_lab_of_an_unknown_kind_and_an_overlay_that_is_not_drawn_are_remarks(root: Path) -> None:
+    odd = {"id": "odd", "kind": "simlabs", "model": "nowhere", "xml": '<mujoco><include file="x"/></mujoco>'}
+    scene = {"id": "scene", "model": "ball", "overlays": {"frames": True, "auras": True}}
+    write(root, MCQ, labs=[odd, scene])
+    library = load(root)
+    assert [lab.kind for lab in library.quiz("quiz").labs] == ["simlabs", "simlab"]
+    assert [(w.key, w.why.split(":")[0]) for w in library.warnings] == [
+        ("odd.kind", "there is no lab 'simlabs' (did you mean simlab?)"),
+        ("scene.overlays", "auras"),
+    ]

@@ -1,11 +1,15 @@
 """The choice of integrator and timestep, by measured error."""
 
 import mujoco
+import numpy as np
 import pytest
 
+from grader.numerics.convergence import distance
 from grader.numerics.integrators import EULER, IMPLICITFAST, RK4
+from grader.numerics.reference import dop853, sample_times
+from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.selection import TIMESTEPS_S, Quantity, named, select
+from grader.numerics.selection import CONFIRMATIONS, PREFERENCE, SAMPLE_S, TIMESTEPS_S, Quantity, Still, named, select
 from numerics.models import ALL, DELAY, LESSON, RUNAWAY, hinge
 
 pytestmark = pytest.mark.slow
@@ -63,12 +67,80 @@ def test_it_says_so_when_it_cannot_tell() -> None:
 
 
 def test_a_pass_by_accident_does_not_count() -> None:
-    """Every smaller timestep that was tried must pass too."""
+    """The next smaller timesteps must pass too."""
     chosen = select(DOUBLE, tolerance=1e-5, seconds=1.0)
     assert chosen.best is not None
-    finer = [h for h in TIMESTEPS_S if h < chosen.best.timestep_s]
+    finer = sorted((h for h in TIMESTEPS_S if h < chosen.best.timestep_s), reverse=True)[:CONFIRMATIONS]
     of_same = {c.timestep_s: c.error for c in chosen.candidates if c.integrator == chosen.best.integrator}
+    assert len(finer) == CONFIRMATIONS
     assert all(of_same[h] <= 1e-5 for h in finer)
+
+
+def test_no_cheaper_setting_passes_that_was_left_unmeasured() -> None:
+    """The search leaves out settings; measured one by one, none of these is cheaper and passes."""
+    chosen = select(DOUBLE, tolerance=1e-4, seconds=0.4)
+    assert chosen.best is not None
+    left = {(i, h) for i in PREFERENCE for h in TIMESTEPS_S} - {c.setting for c in chosen.candidates}
+    cheaper = [(i, h) for i, h in left if i.evaluations / h < chosen.best.cost]
+    assert cheaper
+    times = np.asarray(sample_times(0.4, SAMPLE_S))
+    truth = dop853(DOUBLE, times)
+    for integrator, h in cheaper:
+        run = simulate(DOUBLE, seconds=0.4, timestep_s=h, integrator=integrator.code, at_s=times)
+        assert distance(DOUBLE, run, truth).qpos > 1e-4
+
+
+def test_the_front_holds_what_nothing_beats_in_cost_and_error() -> None:
+    chosen = select(DOUBLE, tolerance=1e-5, seconds=0.4)
+    assert chosen.front
+    for one in chosen.candidates:
+        as_good = [c for c in chosen.candidates if c.cost <= one.cost and c.error <= one.error]
+        better = [c for c in as_good if (c.cost, c.error) != (one.cost, one.error)]
+        assert not (better and one in chosen.front)
+        assert better or {(c.cost, c.error) for c in chosen.front} >= {(one.cost, one.error)}
+
+
+@pytest.mark.parametrize("timestep_s", [0.003, 1 / 120, 0.0007])
+def test_the_models_own_setting_is_measured_at_its_own_steps(timestep_s: float) -> None:
+    own = DOUBLE.changed(lambda model: setattr(model.opt, "timestep", timestep_s))
+    chosen = select(own, tolerance=1e-3, seconds=0.4)
+    assert chosen.own is not None
+    steps = np.unique(np.rint(np.asarray(sample_times(0.4, SAMPLE_S)) / timestep_s))
+    truth = dop853(DOUBLE, steps * timestep_s)
+    run = simulate(DOUBLE, steps=int(steps[-1]), timestep_s=timestep_s, at_s=steps * timestep_s)
+    assert chosen.own.error == pytest.approx(distance(DOUBLE, run, truth).qpos, rel=1e-6)
+
+
+def test_a_stepped_reference_is_read_between_its_steps() -> None:
+    """A sphere that rolls has a known motion; a timestep that is no multiple of the reference's sees no other error."""
+    cube = Scene.from_xml(ALL["cube"]).changed(lambda model: setattr(model.opt, "timestep", 0.0033))
+    close = Scene.from_xml(ALL["cube"]).changed(lambda model: setattr(model.opt, "timestep", 0.0032))
+    one, other = (select(scene, tolerance=1e-2, seconds=0.3).own for scene in (cube, close))
+    assert one is not None and other is not None
+    assert one.error == pytest.approx(other.error, rel=0.5)
+
+
+def test_what_hardly_moves_is_refused() -> None:
+    with pytest.raises(Still, match="never move"):
+        select(Scene.from_xml(LESSON["pendulum_servo"]), tolerance=1e-3, seconds=0.2)
+    with pytest.raises(Still, match="move by"):
+        select(Scene.from_xml(LESSON["pendulum_servo"]).at(qpos=[1e-5]), tolerance=1e-3, seconds=0.2)
+
+
+def test_a_budget_leaves_the_best_so_far_or_says_that_it_cannot_tell() -> None:
+    spent = select(DOUBLE, tolerance=1e-6, seconds=1.0, budget_s=0.0)
+    assert spent.best is None
+    assert "budget" in spent.reason
+    cube = select(Scene.from_xml(ALL["cube"]), tolerance=1e-5, seconds=1.0, budget_s=0.3)
+    assert "budget" in cube.reason or "uncertain" in cube.reason
+
+
+def test_what_tolerance_could_be_told_is_said() -> None:
+    cube = Scene.from_xml(ALL["cube"])
+    refused = select(cube, tolerance=1e-9, seconds=0.3)
+    assert refused.told is not None
+    assert f"a tolerance of {refused.told:.1g} or more could be told" in refused.reason
+    assert not select(cube, tolerance=1.1 * refused.told, seconds=0.3).reason.startswith("cannot tell")
 
 
 def test_the_same_choice_every_time() -> None:
@@ -96,7 +168,7 @@ def test_timesteps_must_divide_the_samples(quantity: Quantity | None) -> None:
 
 
 def test_a_run_of_too_many_steps_is_refused_at_once() -> None:
-    with pytest.raises(ValueError, match="may last 500 s"):
+    with pytest.raises(ValueError, match="may last 250 s"):
         select(DOUBLE, tolerance=1e-2, seconds=1e9)
 
 

@@ -15,6 +15,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from grader.content import Archive
+from grader.deliveries import deliveries_of
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Unprocessable
 from grader.grading_process import Graders
@@ -364,7 +365,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: st
 def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
     if database.is_sqlite:
         with pytest.raises(Unprocessable, match="GRADER_DATABASE_URL"):
-            run_worker(Settings(database_url=str(database.engine.url)))
+            run_worker(Settings(database_url=str(database.engine.url)), deliveries_of)
         return
     submission_id = hand_in(database)
     first, second = LockedOwner(database), LockedOwner(database)

@@ -11,6 +11,8 @@ from grader.queue import jobs
 from grader.queue.jobs import JobRow
 from grader.store.database import Database
 
+pytestmark = pytest.mark.slow
+
 
 def put(database: Database, user: str, count: int = 1) -> None:
     with database.write() as session:

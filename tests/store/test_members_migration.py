@@ -24,7 +24,7 @@ KEY = "INSERT INTO idempotency_keys VALUES ('c', :user, 'k', 'd', :id, 201, CURR
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_rows_from_before_members_keep_their_learner(backend: str, tmp_path: Path) -> None:
-    with database_url(backend, tmp_path) as url:
+    with database_url(backend, tmp_path, empty=True) as url:
         database = Database(url)
         database.migrate("0003")
         with database.engine.connect() as connection, connection.begin():

@@ -13,6 +13,8 @@ from grader.errors import Conflict, Unprocessable
 from grader.store import schema
 from grader.store.database import Database
 
+pytestmark = pytest.mark.slow
+
 THEN = datetime(2026, 9, 1, 12, tzinfo=UTC)
 SAME = {("members", "id"): "learner", ("credentials", "member"): "learner", ("jobs", "subject"): "id"}
 """Columns whose values are those of another column, without a foreign key that says so."""
@@ -24,7 +26,7 @@ LASTING = (
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
-    with database_url(request.param, tmp_path) as url:
+    with database_url(request.param, tmp_path, empty=True) as url:
         database = Database(url)
         yield database
         database.close()
@@ -84,6 +86,10 @@ def shape(connection: Connection) -> dict[str, Any]:
     }
     found["triggers"] = sorted(map(tuple, connection.execute(text(triggers[connection.dialect.name]))))
     return found
+
+
+def test_the_newest_revision_is_read_off_the_names_of_the_files() -> None:
+    assert schema.newest() == schema.revisions()[-1]
 
 
 def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:

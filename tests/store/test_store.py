@@ -15,7 +15,7 @@ from databases import BACKENDS, database_url
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
-from grader.store import contents, courses, regrades, submissions
+from grader.store import contents, courses, line_items, outbox, regrades, submissions
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
 from grader.store.submissions import SubmissionFilter
@@ -60,8 +60,9 @@ def test_migrations_make_the_tables_that_the_code_describes(database: Database) 
     with database.engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": True})
         described = MetaData()
-        kept = {contents.ContentFile, contents.ContentManifest, contents.ContentInUse}
-        assert {courses.CourseLink, courses.AuditEntry, regrades.Regrade, regrades.RegradeItem, *kept} <= {
+        kept = {contents.ContentFile, contents.ContentManifest, contents.ContentInUse, regrades.RegradeItem}
+        new = {outbox.Delivery, outbox.Destination, line_items.LineItem}
+        assert {courses.CourseLink, courses.AuditEntry, regrades.Regrade, *kept, *new} <= {
             mapper.class_ for mapper in Base.registry.mappers
         }
         for table in (*Base.metadata.sorted_tables, *QueueBase.metadata.sorted_tables):

@@ -27,12 +27,12 @@ def settings_in(folder: Path, workers: int = 1) -> Settings:
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """Debian's Chromium, without a window."""
+def chromium(*more: str) -> Iterator[Browser]:
+    """Debian's Chromium, without a window; `more` are further options."""
     path = shutil.which("chromium")
     assert path, "chromium is missing: `make test` installs it"
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu", *more])
         try:
             yield browser
         finally:

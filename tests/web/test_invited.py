@@ -8,7 +8,7 @@ from ipaddress import ip_network
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from grader.app import in_database, sign_in_url
+from grader.accounts import in_database, sign_in_url
 from grader.courses.invitations import invite
 from grader.settings import Settings
 from proxies import free_port, nginx

@@ -55,8 +55,8 @@ def test_headings_come_from_the_author_first() -> None:
 def test_an_exercise_says_what_a_script_may_use_and_shows_its_starter() -> None:
     shown = card(starter="s/f.py", limits={"cpu_s": 2.5, "memory_mb": 300, "output_kb": 8})
     assert shown["allowance"].startswith(
-        "A script may use 2.5 s of processor time, 300 MB of memory and 8 KB of output."
+        "A script may use 2.5\u202fs of processor time, 300\u202fMB of memory and 8\u202fKB of output."
     )
     assert shown["starter"] == "def f(): ..."
-    assert shown["starter_url"] == "/quizzes/quiz/f/starter.py"
+    assert shown["path"] == "/quizzes/quiz/f"
     assert card()["starter"] is None

@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from grader.settings import Settings
+from grader.web.assets import digest, static
 from grader.web.prose import safe_html
 from web.browsing import service
 
@@ -100,12 +101,25 @@ def test_the_instructor_page_tells_others_how_to_sign_in(client: httpx.Client) -
     assert client.get("/instructor/certificates").status_code == 403
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "src/grader/web/static").iterdir()))
+STATIC = ROOT / "src/grader/web/static"
+
+
+@pytest.mark.parametrize("name", sorted(str(one.relative_to(STATIC)) for one in STATIC.rglob("*") if one.is_file()))
 def test_every_file_of_the_page_is_served(client: httpx.Client, name: str) -> None:
     first = client.get(f"/static/{name}")
     assert first.status_code == 200
     again = client.get(f"/static/{name}", headers={"If-None-Match": first.headers["etag"]})
     assert again.status_code == 304
+
+
+def test_files_under_their_digest_are_kept_for_good_and_no_other(client: httpx.Client) -> None:
+    address = static("style.css")
+    assert f'href="{address}"' in client.get("/").text
+    kept, other = client.get(address), client.get(address.replace(digest(), "0" * len(digest())))
+    assert kept.headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert kept.content == other.content
+    assert {one.headers["cache-control"] for one in (other, client.get("/static/style.css"))} == {"no-cache"}
+    assert client.get("/static/zzzzzzzzzzzz/style.css").status_code == 404
 
 
 def test_nothing_else_is_served(client: httpx.Client) -> None:

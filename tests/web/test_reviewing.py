@@ -8,11 +8,12 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from grader.app import in_database, issue_token
+from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
 from grader.settings import Settings
 from sites import write_content
+from tokens import issue_token
 from web.browsing import chromium, service
 
 ITEMS = [
@@ -61,6 +62,8 @@ def desk_of(browser: Browser, origin: str, settings: Settings, name: str) -> Pag
     code = in_database(settings, lambda session: create_sign_in_code(session, name, Role.INSTRUCTOR))
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("today")
+    page.goto("/instructor/review")
     return page
 
 

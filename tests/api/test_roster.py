@@ -1,0 +1,187 @@
+"""Rosters over HTTP and on the command line: all rows or none, the same again changes nothing, and who may what."""
+
+import csv
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from grader.cli import cli
+from grader.courses.tokens import create_token
+from grader.errors import FaultyRows
+from sites import Site
+
+API = "/api/v1"
+IMPORT = f"{API}/roster:import"
+ROSTER = (
+    "name,email,role,external_id\n"
+    "Ada Lovelace,ada@school.example,student,s1\n"
+    "Bob,,student,s2\n"
+    "Grace Hopper,grace@school.example,instructor,t1\n"
+    "=cmd|' /C calc'!A0,,student,-1\n"
+)
+COUNTS = {"dry_run": False, "created": 0, "changed": 0, "unchanged": 0, "left_out": 0}
+
+
+def send(client: httpx.Client, text: str | bytes, kind: str = "text/csv", **query: Any) -> httpx.Response:
+    query = {"namespace": "school", **query}
+    return client.post(IMPORT, content=text, params=query, headers={"Content-Type": kind})
+
+
+def members(client: httpx.Client) -> dict[str, dict[str, Any]]:
+    return {one["name"]: one for one in client.get(f"{API}/members").json()["items"]}
+
+
+@pytest.fixture
+def tina(either_site: Site) -> httpx.Client:
+    return either_site.client("tina", "instructor")
+
+
+def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.Client) -> None:
+    assert send(tina, ROSTER, dry_run=True).json() == {**COUNTS, "dry_run": True, "created": 4}
+    assert members(tina).keys() == {"tina"}
+    assert send(tina, ROSTER).json() == {**COUNTS, "created": 4}
+    found = members(tina)
+    ada = found["Ada Lovelace"]
+    assert (ada["email"], ada["role"], ada["learner"]) == (
+        "ada@school.example", "student", {"namespace": "school", "id": "s1"},
+    )  # fmt: skip
+    assert found["Grace Hopper"]["role"] == "instructor"
+    assert send(tina, ROSTER).json() == {**COUNTS, "unchanged": 4}
+    assert members(tina) == found
+    changed = ROSTER.replace("Bob,,student", "Bob B.,bob@school.example,instructor")
+    assert send(tina, changed).json() == {**COUNTS, "changed": 1, "unchanged": 3}
+    assert members(tina)["Bob B."]["id"] == found["Bob"]["id"]
+    actions = [(one["action"], one["detail"]) for one in tina.get(f"{API}/audit").json()["items"]]
+    assert ("roster imported", {**COUNTS, "changed": 1, "unchanged": 3}) in actions
+    assert "ada@school.example" not in str(actions)
+
+
+def test_a_faulty_roster_changes_nothing_and_names_each_cell(tina: httpx.Client) -> None:
+    refused = send(tina, ROSTER + "Eve,nobody,king,s9\n")
+    assert refused.status_code == 422
+    assert refused.headers["content-type"] == "application/problem+json"
+    assert [(fault["file"], fault["key"]) for fault in refused.json()["faults"]] == [
+        ("roster.csv", "line 6, role"), ("roster.csv", "line 6, email"),
+    ]  # fmt: skip
+    assert members(tina).keys() == {"tina"}
+    for kind, text in (("application/json", b"{}"), ("application/zip", b"PK"), ("text/csv", b"name\n\xff")):
+        assert send(tina, text, kind).status_code == 422
+
+
+def test_what_was_exported_is_imported_again_and_changes_nothing(either_site: Site, tina: httpx.Client) -> None:
+    send(tina, ROSTER)
+    either_site.client("zoe")
+    exported = tina.get(f"{API}/roster.csv")
+    assert exported.headers["content-type"] == "text/csv; charset=utf-8"
+    rows = list(csv.DictReader(io.StringIO(exported.text)))
+    assert [(row["name"], row["namespace"], row["external_id"]) for row in rows if row["name"] in ("Bob", "zoe")] == [
+        ("Bob", "school", "s2"), ("zoe", "", ""),
+    ]  # fmt: skip
+    assert not [cell for row in rows for cell in row.values() if cell.startswith(("=", "-"))]
+    assert tina.get(f"{API}/roster.csv", params={"bom": True}).content.startswith("\ufeff".encode())
+    before = members(tina)
+    assert send(tina, exported.content).json() == {**COUNTS, "unchanged": 6}
+    packed = tina.get(f"{API}/roster.zip", params={"namespace": "school"})
+    assert send(tina, packed.content, "application/zip").json() == {**COUNTS, "unchanged": 6}
+    assert members(tina) == before
+    other = either_site.client("tina", "instructor", course=f"{either_site.course}-2")
+    assert send(other, exported.content).json() == {**COUNTS, "created": 5, "unchanged": 1}
+    assert other.get(f"{API}/roster.csv").text == exported.text
+
+
+def test_who_came_by_themselves_is_exported_with_our_id_and_found_by_it(site: Site) -> None:
+    tina = site.client("tina", "instructor")
+    from grader.courses.people import unnamed
+
+    with site.app.state.context.database.write() as session:
+        member = unnamed(session, str(site.course), "Eve").id
+    text = tina.get(f"{API}/roster.csv").text
+    assert f"Eve,,student,grader,{member}" in text
+    assert send(tina, text.replace("Eve", "Eve E.")).json()["changed"] == 1
+    assert members(tina)["Eve E."]["id"] == member
+    elsewhere = site.client("tina", "instructor", course=f"{site.course}-2")
+    refused = send(elsewhere, text)
+    assert (refused.status_code, refused.json()["faults"][0]["key"]) == (422, "line 2, external_id")
+
+
+def test_a_learner_on_the_roster_hands_in_through_the_lms_as_the_same_member(
+    either_site: Site, tina: httpx.Client
+) -> None:
+    send(tina, ROSTER)
+    lms = either_site.client("lms", "service")
+    body = {"learner": {"namespace": "school", "id": "s1"}, "quiz": "small", "question": "q1", "answer": 1}
+    made = lms.post(f"{API}/lms/submissions", json=body).json()
+    assert (made["user"], made["learner"]) == ("Ada Lovelace", members(tina)["Ada Lovelace"]["id"])
+    rows = list(csv.DictReader(io.StringIO(lms.get(f"{API}/gradebook.csv", params={"format": "canvas"}).text)))
+    assert [(row["Student"], row["SIS User ID"], row["SIS Login ID"]) for row in rows[1:]] == [
+        ("Ada Lovelace", "s1", "")
+    ]
+    moodle = csv.DictReader(io.StringIO(lms.get(f"{API}/gradebook.csv", params={"format": "moodle"}).text))
+    assert [(row["ID number"], row["Email address"]) for row in moodle] == [("s1", "ada@school.example")]
+
+
+def test_a_service_enters_students_alone_and_brings_nobody_back(either_site: Site, tina: httpx.Client) -> None:
+    lms = either_site.client("lms", "service")
+    assert send(lms, ROSTER).json() == {**COUNTS, "created": 3, "left_out": 1}
+    grace = ROSTER.replace("instructor", "student")
+    send(tina, ROSTER)
+    assert send(lms, grace).json() == {**COUNTS, "unchanged": 3, "left_out": 1}
+    assert members(tina)["Grace Hopper"]["role"] == "instructor"
+    tina.delete(f"{API}/members/{members(tina)['Bob']['id']}")
+    assert send(lms, grace).json() == {**COUNTS, "unchanged": 2, "left_out": 2}
+    assert "Bob" not in members(tina)
+    assert send(tina, ROSTER).json() == {**COUNTS, "changed": 1, "unchanged": 3}
+    assert "Bob" in members(tina)
+
+
+def test_a_changed_role_ends_sessions_and_nobody_changes_their_own(site: Site) -> None:
+    tina = site.client("tina", "instructor")
+    send(tina, ROSTER)
+    link = tina.post(f"{API}/invitations", json={"member": members(tina)["Bob"]["id"]}).json()["items"][0]
+    send(tina, ROSTER.replace("Bob,,student", "Bob,,instructor"))
+    assert link["id"] not in [one["id"] for one in tina.get(f"{API}/invitations").json()["items"]]
+    refused = send(tina, "name,role\ntina,student\n")
+    assert (refused.status_code, refused.json()["faults"][0]["key"]) == (422, "line 2, role")
+
+
+ROUTES = (("POST", IMPORT), ("GET", f"{API}/roster.csv"), ("GET", f"{API}/roster.zip"))
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+def test_students_strangers_and_tokens_without_the_scope_are_refused(site: Site, method: str, path: str) -> None:
+    assert site.anonymous().request(method, path).status_code == 401
+    assert site.client("ann").request(method, path).status_code == 403
+    with site.app.state.context.database.write() as session:
+        token = create_token(session, "lms", "service", site.course, scopes=["results", "lms"])
+    scoped = site.anonymous({"Authorization": f"Bearer {token}"}).request(method, path)
+    assert (scoped.status_code, "the scope `people`" in scoped.json()["detail"]) == (403, True)
+
+
+def test_the_command_line_imports_and_exports(tmp_path: Path) -> None:
+    def run(*words: str) -> str:
+        done = CliRunner().invoke(cli, ["roster", *words, "--data", str(tmp_path / "data")])
+        assert done.exit_code == 0, done.output
+        return done.stdout
+
+    file, packed = tmp_path / "roster.csv", tmp_path / "roster.zip"
+    file.write_text(ROSTER)
+    assert json.loads(run("import", str(file), "--namespace", "school", "--dry-run", "--json"))["created"] == 4
+    assert run("import", str(file), "--namespace", "school") == "4 created, 0 changed, 0 unchanged\n"
+    exported = run("export")
+    assert "Ada Lovelace,ada@school.example,student,school,s1" in exported
+    assert run("export", "--format", "oneroster", "--namespace", "school", "--out", str(packed)).strip() == str(packed)
+    assert json.loads(run("import", str(packed), "--namespace", "school", "--json"))["unchanged"] == 4
+    with zipfile.ZipFile(packed) as files:
+        files.extractall(tmp_path / "folder")
+    assert json.loads(run("import", str(tmp_path / "folder"), "--namespace", "school", "--json"))["unchanged"] == 4
+    file.write_text(ROSTER + "Eve,,king,\n")
+    with pytest.raises(FaultyRows, match="line 6, role"):
+        CliRunner().invoke(
+            cli, ["roster", "import", str(file), "--data", str(tmp_path / "data")], catch_exceptions=False
+        )

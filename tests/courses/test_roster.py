@@ -1,0 +1,206 @@
+"""Rosters: what is written is read back, every faulty cell is told with its line, and no cell is a formula."""
+
+import csv
+import io
+import zipfile
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grader.courses import oneroster
+from grader.courses.external import OWN, External
+from grader.courses.oneroster import read_files, read_zip, write_zip
+from grader.courses.roster import Entry, decoded, read_roster, write_roster
+from grader.errors import FaultyRows, Unprocessable
+from grader.identity import Role
+from properties import patient
+
+RUNS = "=+-@\t\r"
+words = st.text(st.characters(categories=["L", "N", "P", "S"]), min_size=1, max_size=8)
+names = st.lists(words, min_size=1, max_size=3).map(" ".join) | words.map("={}".format)
+externals = st.builds(External, st.sampled_from(["school", "canvas", OWN]), words)
+roles = st.sampled_from([Role.STUDENT, Role.INSTRUCTOR])
+emails = st.sampled_from(["", "ada@school.example", "=1+1@x"])
+
+
+def entries(external: st.SearchStrategy[External | None]) -> st.SearchStrategy[list[Entry]]:
+    """Rosters on which everybody is once."""
+    one = st.builds(Entry, st.just(0), names, roles, emails, external)
+    return st.lists(one, max_size=5, unique_by=lambda entry: entry.key)
+
+
+def known(found: list[Entry]) -> list[tuple[object, ...]]:
+    return [(one.name, one.role, one.email, one.external) for one in found]
+
+
+def faults_of(read: Callable[[], object]) -> list[tuple[str, str]]:
+    """Place and reason of every fault."""
+    with pytest.raises(FaultyRows) as refused:
+        read()
+    return [(fault.key, fault.why) for fault in refused.value.faults]
+
+
+# -- our own form ------------------------------------------------------------------------------------------------------
+
+
+@patient
+@given(entries(st.none() | externals))
+def test_what_was_written_is_read_back(people: list[Entry]) -> None:
+    text = "".join(write_roster(people))
+    assert known(read_roster(text)) == known(people)
+    assert known(read_roster(decoded("", ("\ufeff" + text).encode()))) == known(people)
+    for row in csv.reader(io.StringIO(text, newline="")):
+        assert not [cell for cell in row if cell.startswith(tuple(RUNS))]
+
+
+def test_columns_may_be_left_out_and_stand_in_any_order() -> None:
+    [ada, bob] = read_roster("role,external_id,name\nstudent,s1,Ada\n\n,, Bob \n", "school")
+    assert (ada.external, ada.email, ada.role) == (External("school", "s1"), None, Role.STUDENT)
+    assert (bob.name, bob.external, bob.role, bob.line) == ("Bob", None, Role.STUDENT, 4)
+    assert read_roster("name;role\nAda;instructor\n")[0].role is Role.INSTRUCTOR  # a spreadsheet in Europe
+
+
+def test_every_faulty_cell_is_told_with_its_line_and_column() -> None:
+    text = (
+        "name,email,role,namespace,external_id\n"
+        "Ada,ada@x,student,school,s1\n"
+        '"two\nlines",nobody,king,,\n'
+        ",b@x,student,school,s2\n"
+        "Bob,b@x,student,no blanks,s3\n"
+        "Eve,e@x,student,school,\n"
+        "Ada L.,a@x,student,school,s1\n"
+    )
+    told = faults_of(lambda: read_roster(text))
+    assert [place for place, _ in told] == [
+        "line 3, role", "line 3, email", "line 3, name", "line 5, name", "line 6, external_id", "line 7, external_id",
+        "line 8, external_id",
+    ]  # fmt: skip
+    assert "line 2" in dict(told)["line 8, external_id"]
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [("email\na@x\n", "line 1, name"), ("name,name\na,b\n", "line 1, name"), ("name,nmae\na,b\n", "line 1, nmae"),
+     ("name\na,b\n", "line 2")],
+)  # fmt: skip
+def test_a_heading_that_is_wrong_is_told(text: str, place: str) -> None:
+    assert place in [found for found, _ in faults_of(lambda: read_roster(text))]
+
+
+@pytest.mark.parametrize("text", ["", "\n \n", 'name\n"Ada', f"name\n{'x' * 200_000}\n", "name\n" + "a\n" * 20_001])
+def test_what_is_no_roster_is_refused(text: str) -> None:
+    with pytest.raises(Unprocessable):
+        read_roster(text)
+
+
+def test_a_file_that_is_not_utf8_is_refused_with_the_cure() -> None:
+    with pytest.raises(Unprocessable, match="save it as CSV UTF-8"):
+        decoded("roster.csv", "name\nLöwe\n".encode("latin-1"))
+
+
+def test_at_most_a_hundred_faults_are_told() -> None:
+    assert len(faults_of(lambda: read_roster("name,role\n" + "Ada,king\n" * 1000))) == 100
+
+
+def test_a_cell_that_looks_guarded_but_is_not_stays_as_it_is() -> None:
+    assert [one.name for one in read_roster("name\n'Ada\n'=Bob\n")] == ["'Ada", "=Bob"]
+
+
+# -- OneRoster ---------------------------------------------------------------------------------------------------------
+
+USERS = (
+    "sourcedId,status,dateLastModified,enabledUser,username,userIds,givenName,familyName,middleName,identifier,email,"
+    "preferredGivenName\n"
+    "u1,active,2026-09-01T00:00:00Z,true,ada,,Augusta Ada,Lovelace,,,ada@school.example,Ada\n"
+    "u2,,,true,bob,,Bob,-,,,,\n"
+    "u3,,,true,grace,,Grace,Hopper,,,,\n"
+    "u4,,,false,gone,,Old,Account,,,,\n"
+    "u5,tobedeleted,,true,left,,Left,School,,,,\n"
+    "u6,,,true,other,,Other,Class,,,,\n"
+    "u7,,,true,aide,,An,Aide,,,,\n"
+)
+ENROLLED = (
+    "sourcedId,status,dateLastModified,classSourcedId,schoolSourcedId,userSourcedId,role,primary,beginDate,endDate\n"
+    "e1,,,c1,s,u1,student,false,,\ne2,,,c1,s,u2,student,false,,\ne3,,,c1,s,u3,teacher,true,,\ne4,,,c1,s,u3,student,,,\n"
+    "e5,,,c1,s,u4,student,,,\ne6,,,c1,s,u5,student,,,\ne7,,,c1,s,u7,aide,,,\ne8,tobedeleted,,c1,s,u6,student,,,\n"
+)
+
+
+def test_the_students_and_teachers_of_a_class_are_read() -> None:
+    assert known(read_files(USERS, ENROLLED, "school")) == [
+        ("Ada Lovelace", Role.STUDENT, "ada@school.example", External("school", "u1")),
+        ("Bob", Role.STUDENT, "", External("school", "u2")),
+        ("Grace Hopper", Role.INSTRUCTOR, "", External("school", "u3")),
+    ]
+
+
+def test_one_class_is_chosen_of_several() -> None:
+    both = ENROLLED + "e9,,,c2,s,u6,student,,,\n"
+    with pytest.raises(Unprocessable, match="choose one by its classSourcedId, of c1, c2"):
+        read_files(USERS, both)
+    assert [one.name for one in read_files(USERS, both, course_class="c2")] == ["Other Class"]
+    with pytest.raises(Unprocessable, match="no class 'c3'"):
+        read_files(USERS, both, course_class="c3")
+
+
+def test_who_is_enrolled_and_no_user_is_told() -> None:
+    told = faults_of(lambda: read_files(USERS, ENROLLED + "e9,,,c1,s,u99,student,,,\n"))
+    assert told == [("line 10, userSourcedId", "u99 is not in users.csv")]
+    missing = faults_of(lambda: read_files("sourcedId,givenName\nu1,Ada\n", ENROLLED))
+    assert missing == [("line 1, familyName", "the column is missing")]
+
+
+@patient
+@given(entries(externals))
+def test_what_was_written_for_oneroster_is_read_back(people: list[Entry]) -> None:
+    one_each = list({entry.external.id: entry for entry in people if entry.external}.values())
+    found = read_zip(write_zip(one_each, "robots"), "school") if one_each else []
+    expected = [(one.name, one.role, one.email, one.external and one.external.id) for one in one_each]
+    assert [(one.name, one.role, one.email, one.external and one.external.id) for one in found] == expected
+
+
+def test_the_zip_file_has_the_columns_of_version_1_2() -> None:
+    ada = Entry(0, "Ada Lovelace", Role.STUDENT, "ada@school.example", External("school", "u1"))
+    with zipfile.ZipFile(io.BytesIO(write_zip([ada], "robots"))) as packed:
+        files = {name: list(csv.DictReader(io.StringIO(packed.read(name).decode()))) for name in packed.namelist()}
+    assert files.keys() == {"manifest.csv", "users.csv", "enrollments.csv"}
+    [user], [enrollment] = files["users.csv"], files["enrollments.csv"]
+    assert tuple(user) == oneroster.USER_COLUMNS and tuple(enrollment) == oneroster.ENROLLMENT_COLUMNS
+    filled = {"sourcedId": "u1", "enabledUser": "true", "givenName": "Ada", "familyName": "Lovelace"}
+    assert filled.items() <= user.items()
+    assert (enrollment["userSourcedId"], enrollment["classSourcedId"], enrollment["role"]) == (
+        "u1",
+        "robots",
+        "student",
+    )
+    manifest = {row["propertyName"]: row["value"] for row in files["manifest.csv"]}
+    assert (manifest["oneroster.version"], manifest["file.users"], manifest["file.orgs"]) == ("1.2", "bulk", "absent")
+
+
+def zipped(**files: bytes) -> bytes:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, data in files.items():
+            packed.writestr(f"folder/{name}.csv", data)
+    return made.getvalue()
+
+
+def test_zip_files_that_are_broken_or_too_large_are_refused() -> None:
+    good = zipped(users=USERS.encode(), enrollments=ENROLLED.encode())
+    assert len(read_zip(good)) == 3
+    bomb = zipped(users=b"x" * (oneroster.FILE_BYTES_MAX + 1), enrollments=ENROLLED.encode())
+    assert len(bomb) < 100_000
+    many = zipped(**{f"f{n}": b"" for n in range(100)})
+    for data, told in (
+        (b"PK", "cannot be read"), (good[:200] + b"\0" * 20 + good[220:], "cannot be read"),
+        (zipped(users=b""), "enrollments.csv 0 times"), (bomb, "larger than"), (many, "more than 64"),
+    ):  # fmt: skip
+        with pytest.raises(Unprocessable, match=told):
+            read_zip(data)
+
+
+def test_a_namespace_that_cannot_be_is_told() -> None:
+    told = faults_of(lambda: read_files(USERS, ENROLLED, "no blanks"))
+    assert {place.partition(", ")[2] for place, _ in told} == {"external_id"}

@@ -1,0 +1,68 @@
+"""What is said of an error: without noise, with an advice where one is known."""
+
+import time
+
+import mujoco
+import pytest
+
+from grader.exercises.crashes import clear
+
+MODEL = mujoco.MjModel.from_xml_string("<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>")
+DATA = mujoco.MjData(MODEL)
+
+
+def said_of(*arguments: object) -> str:
+    with pytest.raises(TypeError) as caught:
+        mujoco.mj_step(*arguments)
+    return clear(f"TypeError: {caught.value}", ", in line 4 of your script")
+
+
+def test_arguments_of_a_binding_are_told_in_one_line() -> None:
+    swapped = said_of(DATA, MODEL)
+    assert swapped == (
+        "TypeError: mj_step() was called with (MjData, MjModel); it takes (m, d, nstep), in line 4 of your script"
+    )
+    assert "called with (MjModel);" in said_of(MODEL)
+    assert "None" in said_of(MODEL, None)
+
+
+@pytest.mark.parametrize(
+    ("message", "advice"),
+    [
+        ("ModuleNotFoundError: No module named 'pandas'", "pandas is not installed here"),
+        ("AttributeError: 'int' object has no attribute 'opt'", "opt belongs to the model"),
+        ("AttributeError: 'mujoco._structs.MjModel' object has no attribute 'qpos'", "qpos belongs to the data"),
+        ("AttributeError: 'mujoco._structs.MjData' object has no attribute 'opt'", "opt belongs to the model"),
+        ("EOFError: EOF when reading a line", "nobody answers input()"),
+        ("ValueError: ParseXML: Error opening file 'a/servo.xml'", 'mjcourse.model_path("servo")'),
+        ("SyntaxError: invalid syntax (line 2: %matplotlib inline)", "a command of a notebook"),
+        ("TypeError: f() takes 1 positional argument but 2 were given", "called with 2"),
+        ("TypeError: f() missing 1 required positional argument: 'x'", "parameters of the starter"),
+    ],
+)
+def test_an_advice_follows_the_place(message: str, advice: str) -> None:
+    said = clear(message, ", in line 3 of your script")
+    assert said.startswith(message.rstrip(".") + ", in line 3 of your script (")
+    assert advice in said
+
+
+@pytest.mark.parametrize(
+    "message", ["KeyError: 'x'", "AttributeError: 'Thing' object has no attribute 'colour'", "ZeroDivisionError: x"]
+)
+def test_any_other_message_stays_as_it_is(message: str) -> None:
+    assert clear(message) == message
+
+
+@pytest.mark.cost
+@pytest.mark.parametrize(
+    "part", ["f(): incompatible function arguments.", "1. (", "Invoked with: ", "<a.b object at ", "', '"]
+)
+def test_a_hostile_message_takes_linear_time(part: str) -> None:
+    times = []
+    for size in (500, 4000):
+        text = part * (size // len(part))
+        began = time.process_time()
+        for _ in range(5):
+            clear(text)
+        times.append(time.process_time() - began)
+    assert times[1] < 40 * max(times[0], 1e-4)

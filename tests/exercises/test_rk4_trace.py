@@ -1,0 +1,327 @@
+"""Reading a Runge-Kutta step off its trace: any tableau, from the probe of the lesson's own exercise."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from inspect import getsource
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from exercises.conftest import ROOT, Grade, model_xml, question, with_check
+from grader.domain.quiz import CodeQuestion
+from grader.domain.run import RunReport
+from grader.exercises import Plan, installed_kinds, judge_exercise, plan_exercise, recorder, runner
+from grader.exercises.kinds.rk4 import driver
+from grader.exercises.kinds.rk4.fits import as_text
+from grader.exercises.kinds.rk4.methods import GILL, NAMED, RALSTON, order_of, repeated
+from grader.exercises.kinds.rk4.parameters import Problem
+from grader.exercises.kinds.rk4.recorded import read_steps
+from grader.exercises.kinds.rk4.sentences import explain
+from grader.exercises.kinds.rk4.states import agrees_until
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, tableau_picture
+from grader.exercises.trace import Note, Trace, read_trace
+from grader.sandbox.jail import Jail
+
+STEP, FREE = question("rk4-step"), question("rk4-free-joint")
+PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
+CLASSICAL_STEP = (PROGRAMS / "rk4-step" / "correct__classical.py").read_text()
+
+Vector = np.ndarray[Any, np.dtype[np.float64]]
+StepFunction = Callable[[mujoco.MjModel, mujoco.MjData], object]
+Read = Callable[[StepFunction], Reading | None]
+
+
+def problem_of(seed: int = 1) -> Problem:
+    problem: Problem = plan_exercise(STEP, model_xml, seed).trials[0].problem
+    return problem
+
+
+@pytest.fixture(scope="module")
+def read() -> Iterator[Read]:
+    """Reads a step of this process, taped as in the jail, with two steps of the run."""
+    original = mujoco.mj_forward
+    problem = problem_of()
+    inputs = problem.inputs() | {"runs": [{"timestep_s": problem.run.timestep_s, "steps": 2}]}
+    driver.before_import()
+    plain_note, driver.note = driver.note, recorder.note
+
+    def read(step: StepFunction) -> Reading | None:
+        recorder.state["left"] = recorder.BYTES_MAX
+        recorder.begin(hidden=False)
+        driver.trial([step], inputs, lambda *_: None)
+        trace = read_trace(np.frombuffer(recorder.end(), np.uint8))
+        return read_tableau(problem.run.scene().model, read_steps(trace, problem.run))
+
+    yield read
+    mujoco.mj_forward, driver.note = original, plain_note
+
+
+def step_of(rows: Matrix, positions: Matrix | None = None) -> StepFunction:
+    """A step by a tableau; positions may have one of their own."""
+    *stages, weights = rows
+    *moves, ends = positions or rows
+
+    def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        h, t, q, v = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy()
+        velocities, slopes = list[Vector](), list[Vector]()
+        for row, move in zip(stages, moves, strict=True):
+            data.qpos[:] = q + h * sum((a * k for a, k in zip(move, velocities, strict=False)), np.zeros_like(q))
+            data.qvel[:] = v + h * sum((a * k for a, k in zip(row, slopes, strict=False)), np.zeros_like(v))
+            data.time = t + h * sum(row)
+            mujoco.mj_forward(model, data)
+            velocities.append(data.qvel.copy())
+            slopes.append(data.qacc.copy())
+        data.qpos[:] = q + h * sum(b * k for b, k in zip(ends, velocities, strict=True))
+        data.qvel[:] = v + h * sum(b * k for b, k in zip(weights, slopes, strict=True))
+        data.time = t + h
+
+    return step
+
+
+FRACTIONS = st.builds(lambda top, bottom: top / bottom, st.integers(1, 12), st.integers(1, 12))
+SIGNED = st.builds(lambda size, sign: size * sign, FRACTIONS, st.sampled_from([-1, 1]))
+
+
+@st.composite
+def tableaus(draw: st.DrawFn) -> Matrix:
+    """Stages that each use the one before, and weights that leave none out: so no other tableau is the same method."""
+    stages = draw(st.integers(2, 7))
+    rows = [[*draw(row_of(i - 1, st.just(0.0) | SIGNED)), draw(SIGNED)] for i in range(1, stages)]
+    return [[], *rows, draw(row_of(stages, SIGNED))]
+
+
+def row_of(size: int, numbers: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
+    return st.lists(numbers, min_size=size, max_size=size)
+
+
+@settings(max_examples=60, deadline=None)
+@given(tableaus())
+def test_any_tableau_is_read_off(read: Read, rows: Matrix) -> None:
+    reading = read(step_of(rows))
+    assert reading
+    velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
+    assert velocities is not None
+    assert positions is not None
+    for given_row, row, other in zip(rows, velocities, positions, strict=True):
+        np.testing.assert_allclose(row[: len(given_row)], given_row, atol=1e-7)
+        np.testing.assert_allclose(other[: len(given_row)], given_row, atol=1e-7)
+
+
+@settings(max_examples=20, deadline=None)
+@given(tableaus(), st.data())
+def test_positions_are_read_apart_from_velocities(read: Read, rows: Matrix, data: st.DataObject) -> None:
+    own = [*rows[:-1], data.draw(row_of(len(rows) - 1, SIGNED))]
+    reading = read(step_of(rows, own))
+    assert reading
+    positions = plain(reading.positions, "v")
+    assert positions is not None
+    np.testing.assert_allclose(positions[-1], own[-1], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_named_method_is_named(name: str, read: Read) -> None:
+    reading = read(step_of(NAMED[name]))
+    assert reading
+    assert name in (explain(reading, ()) or "")
+
+
+def test_the_order_of_a_tableau_is_that_of_the_books() -> None:
+    orders = [order_of(rows) for rows in NAMED.values()]
+    assert orders == [1, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4]
+    assert order_of(CLASSICAL) == order_of(RALSTON) == order_of(GILL) == 4
+    assert order_of(repeated(2, 0.5)) == 4
+    assert order_of([*CLASSICAL[:-1], (1 / 8, 3 / 8, 3 / 8, 1 / 8)]) < 4
+    butcher = [
+        [],
+        [1 / 4],
+        [1 / 8, 1 / 8],
+        [0, -1 / 2, 1],
+        [3 / 16, 0, 0, 9 / 16],
+        [-3 / 7, 2 / 7, 12 / 7, -12 / 7, 8 / 7],
+        [7 / 90, 0, 32 / 90, 12 / 90, 32 / 90, 7 / 90],
+    ]
+    assert order_of(butcher) == 5
+
+
+def test_the_picture_holds_both_tableaus_as_fractions_and_what_differs(read: Read) -> None:
+    reading = read(step_of([(), (1 / 2,), (1 / 2, 0), (0, 0, 1), (1 / 6, 1 / 3, 1 / 3, 1 / 6)]))
+    assert reading
+    picture = tableau_picture(reading)
+    assert picture
+    assert picture["of"] == "positions and velocities"
+    assert picture["given"]["a"] == [[], ["1/2"], ["1/2", "0"], ["0", "0", "1"]]
+    assert picture["given"]["b"] == picture["asked"]["b"] == ["1/6", "1/3", "1/3", "1/6"]
+    assert picture["asked"]["c"] == ["0", "1/2", "1/2", "1"]
+    assert picture["wrong"] == [["a", 2, 0], ["a", 2, 1]]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1 / 3, "1/3"), (-2.0, "-2"), (0.0, "0"), (64448 / 6561, "64448/6561"), (2**0.5, "1.4142"), (1e-14, "0")],
+)
+def test_coefficients_are_written_as_fractions(value: float, text: str) -> None:
+    assert as_text(value) == text
+
+
+def test_a_state_of_no_known_form_is_said_to_be_one(read: Read) -> None:
+    def odd(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        step_of(CLASSICAL)(model, data)
+        data.qvel += np.sin(data.qpos)
+
+    reading = read(odd)
+    assert reading
+    assert explain(reading, ()) is None
+    assert (agrees_until(reading) or "").startswith("The velocities at the end of your step are not")
+
+
+NUMBERS = st.sampled_from([0.0, 1.0, -1.0, 0.002, 1e8, 1e-300, np.nan, np.inf]) | st.floats()
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 5), st.lists(NUMBERS, min_size=1, max_size=12), st.floats(), st.booleans())
+def test_forged_steps_never_raise(calls: int, numbers: Sequence[float], timestep: float, probe: bool) -> None:
+    plan = plan_exercise(STEP, model_xml, 1)
+    problem = plan.trials[0].problem
+    size = 1 + 2 + 2 + 0 + 0 + 2 + calls * (1 + 4 + 4) + 5
+    note = Note("step", {}, np.array([calls, probe, timestep, *np.resize(np.array(numbers), size)]))
+    for notes in ((note,), (note, note, note)):
+        steps = read_steps(Trace(notes), problem.run)
+        with np.errstate(all="ignore"):
+            reading = read_tableau(problem.run.scene().model, steps)
+        assert reading is None or explain(reading, ()) is None or isinstance(explain(reading, ()), str)
+        if reading:
+            tableau_picture(reading)
+            agrees_until(reading)
+
+
+@pytest.mark.parametrize("head", [(-1, 0, 0.002), (0.5, 0, 0.002), (1e8, 0, 0.002), (0, 0, 0), (1, 0, 0.002), ()])
+def test_a_step_that_cannot_be_read_is_left_out(head: Sequence[float]) -> None:
+    note = Note("step", {}, np.array([*head, *np.zeros(12)]))
+    assert read_steps(Trace((note,)), problem_of().run) == []
+
+
+TIMESTEP = "    h = model.opt.timestep\n"
+PRINTS = CLASSICAL_STEP.replace(TIMESTEP, f"{TIMESTEP}    print(round(h, 9))\n")
+
+
+def test_the_probe_prints_nothing_and_leaves_no_result(grade: Grade, run: Callable[..., RunReport]) -> None:
+    report = run(STEP, PRINTS)
+    plan = plan_exercise(STEP, model_xml, 1)
+    runs = [run for trial in plan.trials if not trial.hidden for run in trial.problem.runs]
+    assert report.stdout.split() == [str(one.timestep_s) for one in runs for _ in range(one.steps)]
+    assert judge_exercise(STEP, plan, report).status == "correct"
+
+
+SEARCHES = (
+    CLASSICAL_STEP.replace("def rk4_step(model, data)", "def classical(model, data, h)").replace(TIMESTEP, "")
+    + '''
+
+def rk4_step(model, data):
+    """Halves the step until two results agree, however long that takes."""
+    start = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
+    parts, last = 1, None
+    while True:
+        data.time, data.qpos[:], data.qvel[:], data.act[:] = start
+        for _ in range(parts):
+            classical(model, data, model.opt.timestep / parts)
+        if last is not None and abs(data.qvel - last).max() < 1e-9:
+            return
+        parts, last = 2 * parts, data.qvel.copy()
+'''
+)
+
+
+def test_code_that_chooses_its_own_substeps_ends(run: Callable[..., RunReport]) -> None:
+    case = {"id": "a", "model": "double_pendulum", "start": {"key": "release"}, "steps": 50}
+    report = run(with_check(STEP, cases=[case], order=None), SEARCHES)
+    assert report.status == "returned"
+    assert len(report.results["t0_q0"]) == case["steps"]
+
+
+RAISES = (
+    CLASSICAL_STEP.rstrip()
+    + """
+    if abs(h - 0.0025) < 1e-9:
+        raise RuntimeError("odd")
+"""
+)
+
+
+def test_what_is_raised_in_the_probe_does_not_count(grade: Grade) -> None:
+    verdict = grade(STEP, RAISES)
+    assert verdict.status == "correct"
+    assert verdict.evidence["tableau"]["given"]["b"] == ["1/6", "1/3", "1/3", "1/6"], "what came before is kept"
+
+
+SILENT = """
+def note(*_):
+    return False
+
+
+def begin(hidden):
+    pass
+
+
+def end():
+    return b""
+
+
+def traced(function):
+    return function
+
+
+def compiled(source, filename):
+    return compile(source, filename, "exec", dont_inherit=True)
+"""
+"""A recorder that records nothing."""
+
+BATCHES, PAIRS = 3, 16
+
+
+def silent(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Plan:
+    """The same plan without any recording."""
+    with monkeypatch.context() as patch:
+        patch.setattr(runner, "getsource", lambda module: SILENT if module is recorder else getsource(module))
+        quiet = runner.driver_of(installed_kinds()["rk4"])
+    return replace(plan, driver=quiet, inputs=untaped(plan.inputs), hidden_inputs=untaped(plan.hidden_inputs))
+
+
+def untaped(inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """The same inputs, so that no step is noted."""
+    trials = [{**one, "inputs": {**one["inputs"], "taped": False}} for one in inputs["trials"]]
+    for one in trials:
+        one["inputs"].pop("probe", None)
+    return {**inputs, "trials": trials}
+
+
+@pytest.mark.cost
+@pytest.mark.parametrize(
+    ("exercise", "program"),
+    [(STEP, "correct__classical"), (FREE, "correct__one_mj_integratepos"), (FREE, "correct__quaternion_derivative")],
+    ids=lambda value: getattr(value, "id", value),
+)
+def test_the_trace_costs_at_most_three_percent_of_the_runs_cpu_time(
+    exercise: CodeQuestion, program: str, jail: Jail, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Measured: 2.2 %. Runs with and without alternate; the fastest quarter of each counts, so that noise cancels."""
+    source = (PROGRAMS / exercise.id / f"{program}.py").read_text()
+    plan = plan_exercise(exercise, model_xml, 1)
+    jobs = [one.job(source, exercise.limits) for one in (plan, silent(plan, monkeypatch))]
+    ratios = []
+    for _ in range(BATCHES):
+        times = np.array([[jail.run(job).cpu_s for job in jobs] for _ in range(PAIRS)])
+        traced, untraced = np.sort(times, axis=0)[: PAIRS // 4].mean(axis=0)
+        ratios.append(traced / untraced)
+    assert min(ratios) <= 1.03, ratios
+
+
+def test_all_traces_of_a_run_are_small(run: Callable[..., RunReport]) -> None:
+    for exercise, program in ((STEP, "correct__classical"), (FREE, "correct__one_mj_integratepos")):
+        report = run(exercise, (PROGRAMS / exercise.id / f"{program}.py").read_text())
+        results = {**report.results, **report.hidden_results}
+        sizes = [values.nbytes for name, values in results.items() if name.endswith("_trace")]
+        assert sum(sizes) < recorder.BYTES_MAX / 4

@@ -1,0 +1,210 @@
+"""The trace of a search: what it says of the runs, and that it decides nothing."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grader.exercises.crashes import hidden_slip
+from grader.exercises.kind import Judged, Trial
+from grader.exercises.kinds.threshold import driver
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, judge_claim
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, pose
+from grader.exercises.kinds.threshold.recorded import COLUMNS, read_search
+from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
+from grader.exercises.trace import Handled, Note, Trace
+from grader.numerics.integrators import EULER, IMPLICITFAST
+from properties import patient
+
+MODEL = (Path(__file__).parents[2] / "models/pendulum_servo.xml").read_text()
+PARAMETERS = ThresholdParameters.model_validate(
+    {
+        "model": "pendulum_servo",
+        "start": {"hinge": 1.0},
+        "integrators": ["Euler", "implicitfast"],
+        "cases": [{"id": "a"}],
+    }
+)
+SCENE = pose(MODEL, (("hinge", 1.0),))
+BADQACC = 1 << 5
+
+
+def run(
+    h: float,
+    *,
+    end: float = 3.0,
+    raised: int = 0,
+    integrator: int = 0,
+    start: float = 1.0,
+    stood: int = 0,
+    model: int = 0,
+    last: float | None = None,
+    ctrl: float = 0.0,
+) -> list[float]:
+    return [model, h, integrator, 0.0, start, 0.0, stood, ctrl, end, raised, h if last is None else last]
+
+
+def trace_of(*runs: list[float], others: tuple[str, ...] = (), differs: tuple[list[str], ...] = ([],)) -> Trace:
+    info = {"total": len(runs), "models": list(differs), "given": 0, "set_s": 0.002, "others": list(others)}
+    return Trace((Note("search", info, np.array(runs, dtype=np.float64).reshape(-1)),))
+
+
+def judged(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> Judged[Cell, Claim]:
+    cell = Cell("a", SCENE, SCENE, IMPLICITFAST if code == IMPLICITFAST.code else EULER)
+    judgement = judge_claim(PARAMETERS, cell, claim)
+    return Judged(Trial("a.Euler", {}, cell, hidden=hidden), judgement, False, trace)
+
+
+def told(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> str:
+    wrong = [judged(claim, trace, hidden=hidden, code=code)]
+    return explain(PARAMETERS, wrong, CERTAIN) or explain(PARAMETERS, wrong, FALLBACK) or ""
+
+
+LOW = Bracket(0.005, 0.0054)
+HIGH = Bracket(0.03, 0.0304)
+
+
+@pytest.mark.parametrize(
+    ("claim", "trace", "said"),
+    [
+        (NoLimit(), trace_of(), "without a single step"),
+        (HIGH, trace_of(), "Nothing was simulated"),
+        (HIGH, trace_of(others=("mjd_transitionFD",)), ""),
+        (NoLimit(), trace_of(run(0.002), run(0.002)), "timestep of 2 ms"),
+        (NoLimit(), trace_of(run(0.002)), "Your only run"),
+        (LOW, trace_of(run(0.001, end=0.5), run(0.005, end=0.5), run(0.0054, raised=BADQACC)), "0.5 s"),
+        (LOW, trace_of(run(0.004, end=0.2), run(0.005, end=0.25), run(0.0054, raised=BADQACC)), "50 steps"),
+        (
+            HIGH,
+            trace_of(run(0.001), run(0.03, raised=BADQACC), run(0.0304, raised=BADQACC)),
+            "At 30 ms MuJoCo raised BADQACC",
+        ),
+        (NoLimit(), trace_of(run(0.05, raised=BADQACC)), "At 50 ms MuJoCo raised BADQACC"),
+        (NoLimit(), trace_of(run(0.001), run(0.03)), "Your search ends at 30 ms"),
+        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, raised=BADQACC)), "raised no warning within 3 s"),
+        (
+            LOW,
+            trace_of(run(0.005), run(0.0054, end=0.4), run(0.05, raised=BADQACC)),
+            "within 0.4 s, where you ended it",
+        ),
+        (LOW, trace_of(run(0.0048), run(0.0055, raised=BADQACC)), "never ran it"),
+        (LOW, trace_of(run(0.005), run(0.0054, raised=BADQACC, stood=BADQACC)), "still stood"),
+        (NoLimit(), trace_of(run(0.001, start=0.0), run(0.05, start=0.0)), "Start with hinge at 1 rad"),
+        (LOW, trace_of(run(0.001), run(0.005, start=0.3), run(0.0054, raised=BADQACC)), "Only your first run"),
+        (LOW, trace_of(run(0.005, start=0.02), run(0.0054, start=0.02)), "start with hinge at 0.02 rad, not at 1 rad"),
+        (LOW, trace_of(run(0.005, ctrl=1.0), run(0.0054, ctrl=1.0)), "set data.ctrl[0] to 1"),
+        (LOW, trace_of(run(0.005), run(0.02, raised=BADQACC)), "too coarse"),
+        (
+            HIGH,
+            trace_of(*(run(h, raised=BADQACC) for h in (0.0255, 0.0377, 0.0438, 0.0469))),
+            "goes on upwards",
+        ),
+        (LOW, trace_of(run(0.001, start=float("nan")), run(0.005)), "nan in data.qpos"),
+        (LOW, trace_of(run(0.05, raised=BADQACC, last=0.005)), "never reset it"),
+        (LOW, trace_of(run(0.005), run(0.0054, raised=BADQACC), differs=(["body_mass"],)), "the mass differs"),
+    ],
+)
+def test_what_the_runs_show_is_said(claim: Claim, trace: Trace, said: str) -> None:
+    sentence = told(claim, trace)
+    assert said in sentence
+    assert bool(said) == bool(sentence)
+
+
+def test_an_integrator_that_was_not_asked_for_is_named() -> None:
+    trace = trace_of(run(0.005, integrator=0), run(0.0054, raised=BADQACC, integrator=0))
+    assert "used Euler" in told(LOW, trace, code=IMPLICITFAST.code)
+    assert "used Euler" not in told(LOW, trace)
+
+
+def test_a_swallowed_slip_is_told_with_its_lines() -> None:
+    notes = trace_of(run(0.001), run(0.05)).notes
+    info = {"type": "AttributeError", "line": 14, "clause": 16, "times": 9, "message": "no such thing"}
+    trace = Trace((*notes, Note("handled", info, np.empty(0))))
+    assert trace.handled == [Handled("AttributeError", 14, 16, 9, "no such thing")]
+    assert (hidden_slip([trace, trace]) or "").startswith(
+        "Line 14 raised an AttributeError (no such thing), and the `except` in line 16"
+    )
+
+
+@pytest.mark.parametrize(
+    ("claim", "trace"),
+    [
+        (HIGH, trace_of(run(0.001), run(0.03, raised=BADQACC), run(0.0304, raised=BADQACC))),
+        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, raised=BADQACC))),
+        (LOW, trace_of(run(0.0048), run(0.0055, raised=BADQACC))),
+    ],
+)
+def test_no_number_of_a_hidden_case_is_told(claim: Claim, trace: Trace) -> None:
+    sentence = told(claim, trace, hidden=True)
+    assert sentence
+    assert not any(number in sentence for number in ("30", "5.4", "0.4", "4.8", "5.5"))
+
+
+def test_every_wrong_claim_must_be_explained() -> None:
+    one = judged(NoLimit(), trace_of(run(0.001), run(0.03)))
+    other = judged(NoLimit(), trace_of(run(0.001), run(0.05, raised=BADQACC)))
+    assert explain(PARAMETERS, [one, other], CERTAIN) is None
+    assert explain(PARAMETERS, [one, judged(NoLimit(), Trace())], CERTAIN) is None
+
+
+@patient
+@given(
+    st.lists(st.floats(), max_size=4 * COLUMNS),
+    st.dictionaries(
+        st.sampled_from(["total", "models", "given", "set_s", "others"]),
+        st.none() | st.integers() | st.text(max_size=4),
+    ),
+    st.sampled_from([LOW, HIGH, NoLimit(), Bracket(1.0, -1.0)]),
+)
+def test_whatever_the_trace_claims_nothing_is_raised(
+    numbers: list[float], info: dict[str, object], claim: Claim
+) -> None:
+    trace = Trace((Note("search", info, np.array(numbers)),))
+    read_search(trace)
+    told(claim, trace)
+
+
+@patient
+@given(st.lists(st.floats(0, 1e4), min_size=COLUMNS, max_size=COLUMNS))
+def test_a_run_of_any_numbers_is_read(row: list[float]) -> None:
+    told(NoLimit(), trace_of(row, row))
+
+
+@pytest.mark.cost
+def test_watching_costs_a_hundredth_of_the_bisections() -> None:
+    """One visible and six hidden trials of ten runs, beside the runs themselves, as minima over repetitions."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+
+    def bisect() -> None:
+        for index in range(10):
+            model.opt.timestep = 0.02 + 1e-4 * index
+            data = mujoco.MjData(model)
+            data.qpos[0] = 1.0
+            while data.time < 3.0 and not data.warning.number.any():
+                mujoco.mj_step(model, data)
+
+    data = mujoco.MjData(model)
+
+    def watch(hidden: bool) -> None:
+        search = driver.Search()
+        search.restart(hidden=hidden)
+        search.given = driver.values_of(model)
+        for _ in range(10):
+            search.begin(model, data)
+            search.finish()
+        search.note(model)
+
+    def cpu_of(work: Callable[[], None]) -> float:
+        began = time.process_time()
+        work()
+        return time.process_time() - began
+
+    works: tuple[Callable[[], None], ...] = (partial(watch, False), partial(watch, True), bisect)
+    visible, hidden, whole = (min(each) for each in zip(*[map(cpu_of, works) for _ in range(30)], strict=True))
+    assert visible + 6 * hidden < 0.01 * 7 * whole

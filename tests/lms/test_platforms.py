@@ -1,0 +1,141 @@
+"""A course of 200 learners at each platform, with faults in a fifth of all requests and senders that are killed."""
+
+import random
+import subprocess
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import func, select
+
+from databases import database_url
+from grader.content import Contents
+from grader.identity import Identity
+from grader.store.database import Database
+from grader.store.outbox import DEAD, SENT, Delivery
+from lms.classes import Class
+from lms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, OPEN_EDX, Profile, Simulated, simulated
+from sites import write_content
+
+LEARNERS = 200
+OVERRIDDEN = 5
+PATIENCE_S = 150.0
+HERE = Path(__file__)
+
+
+@contextmanager
+def sending(url: str, platform: Simulated) -> Iterator["subprocess.Popen[str]"]:
+    """A sender that sends; killed at the end."""
+    arguments = [str(HERE.with_name("sending.py")), url, platform.origin, platform.client_id, platform.container]
+    paths = [str(HERE.parents[1]), str(HERE.parents[2] / "src")]
+    start = "import sys, runpy; sys.path[:0] = sys.argv[1].split(':'); del sys.argv[:2]; runpy.run_path(sys.argv[0], run_name='__main__')"  # noqa: E501
+    command = [sys.executable, "-c", start, ":".join(paths), *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "sending\n"
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+def count(database: Database, *states: str) -> int:
+    with database.read() as session:
+        return session.scalar(select(func.count()).where(Delivery.state.in_(states))) or 0
+
+
+def wait_until(condition: Any) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "the deliveries do not come to an end"
+        time.sleep(0.05)
+
+
+def kill_in_the_middle(process: "subprocess.Popen[str]", platform: Simulated, more: int) -> None:
+    """SIGKILL, wherever the sender is, once the platform has taken some more scores."""
+    wanted = len(platform.taken) + more
+    wait_until(lambda: len(platform.taken) >= wanted)
+    process.kill()
+
+
+def number(one: Identity) -> int:
+    return int(one.user.removeprefix("learner"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("profile", "backend"),
+    [(CANVAS_LMS, "postgresql"), (MOODLE, "sqlite"), (OPEN_EDX, "postgresql"), (BLACKBOARD, "sqlite")],
+    ids=lambda one: one.name if isinstance(one, Profile) else one,
+)
+def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
+    profile: Profile, backend: str, tmp_path: Path
+) -> None:
+    draw = random.Random(5)
+    with database_url(backend, tmp_path) as url, simulated(profile, fault_rate=0.2, seed=7) as platform:
+        database = Database(url)
+        database.migrate()
+        course = Class(database, Contents(write_content(tmp_path / "content"), {}, database))
+        course.enrol([f"learner{place}" for place in range(LEARNERS)])
+        course.send_scores()
+        # All have answered; the open answers of every third learner wait for a reviewer.
+        course.answer([(one, "q1", number(one) % 3) for one in course.learners])
+        course.answer([(one, "q4", "because") for one in course.learners[::3]])
+        with sending(url, platform) as first:
+            kill_in_the_middle(first, platform, draw.randrange(30, 60))
+        with sending(url, platform) as second:
+            wait_until(lambda: count(database, SENT) == LEARNERS)
+            (item,) = platform.items
+            # A person enters grades; then all answer again, and the reviewer decides, while the sender sends.
+            persons = course.learners[1 : 3 * OVERRIDDEN : 3]
+            for one in persons:
+                platform.enter(item, one.id, 0.77, 1.0)
+            for start in range(0, LEARNERS, 50):
+                some = course.learners[start : start + 50]
+                course.answer([(one, "q2", "5 ms" if number(one) % 2 else "7 ms") for one in some])
+            for one in course.learners[::3]:
+                course.review(one, 0.5)
+            kill_in_the_middle(second, platform, draw.randrange(5, 30))
+        with sending(url, platform):
+            wait_until(lambda: count(database, SENT, DEAD) == LEARNERS)
+
+        assert len(platform.items) == 1  # no duplicate column
+        assert set(platform.faults) >= {"lost before", "lost after", "500", "503", "429", "401"}
+        with database.read() as session:
+            rows = {row.learner: row for row in session.scalars(select(Delivery))}
+        changed = [one for one in persons if number(one) % 2]  # the others have the same points as before
+        assert {key for key, row in rows.items() if row.state == DEAD} == {one.id for one in changed}
+        assert all((rows[one.id].error or "").startswith("Overridden by a person") for one in changed)
+        for one in course.learners:
+            grade = platform.grades[item, one.id]
+            right = 0.77 if one in persons else course.points(one) / 4.0
+            assert grade.given is not None, one.user
+            assert grade.given / grade.maximum == pytest.approx(right), one.user
+        check_scores(platform)
+        database.close()
+
+
+def check_scores(platform: Simulated) -> None:
+    """Strictly later timestamps by a second, no final score twice, none pending after it, no attempt used."""
+    by_user = defaultdict(list)
+    for score in platform.taken:
+        by_user[score["userId"]].append(score)
+    assert Counter(score["scoreMaximum"] for score in platform.taken if "scoreGiven" in score).keys() == {4.0}
+    for scores in by_user.values():
+        times = [datetime.fromisoformat(one["timestamp"]) for one in scores]
+        assert all(later - earlier >= timedelta(seconds=1) for earlier, later in pairwise(times))
+        final = [one["scoreGiven"] for one in scores if one["gradingProgress"] == "FullyGraded"]
+        assert all(earlier != later for earlier, later in pairwise(final)), final
+        progress = [one["gradingProgress"] == "FullyGraded" for one in scores]
+        assert progress == sorted(progress)
+    assert platform.attempts == {}

@@ -1,0 +1,89 @@
+"""Jobs that wait for others' servers have threads of their own, and many jobs of one share are put at once."""
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from grader.pipeline import Retries
+from grader.queue import jobs
+from grader.queue.jobs import JobRow
+from grader.queue.worker import Outcome, Worker
+from grader.store.database import Database
+
+
+@dataclass
+class Noting:
+    """Notes its jobs; each waits for `may_end`."""
+
+    done: list[str] = field(default_factory=list)
+    may_end: threading.Event = field(default_factory=threading.Event)
+
+    def start(self, _session: Session, subject: str) -> Any:
+        return subject
+
+    def run(self, started: Any) -> Outcome:
+        assert self.may_end.wait(30)
+        self.done.append(started)
+        return Outcome(lambda _: None)
+
+    give_up = run
+
+    def put_back(self, _session: Session, _subject: str) -> None:
+        """Nothing."""
+
+
+def test_receivers_that_dawdle_hold_up_no_grading(database: Database) -> None:
+    grading, delivering = Noting(), Noting()
+    grading.may_end.set()
+    worker = Worker(database, {jobs.GRADE: grading, jobs.DELIVER: delivering}, 1, Retries(3), others=2)
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, [f"slow{number}" for number in range(4)], share="receiver")
+    worker.start()
+    try:
+        with database.write() as session:
+            for number in range(3):
+                jobs.put(session, jobs.GRADE, f"script{number}", share=f"learner{number}")
+        wait_for(lambda: len(grading.done) == 3)
+        assert delivering.done == []
+        delivering.may_end.set()
+        wait_for(lambda: len(delivering.done) == 4)
+    finally:
+        delivering.may_end.set()
+        worker.stop()
+
+
+def wait_for(condition: Any) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_jobs_put_at_once_take_turns_as_if_they_were_put_one_by_one(database: Database) -> None:
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, ["a1", "a2", "a3"], share="a")
+        jobs.put_all(session, jobs.DELIVER, [], share="nobody")
+        jobs.put_all(session, jobs.DELIVER, ["b1", "b2"], share="b")
+        jobs.put(session, jobs.DELIVER, "a4", share="a")
+        rounds = dict(session.execute(select(JobRow.subject, JobRow.round)).all())
+    assert [rounds[f"a{number}"] for number in range(1, 5)] == [0, 1, 2, 3]
+    assert rounds["b2"] - rounds["b1"] == 1
+    claimed = []
+    with database.write() as session:
+        while one := jobs.claim(session, 1, (jobs.DELIVER,)):
+            claimed.append(one.subject)
+    assert len(claimed) == 6
+    assert [one for one in claimed if one[0] == "a"] == ["a1", "a2", "a3", "a4"]
+    assert claimed.index("b2") < claimed.index("a4")
+
+
+def test_a_claim_leaves_other_topics_alone(database: Database) -> None:
+    with database.write() as session:
+        for topic in jobs.TOPICS:
+            jobs.put(session, topic, topic, share="one")
+        found = [jobs.claim(session, 1, topics) for topics in ((jobs.DELIVER, jobs.PRUNE), (jobs.GRADE,))]
+        assert [one and one.topic for one in found] == [jobs.DELIVER, jobs.GRADE]

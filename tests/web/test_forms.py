@@ -1,0 +1,224 @@
+"""The pages without JavaScript: forms, redirects, errors in the site's own pages; over HTTP, with the real service."""
+
+import html
+import re
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from grader.accounts import in_database
+from grader.courses.sign_in import create_sign_in_code
+from grader.identity import COOKIE, Role
+from grader.settings import Settings
+from web.browsing import service
+
+BROWSER = {"Accept": "text/html,*/*;q=0.8", "Sec-Fetch-Site": "same-origin"}
+HOSTILE = "<script>alert(1)</script></textarea><b>\"'&amp; \u202e"
+
+
+@pytest.fixture(scope="module")
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    return Settings(data=tmp_path_factory.mktemp("data"), workers=0)
+
+
+@pytest.fixture(scope="module")
+def origin(settings: Settings) -> Iterator[str]:
+    with service(settings) as origin:
+        yield origin
+
+
+@pytest.fixture
+def browser(origin: str) -> Iterator[httpx.Client]:
+    """A browser without JavaScript, whose session has not begun."""
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as browser:
+        yield browser
+
+
+def card(page: str, name: str) -> str:
+    """One question of a page."""
+    found = re.search(rf'<article [^>]*id="{re.escape(name)}".*?</article>', page, re.DOTALL)
+    assert found is not None, page
+    return found[0]
+
+
+def fields(form: str) -> dict[str, str]:
+    """The hidden fields of a form."""
+    hidden = re.findall(r'<input type="hidden" name="(\w+)" value="([^"]*)"', form)
+    return {name: html.unescape(value) for name, value in hidden}
+
+
+def send(browser: httpx.Client, question: str, answer: str, **changed: str) -> httpx.Response:
+    """Opens the lesson, and sends one form of it."""
+    quiz, _, name = question.partition("/")
+    page = browser.get("/").text
+    data = fields(card(page, f"{quiz}--{name}")) | {"answer": answer} | changed
+    return browser.post(f"/quizzes/{question}", data=data)
+
+
+def test_the_first_answer_begins_a_session_and_comes_back_after_a_reload(browser: httpx.Client) -> None:
+    response = send(browser, "1.3-check/q2", "0.005 s")
+    assert response.status_code == 200
+    assert str(response.url).endswith("/#1.3-check--q2")
+    for page in (response.text, browser.get("/").text):
+        mine = card(page, "1.3-check--q2")
+        assert 'value="0.005 s"' in mine
+        assert 'data-status="correct"' in mine
+        assert "read as <b>5\u202fms</b>" in mine
+        assert "<dd>1 of 16</dd>" in page
+
+
+def test_a_choice_and_a_text_come_back(browser: httpx.Client) -> None:
+    send(browser, "1.3-check/q1", "1")
+    page = send(browser, "1.3-check/q4", "First\r\n\r\nsecond").text
+    assert re.search(r'value="1" checked', card(page, "1.3-check--q1"))
+    mine = card(page, "1.3-check--q4")
+    assert ">\nFirst\n\nsecond</textarea>" in mine
+    assert "Waiting for an instructor" in mine
+
+
+def test_an_unreadable_answer_is_told_beside_its_field_and_touches_nothing(browser: httpx.Client) -> None:
+    send(browser, "1.3-check/q2", "7 ms")
+    response = send(browser, "1.3-check/q2", "5 kg")
+    assert response.status_code == 422
+    mine = card(response.text, "1.3-check--q2")
+    assert 'value="5 kg"' in mine
+    assert 'aria-invalid="true"' in mine
+    assert "No attempt was used" in mine
+    assert 'data-status="incorrect"' in mine  # the earlier verdict stands
+    assert 'value="7 ms"' in card(browser.get("/").text, "1.3-check--q2")
+
+
+@pytest.mark.parametrize(
+    ("question", "why"),
+    [("1.3-check/q1", "Choose one"), ("1.3-check/q2", "Write an answer"), ("1.3-check/q4", "Write")],
+)
+def test_an_empty_answer_is_told_so(browser: httpx.Client, question: str, why: str) -> None:
+    response = send(browser, question, " ")
+    assert response.status_code == 422
+    assert why in card(response.text, question.replace("/", "--"))
+
+
+def test_a_form_sent_twice_makes_one_submission(browser: httpx.Client) -> None:
+    data = fields(card(browser.get("/").text, "1.3-check--q2"))
+    browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "7 ms"})
+    browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "7 ms"})
+    items = browser.get("/api/v1/submissions?quiz=1.3-check").json()["items"]
+    assert [one["attempt"] for one in items] == [1]
+    browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "8 ms"})
+    assert len(browser.get("/api/v1/submissions?quiz=1.3-check").json()["items"]) == 2
+
+
+def test_a_script_is_handed_in_and_its_page_says_that_it_waits(browser: httpx.Client) -> None:
+    page = browser.get("/quizzes/1.3-exercises/servo-threshold").text
+    assert "def largest_stable_timestep" in page  # the starter stands in the editor
+    source = f"# {HOSTILE}\r\ndef largest_stable_timestep(model, integrator):\r\n    return None\r\n"
+    response = browser.post("/quizzes/1.3-exercises/servo-threshold", data=fields(page) | {"answer": source})
+    assert str(response.url).endswith("/quizzes/1.3-exercises/servo-threshold")
+    assert "Waiting for its turn" in response.text
+    assert '<noscript><meta http-equiv="refresh"' in response.text
+    editor = re.search(r'<textarea id="answer".*?>(.*?)</textarea>', response.text, re.DOTALL)
+    assert editor is not None
+    assert html.unescape(editor[1]).strip() == source.replace("\r\n", "\n").strip()
+
+
+def test_what_a_learner_types_is_never_markup(browser: httpx.Client) -> None:
+    for question in ("1.3-check/q2", "1.3-check/q4"):
+        page = send(browser, question, HOSTILE).text
+        assert "<script>alert" not in page
+        assert "&lt;script&gt;alert(1)" in card(page, question.replace("/", "--"))
+
+
+def test_another_site_cannot_send_a_form(browser: httpx.Client) -> None:
+    send(browser, "1.3-check/q1", "1")
+    for headers in ({"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "none"}):
+        response = browser.post("/quizzes/1.3-check/q1", data={"answer": "1"}, headers=headers)
+        assert response.status_code == 403
+
+
+def test_an_answer_of_an_expired_session_is_given_back(browser: httpx.Client) -> None:
+    page = send(browser, "1.3-check/q1", "1").text
+    browser.cookies.set(COOKIE, "grs_0000000000000000_0", domain="127.0.0.1")
+    for cookie in list(browser.cookies.jar):
+        browser.cookies.delete(cookie.name, domain=cookie.domain)
+    data = fields(card(page, "1.3-check--q4")) | {"answer": "A long text <b>"}
+    response = browser.post("/quizzes/1.3-check/q4", data=data)
+    assert response.status_code == 401
+    assert "You are signed out" in response.text
+    assert "A long text &lt;b&gt;" in response.text
+
+
+def test_an_answer_typed_by_another_learner_of_the_browser_is_not_taken(browser: httpx.Client) -> None:
+    send(browser, "1.3-check/q1", "1")
+    response = send(browser, "1.3-check/q4", "Mine.", learner="someone-else")
+    assert response.status_code == 401
+    assert "signed in as someone else" in response.text
+    assert "Mine." in response.text
+
+
+def test_a_return_to_another_site_is_not_possible(browser: httpx.Client) -> None:
+    for back in ("//evil.example", "https://evil.example", "/instructor", "/lessons/../x"):
+        response = send(browser, "1.3-check/q1", "1", back=back)
+        assert response.url.path == "/"
+        assert response.url.host == "127.0.0.1"
+
+
+def test_lessons_and_quizzes_have_addresses(browser: httpx.Client) -> None:
+    assert 'data-quiz="1.3-exercises"' in browser.get("/lessons/1.3").text
+    alone = browser.get("/?quiz=1.3-check").text
+    assert "1.3-exercises" not in alone
+    assert str(browser.get("/quizzes/1.3-check/q1").url).endswith("/lessons/1.3#1.3-check--q1")
+
+
+@pytest.mark.parametrize(
+    "path", ["/nowhere", "/lessons/9", "/?quiz=none", "/quizzes/1.3-check/none", "/quizzes/none/q1", "/%3Cscript%3E"]
+)
+def test_what_is_not_there_is_a_page_of_the_site(browser: httpx.Client, path: str) -> None:
+    response = browser.get(path)
+    assert response.status_code == 404
+    assert response.headers["content-type"] == "text/html; charset=utf-8"
+    assert "unsafe" not in response.headers["content-security-policy"]
+    assert "<h1>There is nothing here</h1>" in response.text
+    assert "<script>" not in response.text
+
+
+def test_programs_get_problem_documents_and_no_pages(browser: httpx.Client) -> None:
+    for path, accept in (("/api/v1/nowhere", "text/html"), ("/nowhere", "application/json"), ("/nowhere", "*/*")):
+        response = browser.get(path, headers={"Accept": accept})
+        assert response.headers["content-type"] == "application/problem+json", (path, accept)
+
+
+def test_too_large_a_form_is_refused_with_a_page(browser: httpx.Client) -> None:
+    send(browser, "1.3-check/q1", "1")
+    data = {"answer": "x" * 300_000, "learner": ""}
+    assert browser.post("/quizzes/1.3-exercises/rk4-step", data=data).status_code == 413
+    response = browser.post("/quizzes/1.3-exercises/rk4-step", data=data | {"answer": "x" * 900_000})
+    assert response.status_code == 413
+    assert "This is too long" in response.text
+
+
+def test_an_expired_link_says_so(browser: httpx.Client) -> None:
+    response = browser.get("/signin?code=gri_0_0")
+    assert response.status_code == 401
+    assert "sign-in link" in response.text
+
+
+def test_an_instructor_sees_the_lesson_too(browser: httpx.Client, settings: Settings) -> None:
+    code = in_database(settings, lambda session: create_sign_in_code(session, HOSTILE[:40], Role.INSTRUCTOR))
+    browser.post("/signin", data={"code": code})
+    page = browser.get("/").text
+    assert "<script>alert" not in page
+    assert 'href="/instructor"' in page
+
+
+def test_attempts_are_the_learners_own(browser: httpx.Client, origin: str) -> None:
+    page = browser.get("/quizzes/1.3-exercises/rk4-step").text
+    browser.post("/quizzes/1.3-exercises/rk4-step", data=fields(page) | {"answer": "SECRET = 1"})
+    [mine] = browser.get("/api/v1/submissions?question=rk4-step").json()["items"]
+    address = f"/quizzes/1.3-exercises/rk4-step?attempt={mine['id']}"
+    assert "SECRET" in browser.get(address).text
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as other:
+        send(other, "1.3-check/q1", "1")
+        assert other.get(address).status_code == 404
+        assert other.get(f"/quizzes/1.3-exercises/rk4-step/attempts?left={mine['id']}").status_code == 404
+        assert other.get(f"/quizzes/1.3-exercises/rk4-step/attempts/{mine['id']}/motion.svg").status_code == 404

@@ -1,0 +1,187 @@
+"""The pages of an instructor in a browser: axe-core finds nothing, nothing scrolls sideways, and they are true."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import BrowserContext, Page, expect
+from sqlalchemy.orm import Session
+
+from grader.accounts import in_database
+from grader.courses.sign_in import create_sign_in_code
+from grader.identity import Role
+from grader.settings import Settings
+from grader.store.outbox import DEAD, Delivery, add_webhook
+from grader.store.tables import now
+from sites import Site, open_site, write_content
+from web.browsing import chromium
+
+API = "/api/v1"
+HOSTILE = "<img src=x onerror=alert(1)> " + "unbrokenword" * 30
+ESSAY = {
+    "id": "essay",
+    "title": "An essay",
+    "questions": [{"kind": "open", "id": "why", "q": "Why does it grow?", "points": 4, "reference": "The damping."}],
+}
+ANSWERS: dict[str, dict[str, object]] = {
+    "ann": {"q1": 1, "q2": "5 ms", "q4": "Because."},
+    "bob": {"q1": 2, "q2": "7 ms", "q4": HOSTILE},
+    "cem": {"q1": 1, "q2": "7 ms"},
+    "dee": {"q1": 0, "q2": "50 ms"},
+    "=eve": {"q1": 1},
+}
+PAGES = {
+    "today": "/instructor",
+    "review": "/instructor/review",
+    "gradebook": "/instructor/gradebook?quiz=small",
+    "people": "/instructor/people",
+    "regrades": "/instructor/regrades",
+    "platforms": "/instructor/lti",
+}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """Answers of five learners, one of them hostile; two wait for a review."""
+    folder = tmp_path_factory.mktemp("course")
+    content = write_content(folder / "content")
+    (content / "quizzes" / "essay.json").write_text(json.dumps(ESSAY))
+    with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
+        for name, answers in ANSWERS.items():
+            client = site.client(name)
+            for question, answer in answers.items():
+                body = {"quiz": "small", "question": question, "answer": answer}
+                assert client.post(f"{API}/submissions", json=body).status_code == 201
+        yield site
+
+
+@pytest.fixture(scope="module")
+def teacher(site: Site) -> Iterator[BrowserContext]:
+    """The browser of an instructor."""
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "tina", Role.INSTRUCTOR))
+    with chromium() as browser:
+        context = browser.new_context(base_url=site.origin)
+        page = context.new_page()
+        page.goto(f"/signin?code={code}")
+        page.get_by_role("button", name="Sign in").click()
+        page.close()
+        yield context
+
+
+@pytest.fixture(scope="module")
+def page(teacher: BrowserContext) -> Page:
+    """One tab for all pages."""
+    return teacher.new_page()
+
+
+def check(page: Page) -> None:
+    """Nothing that axe-core finds, in light and dark, and nothing wider than the screen."""
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        found = Axe().run(page).response["violations"]
+        assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+    for width in (1280, 390, 320):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, width
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_accessible_and_fits_every_width(page: Page, name: str) -> None:
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.goto(PAGES[name], wait_until="networkidle")
+    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+    check(page)
+    assert page.locator("h1").count() == 1
+    assert page.locator("img[src=x]").count() == 0
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_navigation_says_where_one_is(page: Page, name: str) -> None:
+    page.goto(PAGES[name])
+    current = page.get_by_role("navigation", name="Pages").locator("[aria-current=page]")
+    expect(current).to_have_count(1)
+    expect(current).to_have_attribute("href", PAGES[name].partition("?")[0])
+
+
+def test_today_counts_what_waits_and_leads_to_it(page: Page) -> None:
+    page.goto("/instructor")
+    expect(page.get_by_role("heading", level=1)).to_have_text("One thing needs a person today")
+    expect(page.locator(".tasks")).to_contain_text("2")
+    expect(page.locator(".tasks")).to_contain_text("small: q4: 2, the oldest for under a minute")
+    page.get_by_role("link", name="small: q4").click()
+    expect(page.locator("[name=which]")).to_have_value("reviews")
+    expect(page.locator("[data-submissions] tr")).to_have_count(2)
+
+
+def test_an_answer_on_the_desk_is_wrapped_and_accessible(page: Page) -> None:
+    page.goto("/instructor/review")
+    page.locator("[data-submissions] button").nth(1).click()
+    answer = page.get_by_label("Answer", exact=True)
+    expect(answer).to_contain_text(HOSTILE)
+    expect(page.locator("[data-one]")).to_contain_text("SECRET reference")
+    expect(page.get_by_role("form", name="Review")).to_contain_text("Yours until")
+    assert answer.evaluate("it => it.scrollWidth <= it.clientWidth")
+    assert page.locator("img[src=x]").count() == 0
+    check(page)
+
+
+def learners(page: Page) -> list[str]:
+    return page.locator("tbody th").all_inner_texts()
+
+
+def test_the_gradebook_is_sorted_filtered_and_told_without_scripts(teacher: BrowserContext, site: Site) -> None:
+    assert teacher.browser is not None
+    context = teacher.browser.new_context(
+        base_url=site.origin, java_script_enabled=False, storage_state=teacher.storage_state()
+    )
+    page = context.new_page()
+    page.goto("/instructor/gradebook?quiz=small")
+    assert learners(page) == ["=eve", "ann", "bob", "cem", "dee"]
+    page.get_by_role("link", name="Points of 4").click()
+    page.get_by_role("link", name="Points of 4").click()
+    expect(page.get_by_role("columnheader", name="Points of 4")).to_have_attribute("aria-sort", "descending")
+    assert learners(page) == ["ann", "=eve", "cem", "bob", "dee"]
+    expect(page.get_by_role("row", name="ann").locator("td")).to_have_text(
+        ["Correct, 1 of 1", "Correct, 1 of 1", "Not answered", "open, 0 of 1", "3", "2"]
+    )
+    page.get_by_label("Show").select_option("who waits for a verdict")
+    page.get_by_role("button", name="Show").click()
+    assert learners(page) == ["ann", "bob"]
+    page.get_by_label("Find a learner").fill("B")
+    page.get_by_role("button", name="Show").click()
+    assert learners(page) == ["bob"]
+    page.get_by_role("link", name="bob").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("bob")
+    expect(page.locator(".story li")).to_have_count(3)
+    page.get_by_text("The answer").last.click()
+    expect(page.locator("main")).to_contain_text(HOSTILE)
+    context.close()
+
+
+def test_the_gradebook_and_stories_are_for_instructors_of_the_course(site: Site, page: Page) -> None:
+    page.goto("/instructor/gradebook?quiz=small")
+    address = page.get_by_role("link", name="ann", exact=True).get_attribute("href") or ""
+    ann = site.client("ann")
+    assert ann.get("/instructor/gradebook").status_code in (401, 403)
+    assert ann.get(address).status_code in (401, 403)
+    page.goto(address)
+    check(page)
+    page.goto("/instructor/learners/" + "0" * 32)
+    expect(page.get_by_role("heading", level=1)).not_to_have_text("ann")
+    expect(page.locator("main")).to_contain_text("no such learner")
+
+
+def test_a_result_that_did_not_arrive_is_told_and_sent_again(site: Site, page: Page) -> None:
+    def lose(session: Session) -> None:
+        made = add_webhook(session, "default", {"url": "https://hook.example", "secret": "s", "created_by": "tina"})
+        at = {"course": "default", "learner": "0" * 32, "quiz": "small", "question": "q1", "destination": made.id}
+        told = {"state": DEAD, "version": 1, "noted_at": now(), "attempts": 5, "error": "<b>404</b>"}
+        session.add(Delivery(**at, **told, has_job=False, forced=False))
+
+    in_database(site.settings, lose)
+    page.goto("/instructor")
+    expect(page.locator(".tasks")).to_contain_text("small q1, to a webhook, 5 tries: <b>404</b>")
+    check(page)
+    page.get_by_role("button", name="Send again").click()
+    expect(page.locator(".tasks")).not_to_contain_text("did not reach")

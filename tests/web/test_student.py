@@ -1,0 +1,244 @@
+"""A learner's way with JavaScript: nothing typed is lost, and verdicts arrive by themselves."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+
+from web.browsing import chromium, service, settings_in
+
+REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
+PATIENCE_MS = 30_000
+"""A busy machine is slow, not wrong: how long anything on the page may take to appear."""
+
+expect.set_options(timeout=PATIENCE_MS)
+
+SERVO = "/quizzes/1.3-exercises/servo-threshold"
+EXPECTED_NOISE = re.compile(r"status of (401|422)|ERR_INTERNET_DISCONNECTED")
+"""What the browser itself logs of a refused or an offline request."""
+
+
+@dataclass
+class Visit:
+    """One browser's tab, and whatever its console complained of."""
+
+    context: BrowserContext
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+
+    def card(self, quiz: str, question: str) -> Locator:
+        """One question."""
+        return self.page.locator(f'[id="{quiz}--{question}"]')
+
+    def status(self, quiz: str, question: str) -> Locator:
+        """The verdict's status in words."""
+        return self.card(quiz, question).locator("[data-status]")
+
+    def hand_in(self, folder: str, name: str) -> None:
+        """Loads a script into the editor and hands it in."""
+        self.page.locator("[data-file]").set_input_files(REFERENCES / folder / name)
+        expect(self.page.locator("[data-trouble]")).to_contain_text("is loaded")
+        self.page.get_by_role("button", name="Run and judge").click()
+
+
+def listened(context: BrowserContext) -> Visit:
+    """A new tab whose console is kept."""
+    visit = Visit(context, context.new_page())
+    visit.page.on("console", lambda message: visit.complaints.append(message.text) if message.type != "log" else None)
+    visit.page.on("pageerror", lambda error: visit.complaints.append(str(error)))
+    return visit
+
+
+@pytest.fixture(scope="module")
+def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with service(settings_in(tmp_path_factory.mktemp("data"))) as origin:
+        yield origin
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def visit(origin: str, browser: Browser) -> Iterator[Visit]:
+    """A new learner at the lesson; the console must stay quiet."""
+    context = browser.new_context(base_url=origin, viewport={"width": 1280, "height": 800})
+    visit = listened(context)
+    visit.page.goto("/")
+    yield visit
+    context.close()
+    assert [one for one in visit.complaints if not EXPECTED_NOISE.search(one)] == []
+
+
+def test_tex_is_shown_as_mathematics(visit: Visit) -> None:
+    expect(visit.page.locator("math msqrt").first).to_be_visible()
+    assert "$" not in visit.page.locator("main").inner_text()
+
+
+def test_a_number_is_echoed_sent_and_judged(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q2")
+    card.get_by_label("Your answer").fill("0.005 s")
+    expect(card.locator("[data-trouble]")).to_have_text("read as 5 ms")
+    card.get_by_role("button", name="Send").click()
+    expect(visit.status("1.3-check", "q2")).to_have_text("Correct")
+    expect(card.locator(".explanation math").first).to_be_visible()
+    expect(visit.page.locator("#facts")).to_contain_text("1 of 16")
+    expect(visit.page.locator("#rail a").nth(1)).to_contain_text("1\u202f/\u202f1")
+
+
+def test_what_cannot_be_read_says_why_before_it_is_sent_and_touches_nothing(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q2")
+    card.get_by_label("Your answer").fill("5 kg")
+    expect(card.locator("[data-trouble].bad")).to_contain_text("kg")
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator("[data-trouble].bad")).to_contain_text("No attempt was used")
+    assert card.get_by_label("Your answer").input_value() == "5 kg"
+    expect(visit.status("1.3-check", "q2")).to_have_count(0)
+
+
+def test_a_choice_is_made_with_the_keyboard_alone(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q1")
+    card.get_by_role("radio").first.focus()
+    visit.page.keyboard.press("ArrowDown")
+    visit.page.keyboard.press("Enter")
+    expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+    expect(card.locator("[data-said]")).to_be_focused()
+
+
+def test_no_choice_is_told_in_a_sentence(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q1")
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator("[data-trouble]")).to_contain_text("Choose one of the options first.")
+
+
+def test_everything_comes_back_after_a_reload(visit: Visit) -> None:
+    visit.card("1.3-check", "q1").get_by_label("Integration").check()
+    visit.card("1.3-check", "q1").get_by_role("button").click()
+    expect(visit.status("1.3-check", "q1")).to_have_text("Not correct")
+    visit.card("1.3-check", "q4").get_by_role("textbox").fill("Not sent <b>yet</b>.")
+    visit.card("1.3-check", "q3").get_by_label("discrete").check()
+    visit.page.reload()
+    expect(visit.status("1.3-check", "q1")).to_have_text("Not correct")
+    expect(visit.card("1.3-check", "q1").get_by_label("Integration")).to_be_checked()
+    expect(visit.card("1.3-check", "q4").get_by_role("textbox")).to_have_value("Not sent <b>yet</b>.")
+    expect(visit.card("1.3-check", "q4")).to_contain_text("draft, not sent")
+    expect(visit.card("1.3-check", "q3").get_by_label("discrete")).to_be_checked()
+
+
+def test_a_draft_from_before_the_session_is_the_learners(visit: Visit) -> None:
+    visit.card("1.3-check", "q4").get_by_role("textbox").fill("Before the first answer.")
+    visit.card("1.3-check", "q1").get_by_label("Position stage").check()
+    visit.card("1.3-check", "q1").get_by_role("button").click()
+    expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+    expect(visit.card("1.3-check", "q4").get_by_role("textbox")).to_have_value("Before the first answer.")
+
+
+def begin(visit: Visit) -> None:
+    """Gives the first answer, with which the session begins."""
+    visit.card("1.3-check", "q1").get_by_label("Position stage").check()
+    visit.card("1.3-check", "q1").get_by_role("button").click()
+    expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+
+
+def test_two_tabs_show_one_draft_and_one_verdict(visit: Visit) -> None:
+    begin(visit)
+    other = listened(visit.context)
+    other.page.goto("/")
+    visit.card("1.3-check", "q4").get_by_role("textbox").fill("Typed in the first tab.")
+    expect(other.card("1.3-check", "q4").get_by_role("textbox")).to_have_value("Typed in the first tab.")
+    visit.card("1.3-check", "q2").get_by_label("Your answer").fill("5 ms")
+    visit.card("1.3-check", "q2").get_by_role("button").click()
+    expect(other.status("1.3-check", "q2")).to_have_text("Correct")
+    assert other.complaints == []
+
+
+def test_offline_nothing_typed_is_lost(visit: Visit) -> None:
+    begin(visit)
+    card = visit.card("1.3-check", "q4")
+    card.get_by_role("textbox").fill("Written in a tunnel.")
+    visit.context.set_offline(True)
+    card.get_by_role("button").click()
+    expect(card.locator("[data-trouble].bad")).to_contain_text("cannot be reached")
+    visit.context.set_offline(False)
+    visit.page.reload()
+    expect(card.get_by_role("textbox")).to_have_value("Written in a tunnel.")
+    card.get_by_role("button").click()
+    expect(visit.status("1.3-check", "q4")).to_contain_text("instructor")
+
+
+def test_a_session_that_ends_in_the_middle_of_an_answer_loses_nothing(visit: Visit) -> None:
+    begin(visit)
+    card = visit.card("1.3-check", "q4")
+    card.get_by_role("textbox").fill("Half a sentence")
+    visit.context.clear_cookies()
+    card.get_by_role("button").click()
+    expect(card.locator("[data-trouble].bad")).to_contain_text("signed out")
+    expect(card.get_by_role("textbox")).to_have_value("Half a sentence")
+
+
+def test_a_script_is_judged_while_the_page_watches(visit: Visit) -> None:
+    visit.page.goto(SERVO)
+    visit.hand_in("servo-threshold", "crashed__no_such_function.py")
+    status = visit.page.locator("#result [data-status]")
+    expect(status).to_have_text("Ended with an error")
+    visit.hand_in("servo-threshold", "partial__constants.py")
+    expect(status).to_have_text("Partly correct")
+    expect(visit.page.locator("#attempts .chip")).to_have_count(2)
+    expect(visit.page.locator(".diagnosis")).not_to_be_empty()
+    assert visit.page.get_by_role("columnheader").filter(has_text="implicitfast").count() >= 1
+    expect(visit.page.locator("svg.wide-plot").first).to_be_visible()
+    expect(visit.page.locator("#announce")).to_contain_text("Partly correct")
+    height = visit.page.locator("#result .verdict").bounding_box()
+    assert height is not None
+    assert height["height"] <= 600
+    with visit.page.expect_download() as download:
+        visit.page.get_by_role("link", name="Download (SVG)").first.click()
+    assert download.value.suggested_filename.endswith(".svg")
+    visit.page.get_by_role("link", name="compare").click()
+    expect(visit.page.get_by_role("heading", name="Two attempts side by side")).to_be_visible()
+    expect(visit.page.locator(".side-by-side section")).to_have_count(2)
+    visit.page.goto("/")
+    expect(visit.page.locator("#rail")).to_contain_text("Partly correct")
+
+
+def test_the_old_verdict_stands_back_while_a_script_runs(visit: Visit) -> None:
+    visit.page.goto(SERVO)
+    visit.hand_in("servo-threshold", "crashed__no_such_function.py")
+    expect(visit.page.locator("#result [data-status]")).to_be_visible()
+    slow = "import time\ntime.sleep(4)\nprint('<b>not bold</b>')\n"
+    slow += "def largest_stable_timestep(model, integrator):\n    return None\n"
+    visit.page.locator("textarea.code").fill(slow)
+    visit.page.keyboard.press("Control+Enter")
+    expect(visit.page.locator("#result.is-old [data-status]")).to_have_text("Ended with an error")
+    expect(visit.page.locator("#under-way .now")).to_have_text(re.compile("waiting|running"))
+    visit.page.reload()  # and it goes on
+    expect(visit.page.locator("#under-way .now")).to_have_text(re.compile("running"))
+    expect(visit.page.locator("#result [data-status]")).to_have_text("Not correct")
+    expect(visit.page.locator("#result.is-old")).to_have_count(0)
+    visit.page.get_by_text("What your script printed").click()
+    expect(visit.page.get_by_text("<b>not bold</b>").last).to_be_visible()
+    assert visit.page.locator("textarea.code").input_value() == slow
+
+
+def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:
+    (tmp_path / "picture.py").write_bytes(b"\xff\xfe\x00")
+    visit.page.goto(SERVO)
+    visit.page.locator("[data-file]").set_input_files(tmp_path / "picture.py")
+    expect(visit.page.locator("[data-trouble].bad")).to_contain_text("not UTF-8")
+    assert "def largest_stable_timestep" in visit.page.locator("textarea.code").input_value()
+
+
+def test_the_lab_of_a_prediction_opens_once_it_is_made(visit: Visit) -> None:
+    card = visit.card("1.3-check", "q3")
+    expect(card.locator("canvas")).to_have_count(0)
+    card.get_by_label("implicitfast").check()
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator("canvas")).to_be_visible()
+    visit.page.reload()
+    card.scroll_into_view_if_needed()
+    expect(card.locator("canvas")).to_be_visible()

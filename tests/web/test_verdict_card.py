@@ -1,0 +1,128 @@
+"""What the card of a verdict says: the matrix, what is folded, the excerpt of a script that raised."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from grader.domain.verdict import Status
+from grader.web.rendering import templates
+from grader.web.verdict_card import Card, card_of, excerpt_of, matrix_of, said
+from grader.web.words import STATUSES, told_of
+from grader.web.work import Given
+from web.evidence import threshold_verdict
+
+AT = datetime(2026, 11, 21, tzinfo=UTC)
+
+
+def finding(title: str, passed: bool | None, message: str = "", **rest: Any) -> dict[str, Any]:
+    return {"id": title, "title": title, "passed": passed, "points": 1.0 if passed else 0.0, "max_points": 1.0,
+            "message": message} | rest  # fmt: skip
+
+
+def card(verdict: dict[str, Any], source: str = "") -> Card:
+    found = card_of(
+        Given("id", 2, AT, {"source": source}, "graded", {"points": 0.0, "max_points": 3.0} | verdict, None)
+    )
+    assert found is not None
+    return found
+
+
+def test_every_status_has_a_word_an_icon_and_a_tone() -> None:
+    assert {*STATUSES} == {*Status}
+    assert len({told.word for told in STATUSES.values()}) == len(Status)
+
+
+def test_a_withheld_answer_was_received_and_no_more() -> None:
+    assert told_of("needs_review", withheld=True).word == "Received"
+    assert told_of("crashed", withheld=True).word == "Ended with an error"
+
+
+def test_cases_by_integrators_are_a_matrix_and_failed_rows_stand_open() -> None:
+    shown = card(threshold_verdict("spring"))
+    assert shown.columns == ("Euler", "implicitfast", "discrete")
+    assert shown.rows[0].title == "kp = 2000, kv = 5"
+    euler = shown.rows[0].cells[0]
+    assert (euler.told.word, euler.measured) == ("too high", "22.05 to 22.44\u202fms")
+    assert "a limit from 19.98\u202fms" in euler.expected
+    assert shown.rows[1].title == "Hidden case 1"
+    assert shown.rows[1].cells[0].measured == ""
+
+
+def test_what_passed_is_folded() -> None:
+    passed = [finding("one, x", True), finding("one, y", True, measured=3), finding("two, y", True)]
+    shown = card({"status": "partial", "findings": [*passed, finding("two, x", False, "Too low: by far.")]})
+    assert [row.title for row in shown.rows] == ["Two"]
+    assert [row.title for row in shown.passed_rows] == ["One"]
+    assert shown.passed_rows[0].cells[1].measured == ""
+    assert (shown.rows[0].cells[0].told.word, shown.rows[0].cells[0].message) == ("too low", "By far.")
+
+
+def test_findings_that_are_no_matrix_are_a_list() -> None:
+    shown = card(
+        {"status": "partial", "findings": [finding("a body, 2 steps", False, "Departs."), finding("order", True)]}
+    )
+    assert (shown.columns, shown.rows) == ((), ())
+    assert [cell.title for cell in shown.failed] == ["A body, 2\u202fsteps"]
+    assert [cell.title for cell in shown.passed] == ["Order"]
+
+
+@pytest.mark.parametrize("titles", [["a, x", "a, y", "b, x"], ["a, x", "a, x"], ["a, x"], [", x", ", y"], []])
+def test_only_a_full_table_is_a_matrix(titles: list[str]) -> None:
+    assert matrix_of([finding(title, True) for title in titles]) == ((), ())
+
+
+def test_a_sentence_that_many_cells_say_is_said_once() -> None:
+    why = "No timestep is unstable: return None."
+    shown = card({"status": "incorrect", "findings": [finding(f"{a}, {b}", False, why) for a in "ab" for b in "xy"]})
+    assert shown.notes == ("x, y: No timestep is unstable: return None.",)
+
+
+def test_the_line_that_raised_is_shown_with_its_neighbours() -> None:
+    source = "\n".join(f"line {number}" for number in range(1, 9))
+    lines = excerpt_of(source, "ValueError: no, in line 7 of your script.")
+    assert [(line.number, line.hot) for line in lines] == [(5, False), (6, False), (7, True), (8, False)]
+    assert excerpt_of(source, "in line 99 of your script") == ()
+    assert excerpt_of(source, "It ends.") == ()
+
+
+def test_measured_values_are_said_in_words() -> None:
+    assert said({"qpos": 1.78e-15, "max_v": 0.25}) == "qpos 1.78·10⁻¹⁵, max v 0.25"
+    assert said([1.0, 2.5]) == "1 to 2.5"
+    assert said(None) == said(True) == ""
+
+
+def test_a_rubric_is_a_list_and_no_measurement() -> None:
+    rubric = {"rubric": [{"title": "names the damper", "points": 0.5}]}
+    shown = card({"status": "partial", "findings": [finding("review", None, "Good.", measured=rubric)]})
+    assert shown.failed[0].rubric == ("names the damper (0.5)",)
+    assert shown.failed[0].measured == ""
+
+
+TABLEAU = {
+    "of": "positions and velocities",
+    "given": {"a": [[], ["1/2"], ["1/2", "0"]], "b": ["1/6", "1/3", "1/2"], "c": ["0", "1/2", "1/2"]},
+    "asked": {"a": [[], ["1/2"], ["0", "1/2"]], "b": ["1/6", "1/3", "1/2"], "c": ["0", "1/2", "1/2"]},
+    "wrong": [["a", 2, 0], ["a", 2, 1]],
+}
+
+
+def rendered(shown: Card) -> str:
+    macro = templates.env.get_template("verdict.html").module.verdict_card  # type: ignore[attr-defined]
+    return str(macro(shown))
+
+
+def test_two_tableaus_stand_side_by_side_and_the_wrong_cells_are_framed() -> None:
+    page = rendered(card({"status": "incorrect", "evidence": {"tableau": TABLEAU}}))
+    assert page.count("<caption>") == 2
+    assert page.count('class="wrong no"') == page.count('class="wrong ok"') == 2
+    assert '<td class="wrong no">½</td><td class="wrong no">0</td>' in page
+    assert "<caption>" not in rendered(card({"status": "correct", "evidence": {"tableau": TABLEAU | {"wrong": []}}}))
+
+
+def test_what_a_script_says_of_itself_is_text() -> None:
+    hostile = "<script>alert(1)</script>"
+    told = {"status": "crashed", "diagnosis": f"{hostile}, in line 1 of your script", "stdout": hostile}
+    page = rendered(card(told | {"findings": [finding(hostile, False, hostile, measured=hostile)]}, source=hostile))
+    assert "<script>" not in page
+    assert page.count("&lt;script&gt;") >= 5
