@@ -74,7 +74,7 @@ def import_roster(
 
 
 def entries_in(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
-    """The name of the file whose lines are told, and the people on the roster. Raises OSError, Unprocessable."""
+    """The name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
     from grader.courses import oneroster, roster
 
     if file.is_dir():

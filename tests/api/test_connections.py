@@ -100,9 +100,9 @@ def test_a_request_that_trickles_in_is_closed(connect: Callable[..., socket.sock
             time.sleep(0.1)
 
 
-def test_three_hundred_half_sent_requests_keep_nobody_out(origin: str, connect: Callable[..., socket.socket]) -> None:
+def test_six_hundred_half_sent_requests_keep_nobody_out(origin: str, connect: Callable[..., socket.socket]) -> None:
     halves = [
-        connect(HALVES[name]) for name in ("a method", "half of the headers", "half of a body") for _ in range(100)
+        connect(HALVES[name]) for name in ("a method", "half of the headers", "half of a body") for _ in range(200)
     ]
     assert httpx.get(f"{origin}/healthz", timeout=20).status_code == 200
     for half in halves:

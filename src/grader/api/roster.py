@@ -69,7 +69,7 @@ def imported(
 
 
 def entries_in(media_type: str, body: bytes, namespace: str, course_class: str | None) -> tuple[str, list[Entry]]:
-    """The name of the file whose lines are told, and the people in it. Raises Unprocessable, FaultyRows."""
+    """The name of the file that errors mention, and the people in it. Raises Unprocessable, FaultyRows."""
     if media_type == CSV:
         return roster.FILE, roster.read_roster(roster.decoded(roster.FILE, body), namespace)
     if media_type == ZIP:

@@ -1,4 +1,4 @@
-"""`/webhooks` and `/deliveries`: who is told of changed results, how far that is, and what could not be delivered."""
+"""`/webhooks` and `/deliveries`: who hears of changed results, and which deliveries wait or failed."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal

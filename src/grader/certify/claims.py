@@ -13,7 +13,7 @@ TIME_SLACK_S = 1e-9
 
 
 def as_claim(text: str | Claim, when: When) -> Claim:
-    """The claim that an expression stands for: it is true at `when`."""
+    """The claim that an expression is true at `when`."""
     return text if isinstance(text, Claim) else Claim(expr=text, when=when)
 
 

@@ -101,7 +101,7 @@ def is_beyond(entry: Entry, member: Member | None) -> bool:
 
 
 def create_later(plan: _Plan, file: str, entry: Entry) -> None:
-    """Adds a person to those who will be members, unless they are named by an id of ours that nobody has."""
+    """Adds a person to the future members, unless the row gives an id of this service that is unknown."""
     if entry.external is not None and entry.external.namespace == OWN:
         why = f"no member of this course has this id: leave namespace and external_id empty to enter {entry.name!r} new"
         plan.faults.append(Fault(file, f"line {entry.line}, external_id", why))

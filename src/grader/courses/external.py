@@ -36,7 +36,7 @@ class External:
 
     @property
     def label(self) -> str:
-        """A name for a person whose name nobody told."""
+        """The name shown for a person who came without one."""
         return f"{self.namespace}:{self.id}"[:NAME]
 
 

@@ -35,8 +35,8 @@ class Column:
 class Row:
     """One learner, with the points that count by (quiz, question); what is missing is an empty cell.
 
-    `login` is a name that an instructor gave. A name that learners chose themselves finds nobody in an LMS: it may be
-    the login of another one. `lms_id` is the learner's number in Canvas.
+    `login` is a name that an instructor gave. A name that learners chose themselves is left out: in an LMS it may be
+    the login of another person. `lms_id` is the learner's number in Canvas.
     """
 
     user: str

@@ -1,4 +1,4 @@
-"""Which URLs of others this service may send requests to: public hosts alone, so that nobody reaches inside through it.
+"""Which URLs this service may send requests to: those of public hosts, never of the network that it runs in.
 
 A name is judged by the addresses that it resolves to, at every request anew.
 """

@@ -27,7 +27,7 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True, order=True)
 class Term:
-    """A slope times a power of h. `stage` counts from 1; 0 stands for the start of the step."""
+    """A slope times a power of h. `stage` counts from 1; 0 is the start of the step."""
 
     slope: str
     stage: int
