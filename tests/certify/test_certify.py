@@ -334,6 +334,7 @@ SPRING = """<mujoco><option gravity="0 0 0"/>
 </mujoco>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damped", [False, True])
 def test_no_right_limit_of_a_spring_is_refused_by_luck(damped: bool) -> None:
     """From rest: an undamped motion neither decays nor grows below its limit."""
@@ -488,6 +489,7 @@ def ten_questions() -> list[Question]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(10))
 def test_every_other_key_of_a_certified_question_is_refused(number: int) -> None:
     question = ten_questions()[number]

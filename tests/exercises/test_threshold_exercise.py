@@ -167,6 +167,7 @@ def right_claims(cell: Cell) -> list[Bracket]:
     return claims
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_no_draw_makes_a_wrong_method_right(seed: int) -> None:
     """Nothing that is right is what a known wrong method gives, but where the two are right by nature.
