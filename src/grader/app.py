@@ -5,7 +5,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.metadata import version
@@ -25,7 +25,7 @@ from grader.api.connections import TimedProtocol
 from grader.api.context import Context, context_in
 from grader.api.lab_runs import LabRuns
 from grader.api.on_behalf import HAND_IN_ON_BEHALF
-from grader.api.rate import RateLimit
+from grader.api.rate import RateLimit, SharedBuckets
 from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
 from grader.api.submissions import HAND_IN
@@ -69,18 +69,21 @@ YOUNG_OBJECTS = 10_000
 FAULT = 3
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The whole service as one ASGI app. Raises ContentError if the content has faults."""
+def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> FastAPI:
+    """The whole service as one ASGI app. Raises ContentError if the content has faults.
+
+    Rate limits count in `buckets` together with other processes.
+    """
     log_to_stderr(as_json=is_json(settings.log_format))
     database = Database(settings.database)
     database.migrate()
     content = Contents(settings.content, settings.courses, database)
     graders = graders_of(settings)
     worker = worker_of(settings, database, content.archive, graders, deliveries_of(settings, database, content.archive))
-    labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min)
+    labs = LabRuns(settings.lab_cache_mb * 1024 * 1024, settings.lab_steps_per_min, buckets)
     monitor = Monitor(database, graders, worker)
     public_origin, tool = settings.public_origin and settings.origin, tool_of(settings, database)
-    rules = admission_rules(settings)
+    rules = admission_rules(settings, buckets)
     context = Context(
         database, content, settings.queue_per_user, labs, Writer(database, partial(hand_in, database)),
         Blinding(blind_review_secret(database)), readiness_of(settings, monitor, content), rules.by_user,
@@ -115,14 +118,16 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-def admission_rules(settings: Settings) -> AdmissionRules:
+def admission_rules(settings: Settings, buckets: SharedBuckets | None) -> AdmissionRules:
     """What the settings say about admission."""
     return AdmissionRules(
         settings.hosts,
         settings.public_origin,
         settings.body_kb * 1024,
-        by_user=RateLimit(settings.rate_per_s, settings.rate_burst),
-        by_address=RateLimit(settings.address_rate_per_s, settings.address_rate_burst),
+        by_user=RateLimit(settings.rate_per_s, settings.rate_burst, buckets=buckets and buckets.of("user")),
+        by_address=RateLimit(
+            settings.address_rate_per_s, settings.address_rate_burst, buckets=buckets and buckets.of("address")
+        ),
     )
 
 
@@ -184,23 +189,25 @@ def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: C
 
 
 class Server(uvicorn.Server):
-    """Prints the addresses of the pages as soon as they can be opened, and the state of the jail."""
+    """Calls `ready` with its port as soon as pages can be opened."""
 
-    def __init__(self, config: uvicorn.Config, settings: Settings, checks: Mapping[str, Check]) -> None:
+    def __init__(self, config: uvicorn.Config, ready: Callable[[int], None]) -> None:
         super().__init__(config)
-        self.settings, self.checks = settings, checks
+        self.ready = ready
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Binds the port."""
+        """Binds the port, or takes the sockets."""
         await super().startup(sockets)
         if self.started:
-            port = self.servers[0].sockets[0].getsockname()[1]
-            bound = self.settings.model_copy(update={"port": port})
-            print(f"Student page:    {bound.origin}/")
-            print(f"Instructor page: {sign_in_url(bound)}  (good for one sign-in)")
-            if "jail" in self.checks:
-                jail = self.checks["jail"]()
-                print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
+            self.ready(self.servers[0].sockets[0].getsockname()[1])
+
+
+def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
+    """Prints the addresses of the pages, and the state of the jail where there is one."""
+    print(f"Student page:    {settings.origin}/")
+    print(f"Instructor page: {sign_in_url(settings)}  (good for one sign-in)", flush=True)
+    if jail:
+        print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 
 
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
@@ -221,14 +228,32 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
 
 
 def run_server(settings: Settings) -> None:
-    """Serves until a signal ends it; SIGHUP loads the content again. Exits 3 if it cannot start."""
+    """Serves in this process. Exits 3 if it cannot start."""
+
+    def ready(port: int, app: FastAPI) -> None:
+        checks = context_in(app).readiness.checks
+        tell_addresses(settings.model_copy(update={"port": port}), checks["jail"]() if "jail" in checks else {})
+
+    run_app(settings, ready)
+
+
+def run_app(
+    settings: Settings,
+    ready: Callable[[int, FastAPI], None],
+    listener: socket.socket | None = None,
+    buckets: SharedBuckets | None = None,
+) -> None:
+    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again.
+
+    Calls `ready` with the port and the app. Exits 3 if it cannot start.
+    """
     sys.setswitchinterval(SWITCH_S)
     gc.set_threshold(YOUNG_OBJECTS)
-    app = create_app(settings)
+    app = create_app(settings, buckets)
     context = context_in(app)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=context.content.reload_or_log).start())
     config = server_config(app, settings)
-    server = Server(config, settings, context.readiness.checks)
-    server.run()
+    server = Server(config, lambda port: ready(port, app))
+    server.run(None if listener is None else [listener])
     if not server.started:
         sys.exit(FAULT)

@@ -8,7 +8,7 @@ SQLAlchemy and pydantic take several times as long as the rest of a short comman
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import timedelta
@@ -51,11 +51,11 @@ Course = Annotated[str | None, typer.Option(help="Name of the course.")]
 Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
 
 
-def main() -> None:
+def main(run: Callable[[], object] = cli) -> None:
     """Runs a command. Every error that is the caller's becomes a line on stderr and an exit code."""
     open_missing_standard_streams()
     try:
-        cli()
+        run()
     except ContentError as error:
         complain(*map(str, error.faults))
         sys.exit(USAGE)
@@ -143,9 +143,9 @@ def serve(
     data: Data = None,
 ) -> None:
     """Serve the API and the pages, with an embedded worker."""
-    from grader.app import run_server
+    from grader.serving import serve
 
-    run_server(settings_with(host=host, port=port, data=data))
+    serve(settings_with(host=host, port=port, data=data))
 
 
 @cli.command()

@@ -5,6 +5,9 @@ Times are in seconds. Counters begin at zero with the process, as Prometheus exp
 
 from prometheus_client import Counter, Histogram, disable_created_metrics
 
+FOLDER = "PROMETHEUS_MULTIPROC_DIR"
+"""The variable that makes the Prometheus client keep what it counts in files of a folder, to add up processes."""
+
 # They would double the series: beside every counter and histogram, when it was made.
 disable_created_metrics()  # type: ignore[no-untyped-call]
 

@@ -1,21 +1,24 @@
 """The service seen from outside: what must work for it to be ready, and its state as Prometheus metrics.
 
-Counters and times are each process's own (`metrics.py`). The state of the queue and the number of workers are those of
-the database, and so the same in every process.
+Counters and times are those of a process, or of all that one `grader serve` has started (`metrics.py`). The state of
+the queue and the number of workers are those of the database, and so the same in every process.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from prometheus_client import REGISTRY, CollectorRegistry, generate_latest
 from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
 from grader.content import Contents
 from grader.errors import JailFault, NotReady
 from grader.grading_process import Graders
+from grader.metrics import FOLDER
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store import outbox
@@ -90,10 +93,19 @@ class Monitor(Collector):
             yield jail
 
     def exposition(self) -> bytes:
-        """All metrics of this process in Prometheus' text format."""
+        """All metrics in Prometheus' text format: of this process, or of all that `grader serve` has started."""
         own = CollectorRegistry()
         own.register(self)
-        return generate_latest(REGISTRY) + generate_latest(own)
+        return generate_latest(counted()) + generate_latest(own)
+
+
+def counted() -> CollectorRegistry:
+    """What this process counts of itself; the sums of several processes where these share a folder."""
+    if FOLDER not in os.environ:
+        return REGISTRY
+    sums = CollectorRegistry()
+    MultiProcessCollector(sums)  # type: ignore[no-untyped-call]
+    return sums
 
 
 def check_content(content: Contents) -> dict[str, Any]:

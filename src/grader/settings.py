@@ -54,6 +54,10 @@ class Settings(BaseSettings):
         default=(),
         description='Further names (without port) that requests may be addressed to, as JSON: ["a.example"].',
     )
+    processes: int = Field(
+        default=1, ge=1, le=64,
+        description="Server processes that share the port; above 1 on PostgreSQL only, with one more for the worker.",
+    )  # fmt: skip
     workers: int = Field(
         default_factory=lambda: len(os.sched_getaffinity(0)), ge=0, le=256,
         description="Grading processes beside this one, one script each; 0 leaves scripts to `grader worker`.",
@@ -146,6 +150,15 @@ class Settings(BaseSettings):
         missing = [name for name in ("authlib", "httpx2") if find_spec(name) is None]
         if missing:
             raise ValueError(f"GRADER_OIDC_ISSUER needs {' and '.join(missing)}: pip install mujoco-grader[oidc]")
+        return self
+
+    @model_validator(mode="after")
+    def _one_process_on_sqlite(self) -> Self:
+        if self.processes > 1 and self.database.startswith("sqlite"):
+            raise ValueError(
+                "GRADER_PROCESSES above 1 needs PostgreSQL, since one process alone works on a SQLite database: "
+                "set GRADER_DATABASE_URL, or GRADER_PROCESSES=1"
+            )
         return self
 
     @model_validator(mode="after")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from types import MappingProxyType
+from typing import Any
 
 import structlog
 from prometheus_client import REGISTRY, start_http_server
@@ -176,10 +177,14 @@ def worker_of(
     return Worker(database, topics, settings.workers, retries, OTHERS)
 
 
-def run_worker(settings: Settings, more: Callable[[Settings, Database, Archive], Mapping[str, Task]]) -> None:
+def run_worker(
+    settings: Settings,
+    more: Callable[[Settings, Database, Archive], Mapping[str, Task]],
+    ready: Callable[[Mapping[str, Any]], object] = dict,
+) -> None:
     """Grades until SIGTERM or SIGINT, with the content that servers keep in the database.
 
-    `more` makes the tasks of further topics.
+    `more` makes the tasks of further topics; `ready` is called with what the jail told at its start.
 
     Raises Unprocessable on SQLite.
     """
@@ -202,6 +207,7 @@ def run_worker(settings: Settings, more: Callable[[Settings, Database, Archive],
         if settings.metrics_port:
             REGISTRY.register(Monitor(database, graders, worker))
             start_http_server(settings.metrics_port, "127.0.0.1")
+        ready(graders.jail)
         ended.wait()
         worker.stop()
     database.close()

@@ -415,9 +415,10 @@ def test_put_announces_a_job_to_an_idle_worker_in_another_process(database: Data
     worker.start()
     try:
         time.sleep(0.5)
-        before = worker._news
+        (news,) = worker._news.values()
+        before = news.count
         hand_in(other)
-        wait_until(lambda: worker._news > before)
+        wait_until(lambda: news.count > before)
     finally:
         worker.stop()
         if other is not database:

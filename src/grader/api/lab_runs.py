@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-from grader.api.rate import RateLimit
+from grader.api.rate import RateLimit, SharedBuckets
 from grader.errors import TooManyRequests
 
 THREADS = 2
@@ -35,14 +35,16 @@ class LabRuns:
     `steps_per_min`, when it is over and its steps are known.
     """
 
-    def __init__(self, bytes_max: int, steps_per_min: int) -> None:
+    def __init__(self, bytes_max: int, steps_per_min: int, buckets: SharedBuckets | None = None) -> None:
         self._bytes_max, self._bytes, self._free = bytes_max, 0, THREADS
         self._kept: OrderedDict[str, bytes] = OrderedDict()
         self._in_progress: dict[str, tuple[Who, asyncio.Task[bytes]]] = {}
         self._queues: OrderedDict[Who, deque[asyncio.Future[None]]] = OrderedDict()
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="lab")
         refusal = f"Your labs have simulated more than {steps_per_min} steps a minute; wait a little."
-        self._budget = RateLimit(steps_per_min / 60, steps_per_min, refusal=refusal)
+        self._budget = RateLimit(
+            steps_per_min / 60, steps_per_min, refusal=refusal, buckets=buckets and buckets.of("labs")
+        )
 
     async def get(self, who: Who, digest: str, make: Callable[[], Recording]) -> bytes:
         """The response of the run with this digest; calls `make` if it is neither kept nor in progress.

@@ -23,6 +23,7 @@ from sqlalchemy import (
     Integer,
     String,
     and_,
+    case,
     delete,
     func,
     insert,
@@ -41,7 +42,10 @@ GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune
 """In order of priority."""
 
 NEWS = "jobs"
-"""The channel on which new jobs are announced."""
+"""The channel on which new jobs are announced, by topic."""
+
+
+UNCHANGED = {"synchronize_session": False}
 
 
 class QueueBase(DeclarativeBase):
@@ -108,13 +112,11 @@ class Claim:
 def put(session: Session, topic: str, subject: str, share: str, delay_s: float = 0.0) -> None:
     """Adds a job, in the caller's transaction. Jobs of the same `share` take turns with those of the others."""
     priority, place = TOPICS.index(topic), share_number(share)
-    row = JobRow(topic=topic, subject=subject, priority=priority, share=place, tries=0)
-    row.round = _next_round(session, priority, place)
-    if delay_s:
-        row.delayed_at, row.due_at = Clock(), Clock() + delay_s
-    session.add(row)
-    session.flush()
-    announce(session, NEWS)
+    row = {"topic": topic, "subject": subject, "priority": priority, "share": place, "tries": 0}
+    delay = {"delayed_at": Clock(), "due_at": Clock() + delay_s} if delay_s else {}
+    new = insert(JobRow).values(**row, round=_next_round(session, priority, place), **delay)
+    session.connection().execute(new)
+    announce(session, NEWS, topic)
 
 
 def put_all(session: Session, topic: str, subjects: Sequence[str], share: str) -> None:
@@ -126,7 +128,7 @@ def put_all(session: Session, topic: str, subjects: Sequence[str], share: str) -
     first = _next_round(session, priority, place)
     rows = [{**row, "subject": subject, "round": first + number} for number, subject in enumerate(subjects)]
     session.connection().execute(insert(JobRow), rows)
-    announce(session, NEWS)
+    announce(session, NEWS, topic)
 
 
 def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Claim | None:
@@ -135,13 +137,14 @@ def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Cla
     places = [TOPICS.index(topic) for topic in topics]
     # As a range, so that the entries of other topics in the index are not read.
     among = (JobRow.priority.between(min(places), max(places)), JobRow.topic.in_(topics))
-    first = select(JobRow).where(WAITS, due, *among).order_by(*ORDER).limit(1)
-    row = session.scalars(first.with_for_update(skip_locked=True)).first()
-    if row is None:
-        return None
-    row.tries += 1
-    row.owner, row.lease = owner, secrets.token_hex(16)
-    return Claim(row.id, row.topic, row.subject, row.tries, row.lease)
+    first = select(JobRow.id).where(WAITS, due, *among).order_by(*ORDER).limit(1).with_for_update(skip_locked=True)
+    lease = secrets.token_hex(16)
+    ours = update(JobRow).where(JobRow.id == first.scalar_subquery())
+    ours = ours.values(tries=JobRow.tries + 1, owner=owner, lease=lease)
+    found = session.execute(
+        ours.returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries), execution_options=UNCHANGED
+    ).first()
+    return None if found is None else Claim(*found, lease)
 
 
 def finish(session: Session, claimed: Claim) -> bool:
@@ -154,7 +157,7 @@ def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -
     """Makes the job wait for another `delay_s` seconds. `tried` counts this try as failed. False as in `finish`."""
     tries = claimed.tries if tried else claimed.tries - 1
     again = update(JobRow).where(_holds(claimed)).values(**_delayed(delay_s), tries=tries).returning(JobRow.id)
-    announce(session, NEWS)
+    announce(session, NEWS, claimed.topic)
     return session.execute(again).first() is not None
 
 
@@ -167,8 +170,9 @@ def owned(session: Session) -> list[tuple[int, str]]:
 def release(session: Session, leases: list[str]) -> None:
     """Makes jobs in progress wait again, due at once; their claims end."""
     if leases:
-        session.execute(update(JobRow).where(JobRow.lease.in_(leases)).values(**_delayed(0.0)))
-        announce(session, NEWS)
+        released = update(JobRow).where(JobRow.lease.in_(leases)).values(**_delayed(0.0)).returning(JobRow.topic)
+        for topic in set(session.scalars(released)):
+            announce(session, NEWS, topic)
 
 
 def waiting(session: Session, topic: str = GRADE) -> int:
@@ -211,13 +215,13 @@ def _next_round(session: Session, priority: int, place: int) -> int:
     such jobs are left, new ones join the last of their rounds.
     """
     new = (JobRow.priority == priority, WAITS, JobRow.delayed_at.is_(None))
-    head = session.execute(select(JobRow.round, JobRow.share).where(*new).order_by(*ORDER).limit(1)).first()
-    if head is None:
-        last: int | None = session.scalar(select(func.max(JobRow.round)).where(JobRow.priority == priority))
-        return last or 0
-    own: int | None = session.scalar(select(func.max(JobRow.round)).where(*new, JobRow.share == place))
-    behind: int = head.round + (place < head.share)
-    return behind if own is None else max(behind, own + 1)
+    head = select(JobRow.round + case((JobRow.share > place, 1), else_=0)).where(*new).order_by(*ORDER).limit(1)
+    own = select(func.max(JobRow.round) + 1).where(*new, JobRow.share == place)
+    last = select(func.max(JobRow.round)).where(JobRow.priority == priority)
+    # Both databases come to `last` only without a head: it reads the jobs in progress too, which no index orders.
+    first = func.coalesce(head.scalar_subquery(), last.scalar_subquery(), 0)
+    behind, after = session.connection().execute(select(first, own.scalar_subquery())).one()
+    return int(behind if after is None else max(behind, after))
 
 
 def _holds(claimed: Claim) -> Any:

@@ -68,6 +68,25 @@ class Schedule(Protocol):
         """The pause after `tried` failures [s]; None when no try is left."""
 
 
+class News:
+    """Counts the announced jobs of some topics, and wakes the threads that wait for them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._change = threading.Condition()
+
+    def tell(self) -> None:
+        """Makes the idle threads look into the queue at once."""
+        with self._change:
+            self.count += 1
+            self._change.notify_all()
+
+    def wait(self, seen: int) -> None:
+        """Waits until there are more than those `seen`, for `LOOK_S` at most."""
+        with self._change:
+            self._change.wait_for(lambda: self.count != seen, timeout=LOOK_S)
+
+
 @dataclass
 class Worker:
     """Does `threads` jobs at a time, of the topics in `tasks`.
@@ -84,8 +103,7 @@ class Worker:
     retries: Schedule
     others: int = 0
     owner: Owner = field(init=False)
-    _change: threading.Condition = field(default_factory=threading.Condition)
-    _news: int = 0
+    _news: dict[tuple[str, ...], News] = field(default_factory=dict)
     _stop: threading.Event = field(default_factory=threading.Event)
     _held: dict[str, Claim] = field(default_factory=dict)
     _threads: list[threading.Thread] = field(default_factory=list)
@@ -96,27 +114,25 @@ class Worker:
 
     def start(self) -> None:
         """Starts the threads."""
-        self._listening.enter_context(self.database.signals.listening(jobs.NEWS, self.wake))
         self._keep_owner()  # before the first claim: the jobs of an owner without a lock are released
         apart = tuple(topic for topic in self.tasks if topic in APART and self.others)
         first = tuple(topic for topic in self.tasks if topic not in apart)
         lanes = [first] * self.threads + [apart] * (self.others if apart else 0)
+        self._news = {topics: News() for topics in lanes}
+        for topics, news in self._news.items():
+            for topic in topics:
+                self._listening.enter_context(self.database.signals.listening(jobs.NEWS, news.tell, topic))
         targets: list[Callable[[], None]] = [self._keep, *(partial(self._work, topics) for topics in lanes)]
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
         for thread in self._threads:
             thread.start()
 
-    def wake(self) -> None:
-        """Makes the idle threads look into the queue at once."""
-        with self._change:
-            self._news += 1
-            self._change.notify_all()
-
     def stop(self) -> None:
         """Claims no more jobs, waits `GRACE_S`, and puts unfinished jobs back into the queue."""
         self._listening.close()
         self._stop.set()
-        self.wake()
+        for news in self._news.values():
+            news.tell()
         deadline = time.monotonic() + GRACE_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
@@ -145,7 +161,7 @@ class Worker:
         """Does the next job, of these topics or of any. False if there is none."""
         claimed: Claim | None = None
         try:
-            with self.database.write() as session:
+            with self.database.write(hasty=True) as session:  # a claim that gets lost leaves the job in the queue
                 claimed = jobs.claim(session, self.owner.id, topics or tuple(self.tasks))
                 if claimed is None:
                     return False
@@ -217,7 +233,7 @@ class Worker:
 
     def _work(self, topics: tuple[str, ...]) -> None:
         while not self._stop.is_set():
-            seen = self._news
+            seen = self._news[topics].count
             try:
                 if self.do_one(topics):
                     continue
@@ -227,11 +243,7 @@ class Worker:
             except Exception:
                 log.exception("the queue cannot be reached")
                 self._stop.wait(LOOK_S)
-            self._wait_for_news(seen)
-
-    def _wait_for_news(self, seen: int) -> None:
-        with self._change:
-            self._change.wait_for(lambda: self._news != seen, timeout=LOOK_S)
+            self._news[topics].wait(seen)
 
     def _keep(self) -> None:
         """Keeps this process an owner, and releases the jobs of owners that ended and claims that got lost."""

@@ -63,8 +63,11 @@ class Database:
         )  # fmt: skip
         if self.is_sqlite:
             _set_up_sqlite(self.engine)
+        else:
+            _set_up_postgresql(self.engine)
         self.signals = Signals(self.engine, self.is_sqlite)
         self._writer = self.engine.execution_options(writes=True)
+        self._hasty = self.engine.execution_options(writes=True, hasty=True)
         self._stored = 0
         # SQLite's own wait for a lock sleeps in steps; within one process a queue of threads is fair and quicker.
         self._turn = Lock() if self.is_sqlite else nullcontext()
@@ -81,9 +84,12 @@ class Database:
             yield session
 
     @contextmanager
-    def write(self) -> Iterator[Session]:
-        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it."""
-        with Session(self._writer, expire_on_commit=False) as session:
+    def write(self, *, hasty: bool = False) -> Iterator[Session]:
+        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it.
+
+        A `hasty` commit does not wait for the disk: a power cut may undo it, whole. For what is simply done again then.
+        """
+        with Session(self._hasty if hasty else self._writer, expire_on_commit=False) as session:
             with self._turn, session.begin():
                 yield session
                 self.signals.before_commit(session)
@@ -202,6 +208,20 @@ def _create_private(path: Path) -> None:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
 
 
+def _set_up_postgresql(engine: Engine) -> None:
+    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds."""
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: Any, _record: Any) -> None:
+        connection.execute("SET jit = off")
+        connection.commit()
+
+    @event.listens_for(engine, "begin")
+    def on_begin(connection: Connection) -> None:
+        if connection.get_execution_options().get("hasty", False):
+            connection.exec_driver_sql("SET LOCAL synchronous_commit = off")
+
+
 def _set_up_sqlite(engine: Engine) -> None:
     """Sets WAL, durable commits and foreign keys, and begins transactions: the driver's own miss DDL and reads."""
 
@@ -214,5 +234,8 @@ def _set_up_sqlite(engine: Engine) -> None:
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:
         # A writer takes the lock at once: a reader that turns writer halfway would fail instead of waiting.
-        writes = connection.get_execution_options().get("writes", False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        options = connection.get_execution_options()
+        if (hasty := options.get("hasty", False)) != connection.info.get("hasty", False):
+            connection.exec_driver_sql(f"PRAGMA synchronous = {'NORMAL' if hasty else 'FULL'}")
+            connection.info["hasty"] = hasty
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")

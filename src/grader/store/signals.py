@@ -4,6 +4,7 @@ A signal says that something may have changed, not what: its listener reads the 
 listener is called, since signals may have been missed.
 """
 
+import json
 import secrets
 import threading
 from collections import defaultdict
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import structlog
-from sqlalchemy import Engine, func, select
+from sqlalchemy import Engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
@@ -21,6 +22,10 @@ CLOSE_S = 0.5
 """How soon the listening thread notices that it is closed [s]."""
 RETRY_S = 1.0
 """Pause before the next try to reach a lost database [s]."""
+
+NOTIFY = text(
+    f"SELECT pg_notify('{CHANNEL}', note) FROM json_array_elements_text(CAST(:notes AS json)) AS note"  # noqa: S608
+)
 
 Key = tuple[str, str]
 Listener = Callable[[], None]
@@ -63,9 +68,9 @@ class Signals:
 
     def before_commit(self, session: Session) -> None:
         """Sends the session's signals with its transaction, to all processes."""
-        if not self._is_sqlite:
-            for topic, subject in session.info.get(PENDING, ()):
-                session.execute(select(func.pg_notify(CHANNEL, f"{topic} {subject}")))
+        if not self._is_sqlite and (pending := session.info.get(PENDING)):
+            notes = json.dumps([f"{topic} {subject}" for topic, subject in pending])
+            session.connection().execute(NOTIFY, {"notes": notes})
 
     def after_commit(self, session: Session) -> None:
         """Calls the listeners in this process, if no server does it."""

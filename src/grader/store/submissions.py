@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, bindparam, case, func, select
+from sqlalchemy import ColumnElement, bindparam, case, func, insert, literal, select
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
@@ -13,7 +13,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
 from grader.store.rows import insert_rows
 from grader.store.signals import announce
-from grader.store.tables import Event, Submission, VerdictRow, now, values_of
+from grader.store.tables import Event, Submission, UtcDateTime, VerdictRow, now, values_of
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -186,6 +186,9 @@ def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dic
 
 def _add_event(session: Session, submission: Submission) -> None:
     """Adds the submission's new status as an event, and announces it."""
-    number = 1 + last_event(session, submission.id)
-    session.add(Event(submission_id=submission.id, number=number, name=submission.status))
+    session.flush()
+    number = 1 + func.coalesce(func.max(Event.number), 0)
+    values = (literal(submission.id), number, literal(submission.status), literal(now(), UtcDateTime))
+    added = select(*values).where(Event.submission_id == submission.id)
+    session.execute(insert(Event).from_select(["submission_id", "number", "name", "created_at"], added))
     announce(session, EVENTS, submission.id)
