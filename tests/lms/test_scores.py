@@ -283,6 +283,39 @@ def test_a_score_whose_answer_got_lost_is_not_sent_twice(make: MakeCourse) -> No
     assert (course.row().state, course.row().tried) == ("sent", None)
 
 
+@pytest.mark.parametrize("lands", ["after the reading", "after the score"])
+def test_a_score_in_flight_at_a_kill_never_replaces_a_later_one(make: MakeCourse, lands: str) -> None:
+    """The sender is gone, its request is not: a proxy or the platform's own queue hands it on much later."""
+    course = make(policy={"counts": "latest"})
+    (ann,) = course.learners
+    in_flight: list[Asked] = []
+
+    def keep(asked: Asked) -> str | None:
+        if asked.method == "POST" and "/scores" in asked.path:
+            in_flight.append(asked)
+            return "lost before"
+        return None
+
+    def hand_on(asked: Asked) -> str | None:
+        if lands == "after the reading" and asked.method == "POST" and "/scores" in asked.path:
+            course.platform.fault = None
+            course.platform.take(in_flight[0])
+        return None
+
+    course.answer([(ann, "q1", 1)])
+    course.deliver()
+    course.answer([(ann, "q1", 2)])
+    course.platform.fault = keep
+    work(course.database, {SCORES: course.last}, (), until_s=2.0)
+    assert [one.json()["scoreGiven"] for one in in_flight] == [0.0]
+    course.platform.fault = hand_on
+    course.answer([(ann, "q1", 1)])  # the platform shows 1.0 as before
+    course.deliver(forgetful=True)
+    if lands == "after the score":
+        assert course.platform.take(in_flight[0]).status == course.platform.profile.stale
+    assert (course.grade(), course.row().state, course.row().tried) == (1.0, "sent", None)
+
+
 def test_many_learners_at_once_make_one_line_item(make: MakeCourse) -> None:
     course = make(BLACKBOARD)
     course.enrol([f"learner{number}" for number in range(12)])
