@@ -31,6 +31,7 @@ from grader.api.requests import RequestsMiddleware
 from grader.api.submissions import HAND_IN
 from grader.content import Contents
 from grader.courses.handing_in import hand_in
+from grader.courses.outbox import release_all
 from grader.courses.pseudonyms import Blinding
 from grader.courses.recomputing import Recomputing
 from grader.deliveries import deliveries_of
@@ -162,16 +163,18 @@ def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Rea
 def lifespan_of(settings: Settings, worker: Worker, graders: Graders, context: Context) -> Any:
     """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
 
-    It ends them and the lab runs.
+    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content.
     """
     recomputing = Recomputing(database=context.database, desk_of=context.desk_of)
     context.content.after_reload(recomputing.wake)
+    context.content.after_reload(partial(release_all, context.database))
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         try:
             recomputing.start()
             context.writer.start()
+            await run_in_threadpool(release_all, context.database)
             if settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()

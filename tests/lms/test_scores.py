@@ -4,7 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -12,11 +12,14 @@ from typing import Any
 
 import pytest
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from databases import BACKENDS, database_url
 from grader.content import Contents
-from grader.courses.outbox import release, replay
-from grader.identity import Role
+from grader.courses.outbox import release, release_all, replay, send_scores
+from grader.courses.results import grant
+from grader.domain.policy import Extension
+from grader.identity import Identity, Role
 from grader.lms.access_tokens import AccessTokens
 from grader.lms.delivering import Delivering
 from grader.lms.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, with_path
@@ -25,31 +28,35 @@ from grader.lms.replies import RETRY_MAX_S, retry_after_s
 from grader.lms.score import PlatformResult, Score, score_of
 from grader.pipeline import Retries
 from grader.queue import jobs
-from grader.queue.worker import Worker
+from grader.queue.worker import Outcome, Worker
+from grader.settings import Settings
 from grader.store import extensions
 from grader.store.database import Database
 from grader.store.outbox import SCORES, Delivery
-from grader.store.tables import Result, now
+from grader.store.tables import Member, Result, now
 from lms.classes import COURSE, Class
 from lms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, PROFILES, Grade, Place, Profile, Simulated, simulated
 from lms.receivers import HERE, Asked
 from lms.sending import sender_of, sign
-from lms.working import work
-from sites import QUIZ, write_content
+from lms.working import database_of, work
+from sites import QUIZ, open_site, write_content
 
 
 class Course(Class):
     """A class whose scores go to one platform; `change` alters where."""
 
     platform: Simulated
+    folder: Path
     change: dict[str, Any]
     last: Any
+    ahead: timedelta = timedelta()
 
-    def deliver(self, *, forgetful: bool = False) -> None:
-        """Sends what waits; `forgetful` with a new process's empty memory."""
+    def deliver(self, *, forgetful: bool = False, until_s: float = 2.0) -> None:
+        """Sends what waits, a second after the last time; `forgetful` with a new process's empty memory."""
+        self.ahead += timedelta(seconds=1)
         if forgetful or not hasattr(self, "last"):
-            self.last = sender_of(self.database, self.target)
-        work(self.database, {SCORES: self.last}, (0.01,) * 3, until_s=2.0)
+            self.last = replace(sender_of(self.database, self.target), clock=lambda: now() + self.ahead)
+        work(self.database, {SCORES: self.last}, (0.01,) * 3, until_s)
 
     def target(self, _session: Any, _course: str, learner: str, quiz: str, question: str) -> Place | None:
         place = Place(self.platform.platform, self.platform.container, f"lti-{learner[:8]}", f"{quiz}/{question}")
@@ -64,6 +71,21 @@ class Course(Class):
     def sent(self) -> list[tuple[Any, str]]:
         return [(one.get("scoreGiven"), one["gradingProgress"]) for one in self.platform.taken]
 
+    def change_policy(self, policy: dict[str, Any]) -> None:
+        set_policy(self.folder, policy)
+        self.contents.of(COURSE).reload()
+
+    def publish(self) -> None:
+        with self.database.write() as session:
+            extensions.publish(session, COURSE, "small", "tina")
+            release(self.database, session, COURSE, "small")
+
+    def extend(self, who: Identity, granted: Extension) -> None:
+        with self.database.write() as session:
+            learner = session.get_one(Member, who.id)
+            library = self.contents.of(COURSE).library
+            grant(self.database, library, session, learner, "small", granted=granted, by=None)
+
     def enter(self, given: float, maximum: float = 4.0) -> None:
         """A person enters a grade for the first learner."""
         (item,) = self.platform.items
@@ -75,6 +97,10 @@ class Course(Class):
 
 
 MakeCourse = Callable[..., Course]
+
+
+def set_policy(folder: Path, policy: dict[str, Any]) -> None:
+    (folder / "quizzes" / "small.json").write_text(json.dumps({**QUIZ, "policy": policy}))
 
 
 @pytest.fixture(params=BACKENDS)
@@ -92,12 +118,11 @@ def make(url: str, tmp_path: Path) -> Iterator[MakeCourse]:
 
     def course(profile: Profile = MOODLE, policy: dict[str, Any] | None = None, **change: Any) -> Course:
         folder = write_content(tmp_path / "content")
-        if policy:
-            (folder / "quizzes" / "small.json").write_text(json.dumps({**QUIZ, "policy": policy}))
+        set_policy(folder, policy or {})
         made = Course(database, Contents(folder, {}, database))
         context = simulated(profile)
         opened.append(context)
-        made.platform, made.change = context.__enter__(), change
+        made.platform, made.folder, made.change = context.__enter__(), folder, change
         made.enrol(["ann"])
         made.send_scores()
         return made
@@ -257,9 +282,10 @@ def test_a_platform_whose_clock_is_ahead_gets_a_later_score(make: MakeCourse) ->
 def test_timestamps_are_at_least_a_second_apart_and_never_ahead(make: MakeCourse) -> None:
     course = make()
     (ann,) = course.learners
+    sender = sender_of(course.database, course.target)
     for question, answer in (("q1", 1), ("q2", "5 ms"), ("q3", 0)):
         course.answer([(ann, question, answer)])
-        course.deliver()
+        work(course.database, {SCORES: sender}, until_s=2.0)
         assert datetime.fromisoformat(course.platform.taken[-1]["timestamp"]) <= datetime.now(UTC)
     times = [datetime.fromisoformat(one["timestamp"]) for one in course.platform.taken]
     assert len(times) == 3
@@ -281,6 +307,40 @@ def test_a_score_whose_answer_got_lost_is_not_sent_twice(make: MakeCourse) -> No
     course.deliver()
     assert course.sent == [(1.0, "FullyGraded")]
     assert (course.row().state, course.row().tried) == ("sent", None)
+
+
+@pytest.mark.parametrize("lands", ["after the reading", "after the score"])
+def test_a_score_in_flight_at_a_kill_never_replaces_a_later_one(make: MakeCourse, lands: str) -> None:
+    """The sender is gone, its request is not: a proxy or the platform's own queue hands it on much later."""
+    course = make(policy={"counts": "latest"})
+    (ann,) = course.learners
+    in_flight: list[Asked] = []
+
+    def keep(asked: Asked) -> str | None:
+        if asked.method == "POST" and "/scores" in asked.path:
+            in_flight.append(asked)
+            return "lost before"
+        return None
+
+    def hand_on(asked: Asked) -> str | None:
+        if lands == "after the reading" and asked.method == "POST" and "/scores" in asked.path:
+            course.platform.fault = None
+            course.platform.take(in_flight[0])
+        return None
+
+    course.answer([(ann, "q1", 1)])
+    course.deliver()
+    course.answer([(ann, "q1", 2)])
+    course.platform.fault = keep
+    course.ahead += timedelta(seconds=1)
+    work(course.database, {SCORES: course.last}, (), until_s=2.0)
+    assert [one.json()["scoreGiven"] for one in in_flight] == [0.0]
+    course.platform.fault = hand_on
+    course.answer([(ann, "q1", 1)])  # the platform shows 1.0 as before
+    course.deliver(forgetful=True)
+    if lands == "after the score":
+        assert course.platform.take(in_flight[0]).status == course.platform.profile.stale
+    assert (course.grade(), course.row().state, course.row().tried) == (1.0, "sent", None)
 
 
 def test_many_learners_at_once_make_one_line_item(make: MakeCourse) -> None:
@@ -448,11 +508,100 @@ def test_a_score_is_held_until_the_learner_may_see_it(make: MakeCourse) -> None:
     course.answer([(ann, "q2", "5 ms")])
     course.deliver()
     assert course.row().state == "held"
-    with course.database.write() as session:
-        extensions.publish(session, COURSE, "small", "tina")
-        release(session, COURSE, "small")
+    course.publish()
     course.deliver()
     assert course.sent == [(2.0, "FullyGraded")]
+
+
+def later_due() -> str:
+    return (now() + timedelta(hours=1)).isoformat()
+
+
+@pytest.mark.parametrize("feedback", ["after_publish", "after_due"])
+def test_a_change_of_the_policy_alone_releases_a_score(make: MakeCourse, feedback: str) -> None:
+    course = make(policy={"feedback": feedback, "due": later_due()})
+    course.answer([(course.learners[0], "q1", 1)])
+    course.deliver(until_s=0.1)
+    assert (course.platform.taken, course.row().state) == ([], "held")
+    release_all(course.database)  # a server starts; nothing has changed
+    course.deliver(until_s=0.1)
+    assert (course.platform.taken, course.row().state) == ([], "held")
+    course.change_policy({})
+    release_all(course.database)
+    course.deliver()
+    assert (course.sent, course.row().state) == ([(1.0, "FullyGraded")], "sent")
+
+
+def test_an_extension_that_is_taken_back_releases_a_score(make: MakeCourse) -> None:
+    due = now() - timedelta(hours=1)
+    course = make(policy={"feedback": "after_due", "due": due.isoformat()})
+    (ann,) = course.learners
+    course.extend(ann, Extension(due=now() + timedelta(days=1)))
+    course.answer([(ann, "q1", 1)])
+    course.deliver(until_s=0.1)
+    assert course.row().state == "held"
+    course.extend(ann, Extension())
+    course.deliver()
+    assert course.sent == [(1.0, "FullyGraded")]
+
+
+def test_what_is_published_while_a_sender_decides_to_hold_is_sent(make: MakeCourse) -> None:
+    course = make(policy={"feedback": "after_publish"})
+    course.answer([(course.learners[0], "q1", 1)])
+    delivering = Delivering({SCORES: sender_of(course.database, course.target)})
+    worker = Worker(course.database, {jobs.DELIVER: Between(delivering, course.publish)}, 1, Retries(3))
+    assert worker.do_one()
+    assert course.row().state == "waiting"
+    course.deliver()
+    assert course.sent == [(1.0, "FullyGraded")]
+
+
+@dataclass
+class Between:
+    """Does something after a delivery was decided on, and before that is stored."""
+
+    delivering: Delivering
+    happens: Callable[[], None]
+
+    def start(self, session: Session, subject: str) -> Any:
+        return self.delivering.start(session, subject)
+
+    def run(self, started: Any) -> Outcome:
+        outcome = self.delivering.run(started)
+        self.happens()
+        return outcome
+
+    def give_up(self, started: Any) -> Outcome:
+        return self.delivering.give_up(started)
+
+    def put_back(self, session: Session, subject: str) -> None:
+        self.delivering.put_back(session, subject)
+
+
+def test_a_server_releases_when_it_starts_and_when_it_loads_content(tmp_path: Path) -> None:
+    folder = write_content(tmp_path / "content")
+    settings = Settings(content=folder, data=tmp_path / "data", workers=0)
+    set_policy(folder, {"feedback": "after_publish"})
+
+    def looked_at(database: Database) -> bool:
+        """Whether the score waits to be looked at; then it is held again."""
+        with database.write() as session:
+            row = session.scalars(select(Delivery)).one()
+            state, row.state, row.has_job = row.state, "held", False
+        return state == "waiting"
+
+    with open_site(settings) as site:
+        database, site.course = database_of(site), COURSE
+        with database.write() as session:
+            send_scores(database, session, COURSE, "small")
+        body = {"quiz": "small", "question": "q1", "answer": 1}
+        assert site.client("ann").post("/api/v1/submissions", json=body).status_code == 201
+        assert looked_at(database)
+        assert not looked_at(database)
+        assert site.client("tina", "instructor").post("/api/v1/content:reload").status_code == 200
+        assert looked_at(database)
+    with open_site(settings) as site:
+        assert looked_at(database_of(site))
 
 
 def test_a_score_is_held_until_the_quiz_closes(make: MakeCourse) -> None:
@@ -461,6 +610,7 @@ def test_a_score_is_held_until_the_quiz_closes(make: MakeCourse) -> None:
     (ann,) = course.learners
     course.answer([(ann, "q1", 1)])
     work(course.database, {SCORES: sender_of(course.database, course.target)}, until_s=0.1)
+    assert course.row().state == "held"
     next_at = course.row().next_at
     assert next_at is not None
     assert timedelta() < next_at - due < timedelta(seconds=5)

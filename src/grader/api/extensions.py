@@ -82,7 +82,7 @@ def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
         extensions.publish(session, who.course, quiz_id, who.user)
-        outbox.release(session, who.course, quiz_id)
+        outbox.release(context.database, session, who.course, quiz_id)
         record(session, who, who.course, Action.PUBLISHED, quiz_id)
     return Response(status_code=204)
 

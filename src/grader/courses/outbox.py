@@ -36,9 +36,26 @@ def queue(session: Session, rows: Sequence[Noted]) -> None:
         jobs.put_all(session, jobs.DELIVER, [str(row.id) for row in theirs], share=destination)
 
 
-def release(session: Session, course: str, quiz: str) -> None:
-    """Delivers what was held back in a quiz, if learners may see their feedback by now."""
-    queue(session, outbox.release_held(session, course, quiz))
+def release(database: Database, session: Session, course: str, quiz: str, learner: str | None = None) -> None:
+    """Delivers what was held back in a quiz, of one learner or of all, if they may see their feedback by now."""
+    unsent = {(course, learner)} if learner is not None else {
+        (of, who) for of, at, who in outbox.unsent_scores(session) if (of, at) == (course, quiz)
+    }  # fmt: skip
+    if not unsent:
+        return
+    database.lock_learners(session, unsent)  # first, as whoever notes results does
+    rows = outbox.release_held(session, course, quiz, [who for _, who in unsent])
+    jobs.hurry(session, jobs.DELIVER, [str(row.id) for row in rows if row.has_job])
+    queue(session, [row for row in rows if not row.has_job])
+
+
+def release_all(database: Database) -> None:
+    """As `release`, for every quiz: policies may have changed with the content, or while no server ran."""
+    with database.read() as session:
+        unsent = {(course, quiz) for course, quiz, _ in outbox.unsent_scores(session)}
+    for course, quiz in sorted(unsent):
+        with database.write() as session:
+            release(database, session, course, quiz)
 
 
 def send_scores(

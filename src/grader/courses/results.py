@@ -137,7 +137,7 @@ def recount_quiz(database: Database, library: Library, course: str, quiz: str) -
             database.lock_learner(session, course, key.learner)
             recount(session, library, key)
     with database.write() as session:
-        outbox.release(session, course, quiz)
+        outbox.release(database, session, course, quiz)
     return len(keys)
 
 
@@ -161,6 +161,7 @@ def grant(
     session.flush()
     for learner_at in results.keys(session, learner.course, quiz, learner.id):
         recount(session, library, learner_at)
+    outbox.release(database, session, learner.course, quiz, learner.id)
     detail = granted.model_dump(mode="json")
     record(session, by, learner.course, Action.EXTENDED, quiz, member=learner.id, name=learner.name, **detail)
 

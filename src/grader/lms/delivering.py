@@ -66,9 +66,10 @@ class Delivering:
         if row is None:
             return None
         destination = session.get_one(Destination, row.destination)
-        if row.state != WAITING:
+        if row.state not in (WAITING, HELD):
             row.has_job = False
             return None
+        row.state = WAITING
         sender = self.senders.get(destination.kind)
         if sender is None:  # another process may have one
             return Started(row.id, row.version, None, Later(NO_SENDER_S))
@@ -111,9 +112,11 @@ class Delivering:
         match reply:
             case Sent() | Unneeded():
                 row.state, row.attempts, row.error, row.next_at = SENT, 0, None, None
-            case Held(None):
+            case Held(after_s):
                 row.state, row.next_at = HELD, None
-            case Held(float(after_s)) | Later(after_s):
+                if after_s is not None:
+                    self._again(session, row, after_s)
+            case Later(after_s):
                 self._again(session, row, after_s)
             case Gone(why):
                 outbox.disable(session, row.destination, why)

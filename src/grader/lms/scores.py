@@ -2,14 +2,15 @@
 
 What a platform has is read before every score, where the launch granted that. A value that is none of ours was entered
 by a person: the score becomes a dead letter, and is sent when a person replays it. A try whose outcome is unknown, such
-as one before a kill, is settled in the same way.
+as one before a kill, is settled in the same way, unless it was of another score: that one may still be on its way, and
+arrive after the reading. A platform refuses it only if it has taken a later timestamp, so the score is sent once more.
 
 Source: LTI Assignment and Grade Services 2.0, sections 3.3 and 3.4.
 """
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from http import HTTPStatus
 
@@ -53,7 +54,10 @@ ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
 
 @dataclass(frozen=True)
 class Prepared:
-    """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none."""
+    """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
+
+    `is_contested` if another score of ours may still arrive.
+    """
 
     target: Target
     score: Score
@@ -61,6 +65,7 @@ class Prepared:
     timestamp: datetime
     known: Sequence[Score]
     is_first: bool
+    is_contested: bool
     forced: bool
 
 
@@ -101,7 +106,8 @@ class Scores:
         row.tried = json.dumps([one.to_json() for one in dict.fromkeys([*tried, score])][-TRIED_MAX:])
         title = row.quiz if quiz is None else quiz.title
         label = f"{title}: {row.question}" if row.question else title
-        return Prepared(target, score, label, timestamp, known, sent is None, row.forced)
+        is_contested = any(replace(one, activity=score.activity) != score for one in tried)
+        return Prepared(target, score, label, timestamp, known, sent is None, is_contested, row.forced)
 
     async def send(self, prepared: Prepared) -> Reply:
         """Sends a score, if the platform has none of a person's."""
@@ -208,9 +214,9 @@ def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Re
 
 
 def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
-    """Whether the platform has the final score already; not if that may be a pending one of the same points."""
+    """Whether the platform has the final score already, for good: it is no pending one of the same points, either."""
     score = prepared.score
-    if not score.is_final or found.score is None or not score.is_at(found):
+    if prepared.is_contested or not score.is_final or found.score is None or not score.is_at(found):
         return False
     return not any(one.is_at(found) and not one.is_final for one in prepared.known)
 

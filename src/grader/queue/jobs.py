@@ -161,6 +161,15 @@ def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -
     return session.execute(again).first() is not None
 
 
+def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
+    """Makes the delayed jobs of these subjects due at once, but those that somebody is claiming."""
+    delayed = select(JobRow.id).where(JobRow.topic == topic, JobRow.subject.in_(subjects), WAITS)
+    found = session.scalars(delayed.with_for_update(skip_locked=True)).all()
+    if found:
+        session.execute(update(JobRow).where(JobRow.id.in_(found)).values(due_at=Clock()))
+        announce(session, NEWS)
+
+
 def owned(session: Session) -> list[tuple[int, str]]:
     """The owner and the lease of every job in progress."""
     rows = session.execute(select(JobRow.owner, JobRow.lease).where(JobRow.owner.is_not(None)))

@@ -20,6 +20,7 @@ from sqlalchemy import (
     String,
     Text,
     UniqueConstraint,
+    and_,
     bindparam,
     case,
     delete,
@@ -106,7 +107,7 @@ class Delivery(Base):
     attempts: Mapped[int]
     """Failed tries to deliver this version."""
     next_at: Mapped[datetime | None]
-    """When the next try is due, after a failed one."""
+    """When the next try is due, after a failed one or while the score is held."""
     sent_at: Mapped[datetime | None]
     """When the receiver last took a delivery."""
     error: Mapped[str | None] = mapped_column(Text)
@@ -163,8 +164,9 @@ def _note_with(dialect: Any) -> Any:
         .distinct()  # two questions of a quiz that has one score
     )
     row = dialect.insert(Delivery).from_select(list(_NEW), wanted, include_defaults=False)
-    change = {"state": WAITING, "version": Delivery.version + 1, "noted_at": row.excluded.noted_at, "attempts": 0,
-              "error": None}  # fmt: skip
+    held_until = and_(Delivery.state == HELD, Delivery.has_job)
+    change = {"state": case((held_until, HELD), else_=WAITING), "version": Delivery.version + 1,
+              "noted_at": row.excluded.noted_at, "attempts": 0, "error": None}  # fmt: skip
     key = [Delivery.destination, Delivery.learner, Delivery.quiz, Delivery.question]
     return row.on_conflict_do_update(index_elements=key, set_=change).returning(*_RETURNED)
 
@@ -184,11 +186,23 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> l
     return [Noted(*row) for row in session.connection().execute(statement, named)]
 
 
-def release_held(session: Session, course: str, quiz: str) -> list[Noted]:
-    """Makes the held rows of a quiz wait; they have no jobs."""
-    held = update(Delivery).where(Delivery.course == course, Delivery.quiz == quiz, Delivery.state == HELD)
-    rows = session.execute(held.values(state=WAITING).returning(*_RETURNED), execution_options=_UNCHANGED)
-    return [Noted(*row) for row in rows]
+def unsent_scores(session: Session) -> Sequence[tuple[str, str, str]]:
+    """The (course, quiz, learner) of scores that wait or are held."""
+    among = Delivery.destination.in_(_SCORES), Delivery.state.in_((WAITING, HELD)), text("state <> 'sent'")
+    rows = session.execute(select(Delivery.course, Delivery.quiz, Delivery.learner).where(*among).distinct())
+    return [(course, quiz, learner) for course, quiz, learner in rows]
+
+
+def release_held(session: Session, course: str, quiz: str, learners: Collection[str]) -> list[Noted]:
+    """Makes the held scores of learners in a quiz wait; returns them.
+
+    Scores that wait count one more change, so that one that a sender is about to hold is looked at again.
+    """
+    theirs = Delivery.course == course, Delivery.learner.in_(learners), Delivery.quiz == quiz
+    again = update(Delivery).where(*theirs, Delivery.destination.in_(_SCORES)).values(version=Delivery.version + 1)
+    session.execute(again.where(Delivery.state == WAITING), execution_options=_UNCHANGED)
+    held = again.values(state=WAITING, next_at=None).where(Delivery.state == HELD).returning(*_RETURNED)
+    return [Noted(*row) for row in session.execute(held, execution_options=_UNCHANGED)]
 
 
 def mark_queued(session: Session, ids: Sequence[int]) -> None:
@@ -197,6 +211,7 @@ def mark_queued(session: Session, ids: Sequence[int]) -> None:
 
 
 _UNCHANGED = {"synchronize_session": False}
+_SCORES = select(Destination.id).where(Destination.kind == SCORES)
 
 
 def locked(session: Session, row_id: int) -> Delivery | None:
