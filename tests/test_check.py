@@ -52,7 +52,9 @@ def test_one_status_and_one_diagnosis_under_every_draw_is_what_is_asked() -> Non
 
 
 def test_a_program_says_what_it_gets_from_a_version_of_mujoco_on() -> None:
-    source = "# diagnosis: Too short.\n# from MuJoCo 4.0.0: incorrect: Second order.\nx = 1\n# from MuJoCo 3.0.0: crashed"
+    source = (
+        "# diagnosis: Too short.\n# from MuJoCo 4.0.0: incorrect: Second order.\nx = 1\n# from MuJoCo 3.0.0: crashed"
+    )
     assert demanded(source, "partial", "3.14.0") == ("partial", "Too short.")
     for installed in ("4.0.0", "4.1.2", "10.0.0"):
         assert demanded(source, "partial", installed) == ("incorrect", "Second order.")

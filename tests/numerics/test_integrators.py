@@ -17,7 +17,6 @@ from grader.numerics.integrators import (
     IMPLICIT,
     IMPLICITFAST,
     INTEGRATORS,
-    RK4,
     Integrator,
     refusal,
 )
@@ -85,9 +84,11 @@ def test_errors_shrink_with_the_order(integrator: Integrator) -> None:
 
 
 def test_a_refused_integrator_is_told_by_mujoco() -> None:
-    """Elasticity that both versions refuse under the implicit integrators, and edge damping that 4.0.0 alone refuses."""
+    """Both versions refuse elasticity under the implicit integrators, 4.0.0 alone edge damping under `discrete`."""
     cloth = ALL["flex"].replace('<edge equality="true" damping="0.01"/>', "{}")
-    elastic = mujoco.MjModel.from_xml_string(cloth.format('<elasticity young="1e4" thickness="0.01" elastic2d="both"/>'))
+    elastic = mujoco.MjModel.from_xml_string(
+        cloth.format('<elasticity young="1e4" thickness="0.01" elastic2d="both"/>')
+    )
     assert [one for one in INTEGRATORS if refusal(elastic, one) is not None] == [IMPLICIT, IMPLICITFAST]
     assert "flex elasticity" in (refusal(elastic, IMPLICIT) or "")
     damped = mujoco.MjModel.from_xml_string(ALL["flex"])

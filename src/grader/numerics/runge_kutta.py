@@ -1,4 +1,4 @@
-"""Fourth-order Runge-Kutta over mj_forward: the installed MuJoCo's own scheme, and one of fourth order on rotations too.
+"""Fourth-order Runge-Kutta over mj_forward: the installed MuJoCo's scheme, and one of fourth order on rotations too.
 
 Both read accelerations and activation rates from `forward(model, data)`, by default `mujoco.mj_forward`; a caller may
 pass another function, for instance one that adds a force. Models with plug-ins, sleep, histories or activation
