@@ -6,16 +6,25 @@ DATA ?= .data
 UV ?= uv
 FOREIGN ?= $(DATA)/openedx
 
-BIN := .venv/bin
+# The version of MuJoCo, where it is not the pinned one: MUJOCO=4.0.0 has an environment and a lock of its own.
+MUJOCO ?=
+OTHER := $(filter-out 3.14.0,$(MUJOCO))
+VENV := .venv$(OTHER:%=-%)
+MUJOCO_LOCK := $(OTHER:%=requirements-mujoco-%.lock)
+ifneq ($(MUJOCO_LOCK),$(wildcard $(MUJOCO_LOCK)))
+$(error There is no $(MUJOCO_LOCK): MUJOCO= may be 3.14.0 or $(patsubst requirements-mujoco-%.lock,%,$(wildcard requirements-mujoco-*.lock)))
+endif
+
+BIN := $(VENV)/bin
 # Two processes share the tests file by file: the tests of a file share its server.
 TOGETHER := -n 2 --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 PAGES := README.md docs/measured.md
 
 # Each stamp names the state of the locks that was installed. What development needs includes what serving needs.
-STATE := $(shell cat requirements.lock requirements-dev.lock pyproject.toml | cksum | cut -d' ' -f1)
-SERVING := .venv/serving-$(STATE)
-DEVELOPING := .venv/developing-$(STATE)
+STATE := $(shell cat requirements.lock requirements-dev.lock $(MUJOCO_LOCK) pyproject.toml | cksum | cut -d' ' -f1)
+SERVING := $(VENV)/serving-$(STATE)
+DEVELOPING := $(VENV)/developing-$(STATE)
 
 # Python keeps what it has compiled: pytest would otherwise rewrite every test file again in each of its processes.
 unexport PYTHONDONTWRITEBYTECODE
@@ -32,7 +41,7 @@ install: $(DEVELOPING) jail-package ## the virtual environment, every locked pac
 serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HOST=, DATA=)
 	@exec $(BIN)/grader serve --host $(HOST) --port $(PORT) --data $(DATA)
 
-test: install ## the whole test suite: lint, types, layers, jail, database, browser
+test: install ## the whole test suite: lint, types, layers, jail, database, browser (MUJOCO=4.0.0)
 	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build the labs are not compared with it.'
@@ -64,6 +73,7 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
 	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
+	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
 
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.bench.floors
@@ -81,23 +91,32 @@ lti-foreign: $(DEVELOPING) ## launches and scores against Open edX's platform co
 	PYTHONPATH=src:tests $(BIN)/python tests/lms/foreign/run.py $(FOREIGN)/bin/python
 
 clean: ## remove the virtual environment and caches
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 
 jail-package:
 	@.ci/system-packages bwrap:bubblewrap
 
-LOCK = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --no-emit-find-links pyproject.toml
+COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	--no-emit-index-url --no-emit-find-links
+LOCK = $(COMPILE) pyproject.toml
 
 define install_from
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || .ci/system-packages -:python3-venv
-	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo 'Creating the virtual environment .venv'; $(PYTHON) -m venv .venv; }
-	@echo 'Installing the packages of $(1) into .venv'
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo 'Creating the virtual environment $(VENV)'; $(PYTHON) -m venv $(VENV); }
+	@echo 'Installing the packages of $(1) into $(VENV)'
 	@$(PIP) --require-hashes -r $(1)
-	@echo 'Installing grader itself into .venv'
+	$(if $(OTHER),$(call replace_mujoco))
+	@echo 'Installing grader itself into $(VENV)'
 	@$(PIP) --no-deps --no-build-isolation -e .
-	@rm -f .venv/serving-* .venv/developing-* .venv/installed-*
+	@rm -f $(VENV)/serving-* $(VENV)/developing-* $(VENV)/installed-*
+endef
+
+# MuJoCo 4.0.0 is three packages with one folder: pip must remove what is there before it installs any of them.
+define replace_mujoco
+	@echo 'Replacing MuJoCo by $(OTHER)'
+	@$(BIN)/python -m pip uninstall --quiet --quiet --yes mujoco-grader mujoco mujoco-core mujoco-studio
+	@$(PIP) --require-hashes --no-deps -r $(MUJOCO_LOCK)
 endef
 
 $(SERVING):

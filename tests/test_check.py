@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from grader.check import ReferenceProgram, Report, grade_lazy_answers, grade_references
+from grader.check import ReferenceProgram, Report, demanded, grade_lazy_answers, grade_references
 from grader.domain.quiz import CodeQuestion
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
@@ -49,6 +49,18 @@ def test_one_status_and_one_diagnosis_under_every_draw_is_what_is_asked() -> Non
     draws = Draws(SHORT, SHORT)
     assert faults(draws, 6, "too short") == []
     assert len(set(draws.seeds)) == 6
+
+
+def test_a_program_says_what_it_gets_from_a_version_of_mujoco_on() -> None:
+    source = (
+        "# diagnosis: Too short.\n# from MuJoCo 4.0.0: incorrect: Second order.\nx = 1\n# from MuJoCo 3.0.0: crashed"
+    )
+    assert demanded(source, "partial", "3.14.0") == ("partial", "Too short.")
+    for installed in ("4.0.0", "4.1.2", "10.0.0"):
+        assert demanded(source, "partial", installed) == ("incorrect", "Second order.")
+    right = "# from MuJoCo 4.0.0: incorrect: Second order.\n# from MuJoCo 4.2.0: correct"
+    assert demanded(right, "correct", "3.14.0") == demanded(right, "correct", "4.2.0") == ("correct", None)
+    assert demanded("x = 1", "correct", "4.0.0") == ("correct", None)
 
 
 def test_another_status_in_some_draws_is_told_with_a_seed() -> None:

@@ -27,7 +27,7 @@ def test_the_tree_passes(name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-dev.lock"])
+@pytest.mark.parametrize("lock", sorted(path.name for path in ROOT.glob("requirements*.lock")))
 def test_the_locks_name_no_addresses(lock: str) -> None:
     text = (ROOT / lock).read_text()
     assert "://" not in text
@@ -43,6 +43,25 @@ def test_what_serving_needs_is_locked_alike_for_development_and_draws_nothing() 
     assert pins("requirements.lock") < pins("requirements-dev.lock")
     assert not [pin for pin in pins("requirements.lock") if pin.startswith(("matplotlib", "pytest", "ruff"))]
 
+
+def commands(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """What `make` would do."""
+    return subprocess.run(["make", "-n", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_another_mujoco_has_an_environment_and_a_lock_of_its_own() -> None:
+    pinned, other = (commands("test", f"MUJOCO={version}").stdout for version in ("3.14.0", "4.0.0"))
+    assert ".venv/bin/python -m pytest" in pinned
+    assert ".venv-4.0.0/bin/python -m pytest" in other
+    assert ".venv/" not in other
+    assert pins("requirements-mujoco-4.0.0.lock") == {f"{name}==4.0.0" for name in MUJOCO_4}
+    assert pins("requirements-dev.lock") & {"mujoco==3.14.0", "mujoco==4.0.0"} == {"mujoco==3.14.0"}
+    unknown = commands("test", "MUJOCO=2.0.0")
+    assert unknown.returncode != 0
+    assert "MUJOCO= may be 3.14.0 or 4.0.0" in unknown.stderr
+
+
+MUJOCO_4 = ("mujoco", "mujoco-core", "mujoco-studio")
 
 FAKE_APT = """#!/bin/sh
 echo "$@" >> "$CALLS"

@@ -9,6 +9,7 @@ from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.library import Library, load
+from grader.numerics.version import INSTALLED
 from grader.pipeline import COMMAND_RETRIES, Pipeline, Retries, canonical, keyed_seed, submission_digest
 from grader.sandbox.jail import Jail
 
@@ -82,7 +83,7 @@ def test_a_byte_order_mark_is_no_mistake_of_the_students(library: Library) -> No
 def test_every_verdict_says_what_it_was_judged_by(library: Library) -> None:
     verdict = Pipeline(library).grade("1.3-check", "q2", "5 ms")
     assert verdict.content_digest == library.digest("1.3-check")
-    assert verdict.environment["mujoco"] == "3.14.0"
+    assert verdict.environment["mujoco"] == INSTALLED
     assert len(verdict.submission_digest) == 64
 
 

@@ -1,11 +1,13 @@
 """Checks a content folder: it loads, its keys are certified, its reference programs get their statuses."""
 
+import re
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,16 @@ from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFo
 from grader.exercises import chance_of_luck, lazy_answers
 from grader.library import Library, load
 from grader.library.files import list_files, read_text
+from grader.numerics.version import INSTALLED, version_of
 from grader.pipeline import Pipeline
 
 POINTS_ROUNDING = 1e-6
 """Rounding of shares of points."""
 
 UNVERIFIED = "no simulation confirms this key: add a `verify` (docs/authoring.md)"
+
+FROM_VERSION = re.compile(r"# from MuJoCo (\d+\.\d+\.\d+): (\w+)(?:: (.+))?")
+"""A line of a reference program: the version of MuJoCo from which on it gets another status, and its diagnosis."""
 
 Say = Callable[[str], None]
 
@@ -151,7 +157,10 @@ def luck_faults(library: Library, quiz_id: str, question: CodeQuestion, say: Say
 
 @dataclass(frozen=True)
 class ReferenceProgram:
-    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root."""
+    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root.
+
+    `status` and `diagnosis` are what it must get with the installed MuJoCo.
+    """
 
     file: str
     source: str
@@ -162,16 +171,29 @@ class ReferenceProgram:
 
 
 def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
-    """Yield every reference program, or the fault of its file. A first line `# diagnosis: ...` requires it."""
+    """Yield every reference program, or the fault of its file."""
     for file in list_files(root, "reference_solutions", "*/*/*.py"):
         source = read_text(root, file, SOURCE_BYTES_MAX)
         if isinstance(source, Fault):
             yield source
             continue
-        first = source.partition("\n")[0]
-        diagnosis = first.removeprefix("# diagnosis:").strip() if first.startswith("# diagnosis:") else None
         _, quiz, question, name = Path(file).parts
-        yield ReferenceProgram(file, source, quiz, question, Path(name).stem.partition("__")[0], diagnosis)
+        status, diagnosis = demanded(source, Path(name).stem.partition("__")[0])
+        yield ReferenceProgram(file, source, quiz, question, status, diagnosis)
+
+
+def demanded(source: str, status: str, installed: str = INSTALLED) -> tuple[str, str | None]:
+    """Return the status and the diagnosis that a program must get, `status` being the one in its name.
+
+    A first line `# diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says
+    what the program gets with this version or a later one; of several lines the last that applies counts.
+    """
+    head = list(takewhile(lambda line: line.startswith("#"), source.splitlines()))
+    diagnosis = head[0].removeprefix("# diagnosis:").strip() if head and head[0].startswith("# diagnosis:") else None
+    for found in filter(None, map(FROM_VERSION.fullmatch, head)):
+        if version_of(installed) >= version_of(found[1]):
+            status, diagnosis = found[2], found[3]
+    return status, diagnosis
 
 
 @dataclass(frozen=True)

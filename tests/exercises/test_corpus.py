@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from grader.library import load
+from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from grader.pipeline import Pipeline
 from grader.sandbox.jail import Jail
 
@@ -41,6 +42,15 @@ def header(program: Path) -> dict[str, str]:
     return {key: value for key, _, value in parts}
 
 
+def expected_of(program: Path) -> tuple[str, str]:
+    """Status and sentence with the installed MuJoCo."""
+    lines = header(program)
+    if "told from MuJoCo 4.0.0" in lines and RK4_ORDER_ON_ROTATIONS == 4:
+        status, _, told = lines["told from MuJoCo 4.0.0"].partition(": ")
+        return status, told
+    return lines["status"], lines["told"]
+
+
 def source_of(program: Path) -> str:
     """The program without its header: `told` was added after the lines were counted."""
     lines = program.read_text(encoding="utf-8").splitlines()
@@ -61,10 +71,10 @@ def pipeline() -> Iterator[Pipeline]:
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=named)
 def test_a_program_gets_its_status_and_its_sentence(program: Path, pipeline: Pipeline) -> None:
-    expected = header(program)
+    status, told = expected_of(program)
     verdict = pipeline.grade("1.3-exercises", program.parent.name, {"source": source_of(program)}, SEED)
-    assert verdict.status.value == expected["status"]
-    assert expected["told"] in (verdict.diagnosis or "")
+    assert verdict.status.value == status
+    assert told in (verdict.diagnosis or "")
 
 
 def test_nine_of_ten_are_told_their_own_mistake() -> None:

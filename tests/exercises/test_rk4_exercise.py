@@ -24,6 +24,7 @@ from grader.exercises.kinds.rk4.judge import (
 )
 from grader.exercises.kinds.rk4.mistakes import METHODS
 from grader.exercises.kinds.rk4.parameters import Problem
+from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from grader.sandbox.jail import Jail
 
 STEP, FREE = question("rk4-step"), question("rk4-free-joint")
@@ -101,7 +102,8 @@ def test_every_route_through_mj_step_is_far_away(exercise: CodeQuestion, seed: i
 @pytest.mark.parametrize("seed", range(4))
 def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: int) -> None:
     step, free = problem_of(STEP, seed), problem_of(FREE, seed)
-    for problem, trajectory, order in ((step, mujoco_run, 4), (free, fourth_order_run, 4), (free, mujoco_run, 2)):
+    mujocos = (free, mujoco_run, RK4_ORDER_ON_ROTATIONS)
+    for problem, trajectory, order in ((step, mujoco_run, 4), (free, fourth_order_run, 4), mujocos):
         errors = [truth_of(problem).error(run, trajectory(run)) for run in problem.order_runs]
         slopes = -np.diff(np.log2(errors))
         assert np.all(np.abs(slopes - order) < 0.1)
@@ -158,14 +160,18 @@ def test_the_library_of_mistakes_is_large_enough_and_tells_each_apart() -> None:
 
 
 def test_the_verdict_says_which_method_it_was_with_both_errors(grade: Grade) -> None:
-    mujocos_way = grade(FREE, (PROGRAMS / "rk4-free-joint" / "correct__one_mj_integratepos.py").read_text())
+    order, near, name = {
+        2: ("second order of MuJoCo", "nearer to the truth", "correct__one_mj_integratepos"),
+        4: ("fourth order", "as near to the truth", "correct__rotation_vector"),
+    }[RK4_ORDER_ON_ROTATIONS]
+    mujocos_way = grade(FREE, (PROGRAMS / "rk4-free-joint" / f"{name}.py").read_text())
     better = grade(FREE, (PROGRAMS / "rk4-free-joint" / "correct__quaternion_derivative.py").read_text())
     assert "Agrees with MuJoCo's RK4" in mujocos_way.findings[0].message
     assert "from the truth" in mujocos_way.findings[0].message
-    assert "second order of MuJoCo" in mujocos_way.findings[-1].message
-    assert "observed order is 2.0" in mujocos_way.findings[-1].message
+    assert order in mujocos_way.findings[-1].message
+    assert f"observed order is {RK4_ORDER_ON_ROTATIONS}.0" in mujocos_way.findings[-1].message
     assert "Not MuJoCo's method" in better.findings[0].message
-    assert "nearer to the truth" in better.findings[0].message
+    assert near in better.findings[0].message
     assert "fourth order" in better.findings[-1].message
 
 

@@ -320,7 +320,7 @@ def test_the_trace_costs_at_most_three_percent_of_the_runs_cpu_time(
 
 
 def test_all_traces_of_a_run_are_small(run: Callable[..., RunReport]) -> None:
-    for exercise, program in ((STEP, "correct__classical"), (FREE, "correct__one_mj_integratepos")):
+    for exercise, program in ((STEP, "correct__classical"), (FREE, "correct__rotation_vector")):
         report = run(exercise, (PROGRAMS / exercise.id / f"{program}.py").read_text())
         results = {**report.results, **report.hidden_results}
         sizes = [values.nbytes for name, values in results.items() if name.endswith("_trace")]

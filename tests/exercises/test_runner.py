@@ -38,7 +38,7 @@ from grader.sandbox.jail import Jail
 SOLVED = {
     "servo-threshold": "spectral_radius",
     "rk4-step": "classical",
-    "rk4-free-joint": "one_mj_integratepos",
+    "rk4-free-joint": "rotation_vector",
 }
 EXERCISES = list(SOLVED)
 PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"

@@ -1,3 +1,3 @@
-"""An exception of 64 MB."""
+"""An exception of 48 MB."""
 
-raise ValueError('x' * (64 << 20))
+raise ValueError('x' * (48 << 20))

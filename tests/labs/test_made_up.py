@@ -1,4 +1,7 @@
-"""Forty labs run to their ends; twenty of them agree with the official WASM build of MuJoCo under Node."""
+"""Forty labs run to their ends; twenty of them agree with the official WASM build of MuJoCo under Node.
+
+The build is pinned to 3.14.0. No compared lab turns a free or ball joint by RK4, so that they agree with 4.0.0 too.
+"""
 
 import json
 import subprocess

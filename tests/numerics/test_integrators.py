@@ -17,12 +17,13 @@ from grader.numerics.integrators import (
     IMPLICIT,
     IMPLICITFAST,
     INTEGRATORS,
-    RK4,
     Integrator,
+    refusal,
 )
 from grader.numerics.linear import one_step_map
 from grader.numerics.reference import dop853, sample_times
 from grader.numerics.scene import Scene
+from grader.numerics.version import INSTALLED, version_of
 from numerics.measuring import errors
 from numerics.models import ALL, LESSON, hinge
 
@@ -82,10 +83,17 @@ def test_errors_shrink_with_the_order(integrator: Integrator) -> None:
     assert order_of(scene, integrator, TIMESTEPS_S[integrator.order]) == pytest.approx(integrator.order, abs=0.1)
 
 
-def test_rk4_is_of_second_order_on_quaternions() -> None:
-    assert order_of(Scene.from_xml(ALL["ball"], key="spin"), RK4, [0.005, 0.004, 0.002, 0.001]) == pytest.approx(
-        2, abs=0.05
+def test_a_refused_integrator_is_told_by_mujoco() -> None:
+    """Both versions refuse elasticity under the implicit integrators, 4.0.0 alone edge damping under `discrete`."""
+    cloth = ALL["flex"].replace('<edge equality="true" damping="0.01"/>', "{}")
+    elastic = mujoco.MjModel.from_xml_string(
+        cloth.format('<elasticity young="1e4" thickness="0.01" elastic2d="both"/>')
     )
+    assert [one for one in INTEGRATORS if refusal(elastic, one) is not None] == [IMPLICIT, IMPLICITFAST]
+    assert "flex elasticity" in (refusal(elastic, IMPLICIT) or "")
+    damped = mujoco.MjModel.from_xml_string(ALL["flex"])
+    refused = [one for one in INTEGRATORS if refusal(damped, one) is not None]
+    assert refused == ([DISCRETE] if version_of(INSTALLED) >= (4, 0, 0) else [])
 
 
 def velocity_gain(xml: str, integrator: Integrator) -> float:

@@ -213,7 +213,7 @@ def test_a_buffer_that_fills_up_ends_the_run_however_it_is_kept(every: int) -> N
     boxes = "".join(
         f"<body pos='{0.05 * (i % 3)} {0.05 * (i % 2)} {0.1 + 0.25 * i}'><freejoint/>{box}</body>" for i in range(6)
     )
-    pile = f"""<mujoco><size memory="65K"/><option solver="PGS" jacobian="sparse"/>
+    pile = f"""<mujoco><size memory="70K"/><option solver="PGS" jacobian="sparse"/>
     <worldbody><geom type="plane" size="5 5 0.1"/>{boxes}</worldbody></mujoco>"""
     run = simulate(Scene.from_xml(pile), steps=300, every=every)
     assert (run.diverged_at_step, run.warning) == (91, WARNING.mjWARN_CNSTRFULL)

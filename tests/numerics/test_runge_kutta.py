@@ -1,6 +1,7 @@
 """MuJoCo's RK4 bit for bit, and the one that keeps its order on rotations."""
 
 from functools import partial
+from math import inf
 
 import mujoco
 import numpy as np
@@ -32,6 +33,25 @@ def test_reproduces_mujocos_rk4_bit_for_bit(name: str) -> None:
         for part in ("qpos", "qvel", "act", "qacc_warmstart"):
             assert getattr(own.data, part).tobytes() == getattr(engine.data, part).tobytes(), part
         assert own.data.time == engine.data.time
+
+
+def test_a_turn_of_more_than_pi_a_step_is_that_of_mujoco() -> None:
+    """The rotation vector within a step is then no longer the shortest one of its rotation."""
+    scene = Scene.from_xml(ALL["ball"], key="spin").at(qvel=[1700, 3, -2])
+    with (
+        scene.borrow(timestep_s=0.002, integrator=RK4) as own,
+        scene.borrow(timestep_s=0.002, integrator=RK4) as engine,
+    ):
+        mujoco_rk4_step(own.model, own.data)
+        mujoco.mj_step(engine.model, engine.data)
+        assert own.data.qpos == pytest.approx(engine.data.qpos, abs=1e-12)
+
+
+def test_a_state_that_is_not_finite_stays_so() -> None:
+    for step in (mujoco_rk4_step, lie_rk4_step):
+        with Scene.from_xml(ALL["ball"], key="spin").at(qvel=[inf, 0, 0]).borrow(keep=False) as workspace:
+            step(workspace.model, workspace.data)
+            assert not np.isfinite(workspace.data.qpos).all()
 
 
 def test_a_forward_of_ones_own_is_what_counts() -> None:

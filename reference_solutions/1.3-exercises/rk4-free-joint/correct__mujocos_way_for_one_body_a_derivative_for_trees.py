@@ -1,3 +1,4 @@
+# from MuJoCo 4.0.0: partial: of second order on rotations only
 """MuJoCo's own method on a single free body, the quaternion's derivative elsewhere: either is right."""
 import mujoco
 import numpy as np

@@ -1,3 +1,4 @@
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 """MuJoCo's way: weighted mean of the stage velocities, one mj_integratePos."""
 import mujoco
 

@@ -1,4 +1,5 @@
 # diagnosis: data.time does not change
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 
 

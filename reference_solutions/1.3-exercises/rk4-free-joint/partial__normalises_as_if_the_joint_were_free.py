@@ -1,4 +1,5 @@
 # diagnosis: ball joint
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 

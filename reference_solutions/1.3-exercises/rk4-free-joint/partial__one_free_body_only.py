@@ -1,4 +1,5 @@
 # diagnosis: Some velocities do not change
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 """Returns at once where the model is not a single free body."""
 import mujoco
 

@@ -1,4 +1,5 @@
 # diagnosis: at every stage before mj_forward
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 
 

@@ -1,4 +1,5 @@
 # diagnosis: use model.opt.timestep, not a fixed number
+# from MuJoCo 4.0.0: incorrect: use model.opt.timestep
 import mujoco
 
 

@@ -1,4 +1,5 @@
 # diagnosis: The linear velocity of a free joint is in world axes already
+# from MuJoCo 4.0.0: incorrect: world axes already
 import mujoco
 import numpy as np
 

@@ -1,4 +1,5 @@
 # diagnosis: qvel of a joint is read at jnt_qposadr
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 

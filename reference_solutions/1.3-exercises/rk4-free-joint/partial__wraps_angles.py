@@ -1,4 +1,5 @@
 # diagnosis: You wrap angles into one turn
+# from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 

@@ -4,9 +4,13 @@ Source: mjtIntegrator of MuJoCo 3.14.0; its manual, "Numerical integration" in t
 for `discrete`. The tests measure `order` and `evaluations`.
 """
 
+import copy
 from dataclasses import dataclass
 
+import mujoco
 from mujoco import mjtIntegrator
+
+from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,9 @@ class Integrator:
 EULER = Integrator(
     int(mjtIntegrator.mjINT_EULER), "Euler", 1, 1, "semi-implicit; implicit in joint damping unless eulerdamp is off"
 )
-RK4 = Integrator(int(mjtIntegrator.mjINT_RK4), "RK4", 4, 4, "explicit; second order on quaternions in MuJoCo 3.14.0")
+RK4 = Integrator(
+    int(mjtIntegrator.mjINT_RK4), "RK4", 4, 4, f"explicit; of order {RK4_ORDER_ON_ROTATIONS} on free and ball joints"
+)
 IMPLICIT = Integrator(
     int(mjtIntegrator.mjINT_IMPLICIT),
     "implicit",
@@ -52,3 +58,17 @@ INTEGRATORS = (EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE)
 
 BY_CODE = {integrator.code: integrator for integrator in INTEGRATORS}
 BY_NAME = {integrator.name: integrator for integrator in INTEGRATORS}
+
+
+def refusal(model: mujoco.MjModel, integrator: Integrator) -> str | None:
+    """Why MuJoCo does not step this model with an integrator, in its own words; None if it does.
+
+    What is refused depends on the version: 4.0.0 refuses edge damping of a flex under `discrete`, for example.
+    """
+    model = copy.copy(model)
+    model.opt.integrator = integrator.code
+    try:
+        mujoco.mj_step(model, mujoco.MjData(model))
+    except mujoco.FatalError as error:
+        return str(error)
+    return None

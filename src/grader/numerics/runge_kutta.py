@@ -1,4 +1,4 @@
-"""Fourth-order Runge-Kutta over mj_forward: MuJoCo 3.14.0's own scheme, and one of fourth order on rotations too.
+"""Fourth-order Runge-Kutta over mj_forward: the installed MuJoCo's scheme, and one of fourth order on rotations too.
 
 Both read accelerations and activation rates from `forward(model, data)`, by default `mujoco.mj_forward`; a caller may
 pass another function, for instance one that adds a force. Models with plug-ins, sleep, histories or activation
@@ -6,13 +6,14 @@ dynamics that MuJoCo does not integrate by a plain Euler or exact-filter update 
 """
 
 from collections.abc import Callable
-from math import exp, sqrt, tan
+from math import exp, isfinite, nan, pi, remainder, sqrt, tan
 
 import mujoco
 import numpy as np
 from mujoco import mjtDisableBit, mjtDyn, mjtEnableBit, mjtJoint
 
 from grader.numerics.scene import Vector
+from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 
 Forward = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
@@ -32,12 +33,15 @@ PLAIN_DYNAMICS = (
 
 
 def mujoco_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward = mujoco.mj_forward) -> None:
-    """Advance `data` by `model.opt.timestep` as mj_step with integrator RK4 does, bit for bit.
+    """Advance `data` by `model.opt.timestep` as mj_step with integrator RK4 does.
 
-    Positions of free and ball joints advance by one mj_integratePos along the summed velocities, which is of second
-    order there. Warm start, activations and time advance as in MuJoCo; its divergence checks are not made.
+    Positions of free and ball joints advance by one mj_integratePos along the summed velocities of the stages. MuJoCo
+    4.0.0 corrects these velocities as `lie_rk4_step` does, and is of fourth order there; 3.14.0 does not, and is of
+    second order. Bit for bit the same, but for that correction, which agrees to rounding error. Warm start, activations
+    and time advance as in MuJoCo; its divergence checks are not made.
     """
     check_supported(model)
+    corrected = rotation_slices(model) if RK4_ORDER_ON_ROTATIONS == 4 else ()
     h, start, nv = float(model.opt.timestep), float(data.time), int(model.nv)
     qpos, rest = data.qpos.copy(), _rest(data)
     forward(model, data)
@@ -50,6 +54,7 @@ def mujoco_rk4_step(model: mujoco.MjModel, data: mujoco.MjData, forward: Forward
         data.time = start + fraction * h
         forward(model, data)
         slopes.append(_slope(data))
+        _to_chart(corrected, h * slope, slopes[-1])
     slope = np.zeros(slopes[0].size)
     for weight, part in zip(WEIGHTS, slopes, strict=True):
         mujoco.mju_addToScl(slope, part, weight)
@@ -166,9 +171,12 @@ def _clamped(model: mujoco.MjModel, act: Vector) -> Vector:
 
 
 def _to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> None:
-    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame."""
+    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame.
+
+    A rotation vector u of more than half a turn is replaced by the shorter one of the same rotation.
+    """
     for where in rotations:
-        ux, uy, uz = chart[where].tolist()
+        ux, uy, uz = _shortest(*chart[where].tolist())
         wx, wy, wz = slope[where].tolist()
         cx, cy, cz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
         b = _bortz(sqrt(ux * ux + uy * uy + uz * uz))
@@ -177,6 +185,15 @@ def _to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> Non
             wy + 0.5 * cy + b * (uz * cx - ux * cz),
             wz + 0.5 * cz + b * (ux * cy - uy * cx),
         )
+
+
+def _shortest(ux: float, uy: float, uz: float) -> tuple[float, float, float]:
+    """The rotation vector of at most half a turn [rad]; nan for one that is not finite."""
+    angle = sqrt(ux * ux + uy * uy + uz * uz)
+    if angle <= pi:
+        return ux, uy, uz
+    scale = remainder(angle, 2 * pi) / angle if isfinite(angle) else nan
+    return scale * ux, scale * uy, scale * uz
 
 
 def _bortz(angle: float) -> float:

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from grader.numerics.convergence import distance, positions_apart
-from grader.numerics.integrators import BY_CODE, DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4, Integrator
+from grader.numerics.integrators import BY_CODE, DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4, Integrator, refusal
 from grader.numerics.measures import measure
 from grader.numerics.reference import Reference, dop853, sample_times, unreferenced
 from grader.numerics.rollout import Rollout, simulate
@@ -124,8 +124,9 @@ def select(
 
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
     measured. Of each integrator the largest timestep comes first; it ends where a timestep passes and CONFIRMATIONS
-    smaller ones confirm it, or where its next setting costs more than the best of another one. No run begins that would
-    last beyond `budget_s` of wall time; the best of what was measured is then returned.
+    smaller ones confirm it, or where its next setting costs more than the best of another one. An integrator that
+    MuJoCo refuses for the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of
+    what was measured is then returned.
 
     Raises ValueError as `check_question` does, and for timesteps that do not divide SAMPLE_S; Still where the quantity
     moves too little.
@@ -136,7 +137,8 @@ def select(
     if scene.model.nhistory:
         return _cannot_tell("a delay counts samples, so that runs at two timesteps are not comparable")
     with ThreadPoolExecutor(CORES) as pool:
-        offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in integrators}
+        able = [integrator for integrator in integrators if refusal(scene.model, integrator) is None]
+        offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
         survey = _Survey(
             _Meter(scene, seconds, quantity),
             tolerance,

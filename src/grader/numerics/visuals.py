@@ -3,6 +3,9 @@
 No flag of MuJoCo skips their poses, which take a tenth of a step on the lesson's models.
 """
 
+import threading
+import warnings
+
 import mujoco
 import numpy as np
 
@@ -13,6 +16,9 @@ IGNORED = ("geom_", "site_", "cam_", "light_", "sensor_", "mesh_", "mat_", "tex_
 
 DERIVED = ("body_geom", "body_bvh", "body_con", "body_margin", "dof_length")
 """Prefixes of arrays derived from those, which only collisions and sleep use."""
+
+_quiet = threading.Lock()
+"""Python keeps the filters of warnings for all threads."""
 
 
 def without_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
@@ -50,7 +56,10 @@ def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def _stripped(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
-    """Compile the text without visuals; None if a remaining element refers to one, or an included file is missing."""
+    """Compile the text without visuals; None if a remaining element refers to one, or an included file is missing.
+
+    MuJoCo's warnings, such as those of MuJoCo 4.0.0 of deprecated attributes, are those of the whole text, and dropped.
+    """
     try:
         spec = mujoco.MjSpec.from_string(xml)
         for geom in spec.geoms:
@@ -58,6 +67,8 @@ def _stripped(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
         spec.compiler.discardvisual = True
         for part in [*spec.sensors, *spec.lights, *spec.cameras, *(spec.sites if sites_too else ())]:
             spec.delete(part)
-        return spec.compile()
+        with _quiet, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            return spec.compile()
     except (ValueError, mujoco.FatalError):
         return None

@@ -27,11 +27,14 @@ from .kernel import fail, libc
 PAGE = mmap.PAGESIZE
 MAP_SHARED, MAP_PRIVATE, MAP_FIXED, MAP_ANONYMOUS = 0x01, 0x02, 0x10, 0x20
 READ_WRITE, READ_EXECUTE = mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ | mmap.PROT_EXEC
-# Every function of MuJoCo 3.14.0 that moves a state by a timestep, or that writes such a state into its workspace.
+# Every function of MuJoCo that moves a state by a timestep, or that writes such a state into its workspace. The batches
+# of 4.0.0 (mjb_step, mjb_rollout) call mj_step.
 NAMES = frozenset(
     {"mj_step", "mj_step1", "mj_step2", "mj_stepSkip", "mj_Euler", "mj_EulerSkip", "mj_RungeKutta", "mj_implicit"}
-    | {"mj_implicitSkip", "mj_advance", "mjd_transitionFD"}
+    | {"mj_implicitSkip", "mjd_transitionFD"}
 )
+# The internal function in which they end, by its name in 3.14.0 and in 4.0.0.
+ADVANCE = frozenset({"mj_advance", "advance"})
 SECTION, SYMBOL = struct.Struct("<IIQQQQIIQQ"), struct.Struct("<IBBHQQ")  # Elf64_Shdr, Elf64_Sym
 SYMTAB, FUNCTION = 2, 2
 
@@ -97,12 +100,14 @@ def find() -> Pages:
     symbols = _functions(Path(path))
     if missing := NAMES - symbols.keys():
         raise Unavailable(f"MuJoCo's library has no symbols {', '.join(sorted(missing))}")
+    if not ADVANCE & symbols.keys():
+        raise Unavailable(f"MuJoCo's library has no symbol {' or '.join(sorted(ADVANCE))}")
     base = _address("mj_step") - symbols["mj_step"][0]
     if _address("mj_RungeKutta") != base + symbols["mj_RungeKutta"][0]:
         raise Unavailable("MuJoCo's library does not lie where its symbols say")
     counter = libc.mmap(None, PAGE, READ_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
     stub, trap = stub_for(low, high - low, counter)
-    spans = [(base + symbols[name][0], symbols[name][1]) for name in NAMES]
+    spans = [(base + offset, size) for offset, size in symbols.values()]
     first = min(start for start, _ in spans) & -PAGE
     end = (max(start + size for start, size in spans) + PAGE - 1) & -PAGE
     if not low <= first < end <= high:
@@ -171,7 +176,10 @@ def _address(name: str) -> int:
 
 
 def _functions(path: Path) -> dict[str, tuple[int, int]]:
-    """Read offset and size of the integrators from a library's symbol table (ELF, 64 bits, little-endian)."""
+    """Read offset and size of the integrators from a library's symbol table (ELF, 64 bits, little-endian).
+
+    A linker that optimises adds ".llvm." and a number to the names of internal functions.
+    """
     data = path.read_bytes()
     (table,) = struct.unpack_from("<Q", data, 0x28)
     (count,) = struct.unpack_from("<H", data, 0x3C)
@@ -185,6 +193,7 @@ def _functions(path: Path) -> dict[str, tuple[int, int]]:
         for name, info, _, _, value, length in SYMBOL.iter_unpack(data[offset : offset + size]):
             start = names + name
             text = data[start : data.index(b"\0", start)].decode("ascii", "replace") if info & 0xF == FUNCTION else ""
-            if text in NAMES:
-                found[text] = (value, length)
+            plain = text.partition(".llvm.")[0]
+            if plain in NAMES | ADVANCE:
+                found[plain] = (value, length)
     return found

@@ -2,6 +2,7 @@
 # next: Advance data.act with data.act_dot at every stage and at the end.
 # status: partial
 # told: data.act does not change: advance it with data.act_dot, as you advance qvel with
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 
 

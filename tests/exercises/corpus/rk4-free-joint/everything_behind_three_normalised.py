@@ -2,6 +2,7 @@
 # next: Normalise each quaternion on its own, or not at all: mj_integratePos keeps the length.
 # status: partial
 # told: The free body is right, a ball joint is not: its quaternion stands alone in qpos, without
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 

@@ -2,6 +2,7 @@
 # next: Add qvel[0:3] as it is; only qvel[3:6] is in the body's axes.
 # status: partial
 # told: The positions in your stage 2 are not those at the start of the step plus multiples of h
+# told from MuJoCo 4.0.0: incorrect: The positions in your stage 2 are not those at the start of the step plus multiples of h
 import mujoco
 import numpy as np
 

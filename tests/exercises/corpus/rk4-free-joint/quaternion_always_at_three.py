@@ -2,6 +2,7 @@
 # next: Find quaternions by model.jnt_type, model.jnt_qposadr and model.jnt_dofadr, or leave them to mj_integratePos.
 # status: partial
 # told: hidden case 2: TypeError, in line 11 of your
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 

@@ -2,6 +2,7 @@
 # next: Set data.time before each mj_forward: t, t + h/2, t + h/2, t + h.
 # status: partial
 # told: data.time stands at the start of the step in all four calls of mj_forward: set data.time
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 
 

@@ -2,6 +2,7 @@
 # next: Use model.jnt_dofadr for qvel and model.jnt_qposadr for qpos.
 # status: partial
 # told: hidden case 3: TypeError, in line 25 of your
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)

@@ -16,6 +16,7 @@ from grader.numerics.convergence import observed_order
 from grader.numerics.reference import dop853
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
+from grader.numerics.version import INSTALLED, RK4_ORDER_ON_ROTATIONS
 
 Rows = NDArray[np.float64]
 
@@ -43,9 +44,6 @@ Source: the truth of a case is exact to 1e-11; methods that choose their own sub
 
 FEWEST = 3
 """The fewest points to which a slope is fitted."""
-
-MUJOCO_ORDER = 2.0
-"""The order of MuJoCo's RK4 on rotations. Source: slope 2.00 measured with MuJoCo 3.14.0."""
 
 SAMPLES = 5
 """The number of times at which a run is compared with the truth, the last at its end."""
@@ -171,7 +169,7 @@ def stepped(run: Run, step: Step, steps: int | None = None) -> Trajectory:
 
 @lru_cache(maxsize=256)
 def mujoco_run(run: Run) -> Trajectory:
-    """Simulates the run by MuJoCo 3.14.0's RK4 with the hidden force."""
+    """Simulates the run by the installed MuJoCo's RK4 with the hidden force."""
     return stepped(run, partial(mujoco_rk4_step, forward=forward_of(run)))
 
 
@@ -361,8 +359,8 @@ class OrderOutcome:
 
     @cached_property
     def is_mujocos(self) -> bool:
-        """Whether this is MuJoCo's own method with its second order on rotations."""
-        return self.follows_mujoco and self.is_about(MUJOCO_ORDER)
+        """Whether this is the installed MuJoCo's own method with its order on rotations."""
+        return self.follows_mujoco and self.is_about(RK4_ORDER_ON_ROTATIONS)
 
 
 Outcome = RunOutcome | OrderOutcome
@@ -396,15 +394,16 @@ def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
         to_truth = f"; both are {outcome.error:.1e} from the truth" if many else ""
         return "Agrees with MuJoCo's RK4.", f"The largest difference is {worst:.1e}{to_truth}."
     if outcome.is_near_truth:
+        near = "nearer to the truth: as near" if RK4_ORDER_ON_ROTATIONS < ORDER else "as near to the truth"
         return (
-            "Not MuJoCo's method, but nearer to the truth: as near as a fourth-order method must be.",
+            f"Not MuJoCo's method, but {near} as a fourth-order method must be.",
             f"It differs by {worst:.1e}; its error is {outcome.error:.1e}.",
         )
     return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.1e} in all."
 
 
 def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
-    """Measures the order. Right are the fourth and, where it counts, the second of MuJoCo's method on rotations."""
+    """Measures the order. Right are the fourth and, where it counts, that of MuJoCo's method on rotations."""
     assert problem.order is not None
     truth, runs = truth_of(problem), problem.order_runs
     students = [read_trajectory(results, index, run) for index, run in enumerate(runs)]
@@ -441,7 +440,7 @@ def order_message(order: OrderOutcome) -> str:
         )
     if order.is_mujocos:
         return (
-            "The error shrinks with the second order of MuJoCo 3.14.0's own RK4 on rotations; "
+            f"The error shrinks with the second order of MuJoCo {INSTALLED}'s own RK4 on rotations; "
             "a method of fourth order there is right too."
         )
     return order_complaint(order)

@@ -17,6 +17,10 @@ from grader.exercises.kinds.rk4.stages import STAGES
 from grader.exercises.kinds.rk4.states import agrees_until, explain_activations, explain_idle, explain_time
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, same
 from grader.exercises.trace import Trace
+from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
+
+MUJOCO_MOVES_ONCE = RK4_ORDER_ON_ROTATIONS == 2
+"""Whether MuJoCo's RK4 itself moves rotations once, by the weighted mean of the velocities."""
 
 NO_NUMBER = (
     "In your first step data.qpos or data.qvel becomes nan: None, or something that is no number, was assigned to it. "
@@ -84,7 +88,7 @@ def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome
     rule = rule_of(model, reading.steps, velocities)
     if rule is not None and rule not in RIGHT:
         return rule
-    if rule == BODY and alike and not same(velocities, CLASSICAL):
+    if rule == BODY and alike and not (same(velocities, CLASSICAL) and MUJOCO_MOVES_ONCE):
         return moved_once(velocities)
     return linear_axes(model, reading.steps, velocities) or wrong_address(
         model, reading.steps, velocities, hidden=hidden
@@ -92,11 +96,17 @@ def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome
 
 
 def moved_once(rows: Matrix) -> str:
-    """Returns the sentence of another fourth-order tableau whose rotations move once."""
+    """Returns the sentence of a fourth-order tableau whose rotations move once, unless MuJoCo does the same."""
+    name = "the classical method" if same(rows, CLASSICAL) else name_of(rows) or "a method of fourth order"
+    seen = f"This is {name} with one mj_integratePos for all slopes, which is of second order on rotations only."
+    if MUJOCO_MOVES_ONCE:
+        return (
+            f"{seen} MuJoCo does that with the classical weights 1, 2, 2, 1; another method must be of fourth order on "
+            "rotations too."
+        )
     return (
-        f"This is {name_of(rows) or 'a method of fourth order'} with one mj_integratePos for all slopes, which is of "
-        "second order on rotations only. MuJoCo does that with the classical weights 1, 2, 2, 1; another method must "
-        "be of fourth order on rotations too."
+        f"{seen} Integrate the quaternion's own derivative, quat * (0, omega) / 2, or correct the angular velocity of "
+        "each stage for the turn since the start of the step, as MuJoCo does from 4.0.0 on."
     )
 
 
