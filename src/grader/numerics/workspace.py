@@ -26,9 +26,9 @@ class Workspace:
     """A model and its data, for one run at a time.
 
     `counts` (7,) is a view of the warning counters, and `warned` the same for `any`, ten times as fast. `timestep_s`
-    [s] and `integrator` are those with which it was lent. `known` is the whole integration state at which the data stands,
-    None where it may have been written since; `saved` is room for one. `columns` are the slices of qpos, qvel and act
-    in a row of KEPT, which has `width` entries.
+    [s] and `integrator` are those with which it was lent. `known` is the whole integration state at which the data
+    stands, None where it may have been written since; `saved` is room for one. `columns` are the slices of qpos, qvel
+    and act in a row of KEPT, which has `width` entries.
     """
 
     def __init__(self, model: mujoco.MjModel, *, bare: bool = False) -> None:
