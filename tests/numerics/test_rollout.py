@@ -7,7 +7,7 @@ import pytest
 from grader.numerics.measures import measure
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.stepping import CHUNK, STEPS_MAX
+from grader.numerics.stepping import CHUNK, CHUNK_MAX, GROWTH, STEPS_MAX
 from grader.numerics.workspace import BARE_AFTER
 from numerics.measuring import energy
 from numerics.models import ALL, LESSON, SENSORS
@@ -49,6 +49,35 @@ def test_chunks_are_bitwise_what_single_steps_are() -> None:
         every_step = simulate(DOUBLE, steps=CHUNK * 3 + 7, integrator=integrator)
         chunked = simulate(DOUBLE, steps=CHUNK * 3 + 7, integrator=integrator, every=STEPS_MAX)
         assert chunked.qpos[-1].tobytes() == every_step.qpos[-1].tobytes()
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_a_run_is_bitwise_what_one_call_into_the_engine_is(name: str) -> None:
+    """Over the model's first 600 steps, which are two chunks, or up to the first warning."""
+    scene = Scene.from_xml(ALL[name])
+    for integrator in range(5):
+        run = simulate(scene, steps=600, timestep_s=0.001, integrator=integrator, every=STEPS_MAX)
+        with scene.borrow(timestep_s=0.001, integrator=integrator) as workspace:
+            mujoco.mj_step(workspace.model, workspace.data, run.steps)
+            last = (run.qpos[-1], run.qvel[-1], run.act[-1])
+            if run.diverged_at_step is None:
+                assert last[0].tobytes() == workspace.data.qpos.tobytes()
+                assert last[1].tobytes() == workspace.data.qvel.tobytes()
+                assert last[2].tobytes() == workspace.data.act.tobytes()
+                assert run.time[-1] == workspace.data.time
+
+
+def test_the_step_that_warns_is_found_in_every_chunk() -> None:
+    """The smaller the start, the later the linear growth beyond the limit reaches a warning."""
+    found = []
+    for exponent in np.linspace(-290, 0, 40):
+        scene = SERVO.at(qpos=[10.0**exponent])
+        times = np.array(stepped_singly(scene, 0.0215, 0, 2500))
+        first = int(np.argmax(np.diff(times) < 0)) + 1
+        run = simulate(scene, steps=2500, timestep_s=0.0215, integrator=0, every=STEPS_MAX)
+        assert (run.diverged_at_step, run.step.tolist()) == (first, [0])
+        found.append(first)
+    assert min(found) < CHUNK < GROWTH * CHUNK < CHUNK + CHUNK_MAX < max(found)
 
 
 def test_results_are_read_only() -> None:

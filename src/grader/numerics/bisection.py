@@ -125,7 +125,7 @@ def find_threshold(
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
     if scan_step_s is not None and not scan_step_s > 0:
         raise ValueError(f"cannot scan in steps of {scan_step_s} s")
-    integrator = checked_options(scene.model, low_s, integrator)[1]
+    integrator = checked_options(scene.options, low_s, integrator)[1]
     search = _Search(scene, horizon_s, integrator, criterion)
     points = SCAN_POINTS if scan_step_s is None else max(1, ceil((high_s - low_s) / scan_step_s))
     grid = [float(h) for h in np.linspace(low_s, high_s, points + 1)]

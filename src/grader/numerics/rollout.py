@@ -5,8 +5,8 @@ backwards, and reports the step.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -14,30 +14,49 @@ from mujoco import mjtWarning
 from numpy.typing import NDArray
 
 from grader.numerics.needs import assert_proved, skippable
-from grader.numerics.scene import Scene, Vector, frozen
+from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_by, advance_exactly, first_warning
-from grader.numerics.workspace import Workspace
+from grader.numerics.workspace import KEPT, Workspace
 
 
-@dataclass(frozen=True)
-class Rollout:
+class Rollout(NamedTuple):
     """A simulated time series as read-only arrays.
 
     step (n,), time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na), beginning with the start. `diverged_at_step` is
     the number of completed steps before the one that raised `warning`, None for a run that did not diverge; `warning`
-    is None if time ran backwards without one. `steps` counts the completed steps.
+    is None if time ran backwards without one. `steps` counts the completed steps. `timestep_s` [s] and `integrator` are
+    those of the start. The states are stored together,
+    (n, 1 + nq + nv + na), and `columns` are those of qpos, qvel and act.
     """
 
     step: NDArray[np.int64]
-    time: Vector
-    qpos: Vector
-    qvel: Vector
-    act: Vector
+    states: Vector
+    columns: tuple[slice, ...]
     timestep_s: float
     integrator: int
     steps: int
     diverged_at_step: int | None
     warning: mjtWarning | None
+
+    @property
+    def time(self) -> Vector:
+        """Times of the states [s], (n,)."""
+        return self.states[:, 0]
+
+    @property
+    def qpos(self) -> Vector:
+        """Positions, (n, nq)."""
+        return self.states[:, self.columns[0]]
+
+    @property
+    def qvel(self) -> Vector:
+        """Velocities, (n, nv)."""
+        return self.states[:, self.columns[1]]
+
+    @property
+    def act(self) -> Vector:
+        """Activations, (n, na)."""
+        return self.states[:, self.columns[2]]
 
 
 def simulate(
@@ -64,19 +83,21 @@ def simulate(
     """
     keep = controller is None
     bare = skip and keep and stepper is None
-    with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=bare, keep=keep) as workspace:
-        if skip and keep and stepper is not None:
-            workspace.option.disableflags |= skippable(scene.needs, sensors_read=True)
-        count = _steps(workspace, seconds, steps)
-        wanted = _wanted(count, every, at_s, float(workspace.option.timestep))
-        advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
-        written = _bytes_of(workspace.model) if stepper is not None and keep else b""
-        rollout = _record(workspace, wanted, advance)
-        if written and _bytes_of(workspace.model) != written:  # the workspace is discarded with the exception
-            raise ValueError("a stepper may not write its model, which later runs use too")
-        if keep and not skip and rollout.diverged_at_step is None:
-            assert_proved(scene.needs, workspace.data)
-        return rollout
+    workspace = scene.lend(timestep_s, integrator, skip=bare)  # not given back, and so discarded, after an exception
+    if skip and keep and stepper is not None:
+        workspace.option.disableflags |= skippable(scene.needs, sensors_read=True)
+    count = _steps(workspace.timestep_s, seconds, steps)
+    wanted = _wanted(count, every, at_s, workspace.timestep_s)
+    advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
+    written = _bytes_of(workspace.model) if stepper is not None and keep else b""
+    rollout = _record(workspace, scene.start_vector, wanted, advance)
+    if written and _bytes_of(workspace.model) != written:
+        raise ValueError("a stepper may not write its model, which later runs use too")
+    if keep and not skip and rollout.diverged_at_step is None:
+        assert_proved(scene.needs, workspace.data)
+    if keep:
+        scene.take_back(workspace, rollout.steps if bare else 0)
+    return rollout
 
 
 def _bytes_of(model: mujoco.MjModel) -> bytes:
@@ -89,13 +110,13 @@ def _bytes_of(model: mujoco.MjModel) -> bytes:
 Advance = Callable[[Workspace, int], int]
 
 
-def _steps(workspace: Workspace, seconds: float | None, steps: int | None) -> int:
+def _steps(timestep_s: float, seconds: float | None, steps: int | None) -> int:
     if (seconds is None) == (steps is None):
         raise ValueError("give either seconds or steps")
     if seconds is not None:
-        if not isfinite(seconds) or not 0 <= seconds / workspace.option.timestep <= STEPS_MAX:
-            raise ValueError(f"{seconds} s cannot be simulated in steps of {workspace.option.timestep} s")
-        steps = round(seconds / workspace.option.timestep)
+        if not isfinite(seconds) or not 0 <= seconds / timestep_s <= STEPS_MAX:
+            raise ValueError(f"{seconds} s cannot be simulated in steps of {timestep_s} s")
+        steps = round(seconds / timestep_s)
     assert steps is not None
     if not 0 <= steps <= STEPS_MAX:
         raise ValueError(f"{steps} steps is not between 0 and {STEPS_MAX}")
@@ -116,35 +137,30 @@ def _wanted(count: int, every: int, at_s: Sequence[float] | Vector | None, times
     return np.unique(np.rint(times / timestep_s).astype(np.int64))
 
 
-def _kept(rows: Vector, count: int) -> Vector:
-    """The first rows, read-only; copied only where that frees the others."""
-    if count < len(rows):
-        return frozen(rows[:count])
-    rows.setflags(write=False)
-    return rows
-
-
-def _record(workspace: Workspace, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
-    data = workspace.data
-    time = np.empty(len(wanted))
-    qpos, qvel, act = (np.empty((len(wanted), part.size)) for part in (data.qpos, data.qvel, data.act))
-    kept = done = 0
-    target = 0
+def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
+    model, data = workspace.model, workspace.data
+    rows = np.empty((len(wanted), workspace.width))
+    kept = done = target = 0
     for target in wanted.tolist():
-        done += advance(workspace, target - done)
-        if done < target:
-            break
-        time[kept], qpos[kept], qvel[kept], act[kept] = data.time, data.qpos, data.qvel, data.act
+        if target:
+            done += advance(workspace, target - done)
+            if done < target:
+                break
+            mujoco.mj_getState(model, data, rows[kept], KEPT)
+        else:
+            rows[0] = start[: workspace.width]  # a whole integration state begins with what is kept
         kept += 1
+    if kept < len(rows):
+        wanted, rows = wanted[:kept], rows[:kept].copy()  # which frees the others
+    rows.setflags(write=False)
+    diverged = done < target
     return Rollout(
-        step=wanted[:kept],
-        time=_kept(time, kept),
-        qpos=_kept(qpos, kept),
-        qvel=_kept(qvel, kept),
-        act=_kept(act, kept),
-        timestep_s=float(workspace.option.timestep),
-        integrator=int(workspace.option.integrator),
-        steps=done,
-        diverged_at_step=done if done < target else None,
-        warning=first_warning(workspace) if done < target else None,
+        wanted,
+        rows,
+        workspace.columns,
+        workspace.timestep_s,
+        workspace.integrator,
+        done,
+        done if diverged else None,
+        first_warning(workspace) if diverged else None,
     )
