@@ -39,7 +39,7 @@ RECEIPT_TIMES = ("script_cpu", "script_wall")
 DIRECTION_EVIDENCE = ("option", "value", "unit", "angles", "claims", "tableau")
 """Pictures of the learner's own answer."""
 FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "order")
-"""Pictures that show how far it is off as well. `limits` and `stability` tell the limit itself: they are the solution's."""
+"""Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""
 
 
 REVEAL: Reveal = "size"
@@ -306,11 +306,12 @@ def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
         findings = tuple(directed(finding) for finding in verdict.findings)
         tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
         diagnosis = verdict.diagnosis if tells else verdict.direction
-        shown, fields = DIRECTION_EVIDENCE, fields_of(verdict, DIRECTION_FIELDS) | {"diagnosis": diagnosis}
+        fields = fields_of(verdict, DIRECTION_FIELDS) | {"diagnosis": diagnosis}
     else:
         names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
         findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)
-        shown, fields = FEEDBACK_EVIDENCE, fields_of(verdict, FEEDBACK_FIELDS)
+        fields = fields_of(verdict, FEEDBACK_FIELDS)
+    shown = DIRECTION_EVIDENCE if reveal == "direction" else FEEDBACK_EVIDENCE
     evidence = {name: value for name, value in verdict.evidence.items() if name in shown}
     return Verdict(**fields, findings=findings, evidence=evidence)
 
@@ -323,7 +324,7 @@ def directed(finding: Finding) -> Finding:
 
 
 def reported(verdict: Verdict, question: QuestionPart) -> Verdict:
-    """The verdict as a command reports it, where neither attempts nor dates are known: limited by the author's `reveal`.
+    """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`.
 
     A right answer shows everything. Without `reveal` only the expected value of a number is left out.
     """

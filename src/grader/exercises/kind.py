@@ -81,9 +81,9 @@ class Judgement(Generic[Outcome]):
     """A kind's judgement on one trial.
 
     `message` is a sentence without numbers of the case, of the student's result, or of the expected result. It tells
-    the direction of an error at most. `detail` is a sentence that may have numbers; the runner leaves it, `measured` and
-    `expected` out of hidden trials. `measured` and `expected` are plain JSON. `outcome` is what the kind passes to its
-    `mistake` and `pictures`; None if the script raised.
+    the direction of an error at most. `detail` is a sentence that may have numbers; the runner leaves it, `measured`
+    and `expected` out of hidden trials. `measured` and `expected` are plain JSON. `outcome` is what the kind passes to
+    its `mistake` and `pictures`; None if the script raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
     its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.

@@ -365,7 +365,13 @@ def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[
         message = " ".join(reviews)
         findings.append(
             Finding(
-                id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message, direction=message
+                id="doubt",
+                title="for a person",
+                passed=None,
+                points=0.0,
+                max_points=0.0,
+                message=message,
+                direction=message,
             )
         )
     return tuple(findings)

@@ -100,7 +100,7 @@ def _frame_size(data: bytes | bytearray, at: int) -> int | None:
 
 
 def arrays_of(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield name and payload of every whole array frame of a message that may have been cut short, up to the first fault."""
+    """Yield name and payload of each whole array frame of a message that may be cut short, up to the first fault."""
     at = 0
     while at < len(data):
         size = _frame_size(data, at)

@@ -46,7 +46,7 @@ def where_spent(results: bytes, source: str, *, waits: bool, hidden: bool) -> st
 
 
 def around(source: str, line: int) -> tuple[str, int | None]:
-    """Return the function around a line, to end a sentence, and the line in which the innermost loop around it begins."""
+    """Return the function around a line, to end a sentence, and the line in which the innermost loop begins."""
     function, loop = "", None
     nodes = [
         node
