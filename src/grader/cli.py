@@ -176,6 +176,7 @@ def grade(
     ] = None,
 ) -> None:
     """Grade one answer with no server and no database. Exits 0 if it is correct, else 1."""
+    from grader.courses.policy import reported
     from grader.domain.quiz import CodeQuestion
     from grader.domain.verdict import Status
     from grader.library import load
@@ -188,7 +189,7 @@ def grade(
     with pipeline_for(library, jailed=is_script) as pipeline:
         keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
         submission = keyed.read(quiz, question, given, seed)
-        verdict = keyed.judge_with_retries(submission)
+        verdict = reported(keyed.judge_with_retries(submission), submission.question)
     if form is not None:
         from grader.reports import Graded, junit_xml, results_json
 

@@ -115,7 +115,7 @@ def test_a_slip_is_always_told_and_never_gives_the_number_away(answer: float, fa
     question = NumericQuestion(id="q", kind="numeric", q="How much?", answer=answer, unit=unit, explain=None)
     verdict = grade_answer(question, answer * factor)
     assert verdict.diagnosis is not None
-    assert [finding.expected for finding in verdict.findings] == [None]
+    assert [finding.expected for finding in verdict.findings] == [answer], "which redaction holds back"
     assert f"{answer:g} " not in verdict.diagnosis or f"{answer:g}" in ("10", "100", "1000")
 
 

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact
+from grader.answers import grade_answer
+from grader.courses.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact, reported
 from grader.domain.policy import Policy, Progress
-from grader.domain.quiz import OpenQuestion
+from grader.domain.quiz import NumericQuestion, OpenQuestion, Reveal
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
 from grader.library import load
 from grader.pipeline import Pipeline
@@ -24,6 +25,8 @@ FEEDBACK = decide(Policy(), None, QUESTION, Progress(), NOW, role="student")
 RECEIPT = decide(Policy(feedback="after_publish"), None, QUESTION, Progress(), NOW, role="student")
 SOLUTION = decide(Policy(solutions="with_feedback"), None, QUESTION, Progress(), NOW, role="student")
 JUDGED = [status for status in Status if status not in NOT_ABOUT_CORRECTNESS]
+
+DIRECTION, VALUE = (replace(FEEDBACK, reveal=reveal) for reveal in ("direction", "value"))
 
 SECRET = "SECRET-"
 words = st.text("abc", min_size=1, max_size=5)
@@ -37,6 +40,7 @@ findings = st.builds(
     points=st.floats(0, 1),
     max_points=st.floats(0, 1),
     message=secrets,
+    direction=st.none() | secrets,
     measured=values,
     expected=values,
 )
@@ -50,6 +54,7 @@ def outcomes(draw: st.DrawFn) -> dict[str, Any]:
         "points": draw(st.floats(0, 1)),
         "findings": tuple(draw(st.lists(findings, max_size=3))),
         "diagnosis": draw(st.none() | secrets),
+        "direction": draw(st.none() | secrets),
         "explain": draw(st.none() | secrets),
         "evidence": draw(st.dictionaries(st.sampled_from(["option", "angles", "stability", "order"]), values)),
         "timing_ms": {"script_cpu": 2.0, **draw(st.dictionaries(secrets, st.floats(0, 9), max_size=2))},
@@ -110,6 +115,92 @@ def test_before_the_solution_neither_explanation_nor_expected_value_is_shown(
     assert [f.model_copy(update={"expected": None}) for f in verdict.findings] == list(shown.findings)
 
 
+def directed(finding: Finding, points: float) -> Finding:
+    """A failed finding of which only the direction is the same for every key."""
+    same = {"id": "a", "title": "A", "passed": False, "points": points, "max_points": 1.0, "direction": "Too high."}
+    return finding.model_copy(update=same)
+
+
+@patient
+@given(answers(), outcomes(), outcomes(), st.lists(st.tuples(findings, findings), max_size=3))
+def test_where_only_the_direction_is_told_verdicts_of_one_direction_look_the_same(
+    answer: dict[str, Any], one: dict[str, Any], other: dict[str, Any], pairs: list[tuple[Finding, Finding]]
+) -> None:
+    told = {"status": Status.INCORRECT, "points": 0.0, "direction": "Too high.", "timing_ms": {}}
+    own = {name: value for name, value in one["evidence"].items() if name in ("option", "angles")}
+    sides = []
+    for outcome, column in ((one, 0), (other, 1)):
+        hidden = {name: value for name, value in outcome["evidence"].items() if name not in ("option", "angles")}
+        found = tuple(directed(pair[column], 0.0) for pair in pairs)
+        verdict = Verdict(**answer, **outcome | told | {"findings": found, "evidence": own | hidden})
+        sides.append(seen(verdict, DIRECTION))
+    assert sides[0] == sides[1]
+
+
+def test_what_was_stored_before_directions_were_tells_nothing_of_size() -> None:
+    finding = Finding(id="a", title="A", passed=False, points=0, max_points=1, message="off by 3.7 N", measured=1)
+    verdict = Verdict(status=Status.INCORRECT, points=0, max_points=1, findings=(finding,), diagnosis="twice 3.7 N")
+    assert "3.7" not in seen(verdict, DIRECTION)
+    assert "3.7" in seen(verdict, FEEDBACK)
+
+
+def test_a_reviewers_finding_is_told_as_it_was_written() -> None:
+    verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=1)
+    shown = redact(reviewed(verdict, 0.5, "Look at the sign."), DIRECTION)
+    assert [finding.message for finding in shown.findings] == ["Look at the sign."]
+
+
+@patient
+@given(answers(), outcomes())
+def test_with_the_value_the_expected_values_are_shown_and_the_explanation_is_not(
+    answer: dict[str, Any], outcome: dict[str, Any]
+) -> None:
+    shown = redact(Verdict(**answer, **outcome), VALUE)
+    assert [finding.expected for finding in shown.findings] == [one.expected for one in outcome["findings"]]
+    assert shown.explain is None
+
+
+KEYS = st.floats(1, 1e3).map(lambda key: float(f"{key:.6g}"))
+FACTORS = st.sampled_from([1.05, 1.5, 2, 5, 57.29578, 1000]) | st.floats(1.05, 1e6)
+
+
+@patient
+@given(KEYS, st.tuples(FACTORS, FACTORS), st.booleans(), st.sampled_from([None, "ms", "rad"]))
+def test_a_wrong_number_tells_its_direction_alone(
+    given_number: float, factors: tuple[float, float], below: bool, unit: str | None
+) -> None:
+    """Whatever the key is, the same wrong number on the same side of it gets the same feedback."""
+    sides = []
+    for factor in factors:
+        key = given_number * factor if below else given_number / factor
+        question = NumericQuestion(kind="numeric", id="q", q="?", answer=key, tol=key * 1e-3, unit=unit, explain="KEY")
+        sides.append(seen(grade_answer(question, given_number), DIRECTION))
+    assert sides[0] == sides[1]
+    assert f"too {'low' if below else 'high'}." in sides[0]
+
+
+def test_the_size_of_an_error_is_told_in_coarse_words() -> None:
+    question = NumericQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1)
+    said = [grade_answer(question, number).findings[0].message for number in (75, 120, 20, 1, -5)]
+    assert [one.partition(", ")[2] for one in said] == [
+        "by less than 10 %.",
+        "by less than a factor of two.",
+        "by a factor of two to ten.",
+        "by more than a factor of ten.",
+        "",
+    ]
+
+
+def test_a_command_reports_as_far_as_the_author_reveals() -> None:
+    question = NumericQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1, explain="KEY")
+    for reveal, held in ((None, ()), ("direction", ("KEY", "factor")), ("size", ("KEY",)), ("value", ("KEY",))):
+        asked = question.model_copy(update={"reveal": reveal})
+        told = reported(grade_answer(asked, 146.626), asked).model_dump_json()
+        assert ("73.313" in told) == (reveal == "value")
+        assert not any(word in told for word in held)
+        assert reported(grade_answer(asked, 73.313), asked).explain == "KEY"
+
+
 @patient
 @given(answers(), outcomes())
 def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: dict[str, Any]) -> None:
@@ -118,9 +209,11 @@ def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: 
 
 
 @patient
-@given(answers(), outcomes(), st.sampled_from(list(Shown)))
-def test_redacting_twice_changes_nothing(answer: dict[str, Any], outcome: dict[str, Any], shown: Shown) -> None:
-    decision = replace(RECEIPT, shown=shown)
+@given(answers(), outcomes(), st.sampled_from(list(Shown)), st.sampled_from(["direction", "size", "value"]))
+def test_redacting_twice_changes_nothing(
+    answer: dict[str, Any], outcome: dict[str, Any], shown: Shown, reveal: Reveal
+) -> None:
+    decision = replace(RECEIPT, shown=shown, reveal=reveal)
     once = redact(Verdict(**answer, **outcome), decision)
     assert redact(once, decision) == once
 

@@ -75,9 +75,8 @@ def several(jail: Jail, source: str, limits: Limits, times: int = TIMES) -> list
 @pytest.mark.parametrize("source", ENDLESS.values(), ids=ENDLESS)
 def test_an_endless_program_is_timed_out_every_time(source: str, jail: Jail) -> None:
     reports = several(jail, source, Limits(cpu_s=0.2, wall_s=1))
-    assert [(report.status, report.reason) for report in reports] == [
-        (RunStatus.TIMED_OUT, "The script used up its CPU time of 0.2 s.")
-    ] * TIMES
+    assert [report.status for report in reports] == [RunStatus.TIMED_OUT] * TIMES
+    assert all(report.reason.startswith("The script used up its CPU time of 0.2 s.") for report in reports)
     assert all(report.cpu_s >= 0.2 for report in reports)
 
 
@@ -111,9 +110,9 @@ def ending(cause: Cause | None = None, cpu_s: float = 1.0, oom_killed: bool = Fa
     ],
 )
 def test_who_killed_it_decides(seen: Ending, status: RunStatus) -> None:
-    assert report(seen, Limits(cpu_s=10)).status is status
+    assert report(seen, Job("", "", {}, Limits(cpu_s=10))).status is status
 
 
 def test_a_kill_that_nothing_explains_is_a_fault_of_ours() -> None:
     with pytest.raises(JailFault, match="killed from outside"):
-        report(ending(cpu_s=1.0), Limits(cpu_s=10))
+        report(ending(cpu_s=1.0), Job("", "", {}, Limits(cpu_s=10)))

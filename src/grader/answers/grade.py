@@ -4,7 +4,7 @@ from typing import Any, assert_never
 
 from grader.answers.choices import option_text, read_choice
 from grader.answers.quantities import Quantity, read_quantity
-from grader.answers.slips import find_slip, is_right
+from grader.answers.slips import find_slip, is_right, size_of
 from grader.domain.quiz import (
     ChoiceQuestion,
     CodeQuestion,
@@ -18,6 +18,8 @@ from grader.errors import InvalidAnswer
 
 TEXT_CHARACTERS_MAX = 20_000
 """The longest answer to an open question."""
+
+WAITS = "An instructor will read this answer and grade it."
 
 
 def read_answer(question: Question, answer: Any) -> str:
@@ -42,7 +44,7 @@ def read_answer(question: Question, answer: Any) -> str:
 def grade_answer(question: Question, answer: Any) -> Verdict:
     """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason.
 
-    The findings of a wrong answer never contain the right one; `explain` may.
+    Of a wrong answer only `explain`, and `expected` of a number, may contain the right one.
     """
     try:
         read_as = read_answer(question, answer)
@@ -80,14 +82,17 @@ def _grade_choice(question: ChoiceQuestion | PredictQuestion, index: int, read_a
 
 
 def _grade_number(question: NumericQuestion, given: Quantity) -> Verdict:
-    passed = is_right(given.value, question)
-    message = f"{given} is {'right' if passed else 'not right'}."
-    finding = _finding(question, "number", "Your number", passed=passed, message=message, measured=given.value)
-    return verdict_of(
-        (finding,),
-        diagnosis=None if passed else find_slip(given, question),
-        evidence={"value": given.value, "unit": question.unit},
-    )
+    evidence = {"value": given.value, "unit": question.unit}
+    if is_right(given.value, question):
+        finding = _finding(
+            question, "number", "Your number", passed=True, message=f"{given} is right.", measured=given.value
+        )
+        return verdict_of((finding,), evidence=evidence)
+    direction, size = f"{given} is too {'high' if given.value > question.answer else 'low'}", size_of(given, question)
+    message = f"{direction}{', ' if size else ''}{size}."
+    finding = _finding(question, "number", "Your number", passed=False, message=message, measured=given.value)
+    finding = finding.model_copy(update={"direction": f"{direction}.", "expected": question.answer})
+    return verdict_of((finding,), diagnosis=find_slip(given, question), evidence=evidence)
 
 
 def _for_review(question: Question) -> Verdict:
@@ -97,7 +102,8 @@ def _for_review(question: Question) -> Verdict:
         passed=None,
         points=0.0,
         max_points=question.points,
-        message="An instructor will read this answer and grade it.",
+        message=WAITS,
+        direction=WAITS,
     )
     return Verdict(status=Status.NEEDS_REVIEW, points=0.0, max_points=question.points, findings=(finding,))
 
@@ -114,6 +120,7 @@ def _finding(question: Question, name: str, title: str, *, passed: bool, message
         points=question.points if passed else 0.0,
         max_points=question.points,
         message=message,
+        direction=message,
         measured=measured,
         expected=expected,
     )

@@ -35,6 +35,24 @@ def is_right(value: float, question: NumericQuestion) -> bool:
     return abs(value - question.answer) <= question.tolerance + rounding
 
 
+SIZES = (
+    (1.1, "by less than 10 %"),
+    (2.0, "by less than a factor of two"),
+    (10.0, "by a factor of two to ten"),
+    (math.inf, "by more than a factor of ten"),
+)
+"""In words so coarse that they do not give the answer: the largest ratio of the two numbers, and what is said."""
+
+
+def size_of(given: Quantity, question: NumericQuestion) -> str:
+    """Return how far off a wrong number is; empty where its ratio to the answer says nothing."""
+    if given.value * question.answer <= 0 or question.tolerance > BROADEST_TOLERANCE * abs(question.answer):
+        return ""
+    with_answer = sorted((abs(given.value), abs(question.answer)))
+    ratio = with_answer[1] / with_answer[0]
+    return next((words for most, words in SIZES if ratio < most), SIZES[-1][1])
+
+
 SIGN = Slip("has the wrong sign", "check which direction counts as positive")
 TWO = Slip("is off by a factor of two", "look for a factor that is missing or counted twice")
 ANGLE = Slip("mixes up degrees and radians", "convert the angle")

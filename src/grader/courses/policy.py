@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from grader.domain.policy import Extension, Policy, Progress
-from grader.domain.quiz import QuestionPart
-from grader.domain.verdict import GRADED_AS, POINT_DIGITS, Finding, Status, Verdict
+from grader.domain.quiz import CodeQuestion, NumericQuestion, QuestionPart, Reveal
+from grader.domain.verdict import GRADED_AS, POINT_DIGITS, REVIEW, Finding, Status, Verdict
 
 DAY = timedelta(days=1)
 NO_EXTENSION = Extension()
@@ -30,19 +30,28 @@ NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
 """Statuses that are shown at once, with their sentence: nothing was compared with a right answer."""
 
 RECEIPT_FIELDS = ("max_points", "read_as", "stdout", "stderr", "environment", "content_digest", "submission_digest")
-FEEDBACK_FIELDS = (*RECEIPT_FIELDS, "status", "points", "diagnosis", "timing_ms")
-FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "message", "measured")
+DIRECTION_FIELDS = (*RECEIPT_FIELDS, "status", "points", "direction", "timing_ms")
+FEEDBACK_FIELDS = (*DIRECTION_FIELDS, "diagnosis")
+DIRECTION_FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "direction")
+FINDING_FIELDS = (*DIRECTION_FINDING_FIELDS, "message", "measured")
 RECEIPT_TIMES = ("script_cpu", "script_wall")
 """Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
-FEEDBACK_EVIDENCE = ("option", "value", "unit", "angles", "claims", "differences", "order", "tableau")
-"""Pictures of the learner's own answer. `limits` and `stability` tell the limit itself: they are the solution's."""
+DIRECTION_EVIDENCE = ("option", "value", "unit", "angles", "claims", "tableau")
+"""Pictures of the learner's own answer."""
+FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "order")
+"""Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""
+
+
+REVEAL: Reveal = "size"
+"""What the feedback gives away where the author says nothing."""
 
 
 class Shown(IntEnum):
     """What a learner sees of their attempts at one question; each level includes the ones below it.
 
     - `RECEIPT`: what was understood of the answer, its own output, and statuses that say nothing about correctness;
-    - `FEEDBACK`: status, points, findings, diagnosis, evidence of the answer itself, and the reviewer's comment;
+    - `FEEDBACK`: status, points, findings, diagnosis, evidence of the answer itself, and the reviewer's comment, as far
+      as the question's `reveal` goes;
     - `SOLUTION`: the explanation, the expected values, and the evidence that draws them.
 
     The level is the same for all attempts: a solution that is seen through one attempt is seen.
@@ -73,7 +82,8 @@ class Decision:
     limit. `multiplier` is what an answer handed in now would get, None where none is taken. `withheld` says when the
     feedback comes, and is None once it may be seen. `due` and `closes` include the learner's extension.
     `why_no_lab` says why the lab of a predict question may not be run: it shows what was to be predicted, so it opens
-    with the first answer, and where feedback is withheld, with the feedback.
+    with the first answer, and where feedback is withheld, with the feedback. `reveal` says what the feedback gives
+    away where the solution is not shown.
     """
 
     why_not: str | None
@@ -84,6 +94,7 @@ class Decision:
     due: datetime | None
     closes: datetime | None
     why_no_lab: str | None
+    reveal: Reveal = REVEAL
 
     @property
     def may_answer(self) -> bool:
@@ -149,7 +160,13 @@ def decide(
         shown = Shown.SOLUTION if solution_is_open(policy, progress, left, closed) else Shown.FEEDBACK
     multiplier = None if why_not else late_multiplier(policy, extension, now)
     why_no_lab = withheld if progress.used else UNANSWERED
-    return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab)
+    return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab, revealed(question))
+
+
+def revealed(question: QuestionPart) -> Reveal:
+    """What the feedback on an answer gives away before the solution may be seen."""
+    asked = question.reveal if isinstance(question, NumericQuestion | CodeQuestion) else None
+    return asked or REVEAL
 
 
 UNRESTRICTED = Decision(None, None, 1.0, Shown.SOLUTION, None, None, None, None)
@@ -267,9 +284,7 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
     if decision.shown is Shown.SOLUTION:
         return verdict
     if decision.shown is Shown.FEEDBACK:
-        findings = tuple(Finding(**fields_of(finding, FINDING_FIELDS)) for finding in verdict.findings)
-        evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
-        return Verdict(**fields_of(verdict, FEEDBACK_FIELDS), findings=findings, evidence=evidence)
+        return revealing(verdict, decision.reveal)
     status = Status(verdict.evidence.get(GRADED_AS, verdict.status))
     tells = status in NOT_ABOUT_CORRECTNESS
     return Verdict(
@@ -279,6 +294,47 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
         diagnosis=verdict.diagnosis if tells else decision.withheld,
         timing_ms={name: ms for name, ms in verdict.timing_ms.items() if name in RECEIPT_TIMES},
     )
+
+
+def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
+    """The feedback of a verdict, without the solution, as far as `reveal` goes.
+
+    Where only the direction is told, neither messages nor diagnosis nor measured distances are: what stands in for them
+    is the `direction` of finding and verdict. A reviewer's finding is told as it was written.
+    """
+    if reveal == "direction":
+        findings = tuple(directed(finding) for finding in verdict.findings)
+        tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
+        diagnosis = verdict.diagnosis if tells else verdict.direction
+        fields = fields_of(verdict, DIRECTION_FIELDS) | {"diagnosis": diagnosis}
+    else:
+        names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
+        findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)
+        fields = fields_of(verdict, FEEDBACK_FIELDS)
+    shown = DIRECTION_EVIDENCE if reveal == "direction" else FEEDBACK_EVIDENCE
+    evidence = {name: value for name, value in verdict.evidence.items() if name in shown}
+    return Verdict(**fields, findings=findings, evidence=evidence)
+
+
+def directed(finding: Finding) -> Finding:
+    """A finding of which only the direction is told."""
+    measured = finding.measured if finding.id == REVIEW else None
+    told = fields_of(finding, DIRECTION_FINDING_FIELDS)
+    return Finding(**told, message=finding.direction or "", measured=measured)
+
+
+def reported(verdict: Verdict, question: QuestionPart) -> Verdict:
+    """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`.
+
+    A right answer shows everything. Without `reveal` only the expected value of a number is left out.
+    """
+    asked = question.reveal if isinstance(question, NumericQuestion | CodeQuestion) else None
+    if verdict.status is Status.CORRECT or (asked is None and not isinstance(question, NumericQuestion)):
+        return verdict
+    if asked is not None:
+        return revealing(verdict, asked)
+    findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
+    return verdict.model_copy(update={"findings": findings})
 
 
 def fields_of(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:

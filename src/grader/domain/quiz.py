@@ -24,6 +24,14 @@ def _index_of_option(answer: int, info: ValidationInfo) -> int:
     return answer
 
 
+Reveal = Literal["direction", "size", "value"]
+"""What the feedback on a wrong answer gives away, before the solution may be seen; each level includes the ones before.
+
+- `direction`: whether it is too high or too low, or what is wrong;
+- `size`: about how far it is off, and the slip behind it;
+- `value`: what was expected.
+"""
+
 OptionIndex = Annotated[int, Field(ge=0, strict=True), AfterValidator(_index_of_option)]
 """The 0-based index of one of the `options`, a field that must be declared before it."""
 
@@ -67,6 +75,7 @@ class NumericQuestion(QuestionPart):
     answer: float = Field(allow_inf_nan=False, strict=True)
     tol: float | None = Field(default=None, ge=0, allow_inf_nan=False, strict=True)
     unit: str | None = None
+    reveal: Reveal | None = None
 
     @property
     def tolerance(self) -> float:
@@ -104,6 +113,7 @@ class CodeQuestion(QuestionPart):
     check: CheckSpec
     limits: Limits = Limits()
     rubric: Rubric = ()
+    reveal: Reveal | None = None
 
 
 Reviewable = OpenQuestion | CodeQuestion

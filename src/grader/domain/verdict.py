@@ -16,6 +16,10 @@ GRADED_AS = "graded_as"
 """The key of the evidence of a reviewed verdict that holds the status before the first review."""
 
 
+REVIEW = "review"
+"""The id of the finding of a reviewer."""
+
+
 class Status(StrEnum):
     """The outcome of a submission."""
 
@@ -38,7 +42,10 @@ class Status(StrEnum):
 
 
 class Finding(BaseModel):
-    """The outcome of one criterion; `passed` is None if it is undecided."""
+    """The outcome of one criterion; `passed` is None if it is undecided.
+
+    `direction` is the message where only the direction of an error may be told; None: nothing is told there.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -48,12 +55,16 @@ class Finding(BaseModel):
     points: float
     max_points: float
     message: str
+    direction: str | None = None
     measured: PlainJson = None
     expected: PlainJson = None
 
 
 class Verdict(BaseModel):
-    """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one."""
+    """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one.
+
+    `direction` is the diagnosis where only the direction of an error may be told; None: nothing is told there.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -62,6 +73,7 @@ class Verdict(BaseModel):
     max_points: float
     findings: tuple[Finding, ...] = ()
     diagnosis: str | None = None
+    direction: str | None = None
     read_as: str | None = None
     explain: str | None = None
     evidence: dict[str, PlainJson] = Field(default_factory=dict)
@@ -90,13 +102,15 @@ def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
     if not 0 <= points <= verdict.max_points:
         raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
     status = status_of(points, verdict.max_points)
+    message = comment or "An instructor has decided."
     review = Finding(
-        id="review",
+        id=REVIEW,
         title="review",
         passed={Status.CORRECT: True, Status.INCORRECT: False}.get(status),
         points=points,
         max_points=verdict.max_points,
-        message=comment or "An instructor has decided.",
+        message=message,
+        direction=message,
     )
     measured = tuple(f for f in verdict.findings if f.id != review.id and not (f.passed is None and f.max_points))
     decided = {"status": status, "points": points, "findings": (review, *measured)}

@@ -80,10 +80,10 @@ class Trial(Generic[Problem]):
 class Judgement(Generic[Outcome]):
     """A kind's judgement on one trial.
 
-    `message` is a sentence without numbers of the case, of the student's result, or of the expected result. `detail` is
-    a sentence that may have numbers; the runner leaves it, `measured` and `expected` out of hidden trials. `measured`
-    and `expected` are plain JSON. `outcome` is what the kind passes to its `mistake` and `pictures`; None if the script
-    raised.
+    `message` is a sentence without numbers of the case, of the student's result, or of the expected result. It tells
+    the direction of an error at most. `detail` is a sentence that may have numbers; the runner leaves it, `measured`
+    and `expected` out of hidden trials. `measured` and `expected` are plain JSON. `outcome` is what the kind passes to
+    its `mistake` and `pictures`; None if the script raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
     its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
@@ -140,6 +140,9 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """Whether MuJoCo's integrators are removed before the functions are called; calling one is then forbidden."""
     needs_model: bool = True
     """Whether a case without a model is a fault."""
+    mistakes_tell_size: bool = True
+    """Whether a sentence of `mistake` may tell how far a result is off, which leads to the expected one: twice, in
+    degrees. Where the author reveals the direction alone, such a sentence is not shown."""
 
     @abstractmethod
     def trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:

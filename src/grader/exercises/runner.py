@@ -292,14 +292,16 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     if all(raised):
         return failed(question, Status.CRASHED, f"{titles[0]}: {message_of(judged[0])}", findings)
     whole = [one for one, why in zip(judged, raised, strict=True) if not why]
+    diagnosis, direction = diagnosis_of(kind, plan, judged, whole)
     verdict = verdict_of(
         findings,
-        diagnosis=diagnosis_of(kind, plan, judged, whole),
+        diagnosis=diagnosis,
+        direction=direction,
         evidence=kind.pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
-        return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review})
+        return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review, "direction": review})
     # The explanation names the right results, so it is shown with full marks only.
     return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
 
@@ -362,13 +364,24 @@ def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[
     if reviews:
         message = " ".join(reviews)
         findings.append(
-            Finding(id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message)
+            Finding(
+                id="doubt",
+                title="for a person",
+                passed=None,
+                points=0.0,
+                max_points=0.0,
+                message=message,
+                direction=message,
+            )
         )
     return tuple(findings)
 
 
 def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
-    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values."""
+    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values.
+
+    The detail may say how far the result is off, so the direction leaves it out.
+    """
     shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
         id=judged.trial.id,
@@ -377,6 +390,7 @@ def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
         points=points if judged.counts else 0.0,
         max_points=points,
         message=" ".join(filter(None, (message_of(judged), shown.detail))),
+        direction=message_of(judged),
         measured=shown.measured,
         expected=shown.expected,
     )
@@ -388,20 +402,25 @@ def message_of(judged: AnyJudged) -> str:
     return judgement.unmet if judgement.passed and not judged.counts else judgement.message
 
 
-def diagnosis_of(kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]) -> str | None:
+def diagnosis_of(
+    kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]
+) -> tuple[str | None, str | None]:
     """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding.
 
-    `whole` are the trials that did not raise. Details are left out, so that the diagnosis does not depend on the seed.
+    The second sentence stands in for the first where only the direction of an error may be told. `whole` are the trials
+    that did not raise. Details are left out, so that the diagnosis does not depend on the seed.
     """
     wrong = next((index for index, one in enumerate(judged) if not one.counts), None)
     if wrong is None:
-        return None
+        return None, None
     first = judged[wrong]
     message = f"{titles_of(plan)[wrong]}: {message_of(first)}"
     if first not in whole:
-        return f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
+        message = f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
+        return message, message
     slip = hidden_slip([one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden])
     if slip is not None:
-        return slip
+        return slip, slip
     hint = first.trial.case.hint if first.trial.case else None
-    return kind.mistake(plan.parameters, whole) or hint or message
+    mistake = kind.mistake(plan.parameters, whole)
+    return mistake or hint or message, hint or message if kind.mistakes_tell_size or not mistake else mistake

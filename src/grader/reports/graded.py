@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from grader.domain.markup import plain_text
-from grader.domain.quiz import Question, Quiz
+from grader.domain.quiz import CodeQuestion, NumericQuestion, Question, Quiz
 from grader.domain.verdict import Finding, Status, Verdict
 
 
@@ -31,7 +31,9 @@ class Graded:
 
     @property
     def shows_solution(self) -> bool:
-        """Whether the policy lets a learner see what was expected; attempts and dates are not known here."""
+        """Whether the author lets a learner see what was expected; attempts and dates are not known here."""
+        if isinstance(self.question, NumericQuestion | CodeQuestion) and self.question.reveal == "value":
+            return True
         solutions = self.quiz.policy.solutions
         is_right = solutions == "when_right_or_spent" and self.verdict.status is Status.CORRECT
         return solutions == "with_feedback" or is_right

@@ -13,7 +13,7 @@ arrived.
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -97,6 +97,20 @@ def _frame_size(data: bytes | bytearray, at: int) -> int | None:
         return length + 4 + int(struct.unpack_from("<I", data, length)[0]) - at
     except (IndexError, struct.error):
         return None
+
+
+def arrays_of(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield name and payload of each whole array frame of a message that may be cut short, up to the first fault."""
+    at = 0
+    while at < len(data):
+        size = _frame_size(data, at)
+        if size is None or at + size > len(data):
+            return
+        if data[at] != WANT[0]:
+            name = at + 2
+            shape = name + data[at + 1] + 1
+            yield data[name : shape - 1], data[shape + 1 + 4 * data[shape] + 4 : at + size]
+        at += size
 
 
 def parse(data: bytes) -> Message:

@@ -102,13 +102,15 @@ class Jail:
             "source": job.source,
             "driver": job.driver,
             "filename": job.filename.rpartition("/")[2] or "submission.py",
+            "cpu_s": job.limits.cpu_s,
+            "wall_s": job.limits.wall_s,
         }
         parts = [json.dumps(part).encode() for part in (first, dict(job.inputs), dict(job.hidden_inputs))]
         child = self._limited_child(job.limits)
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
             watch = Watch(child, job.limits, parts, without_integrators=removes)
-            return report(watch.run(), job.limits)
+            return report(watch.run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:

@@ -3,11 +3,12 @@
 import os
 import signal
 
-from grader.domain.run import Limits, RunReport, RunStatus
+from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
 from grader.sandbox.cleaning import clean, one_line
 from grader.sandbox.frames import Malformed, Message, parse
 from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
+from grader.sandbox.spent import where_spent
 from grader.sandbox.watch import Cause, Ending
 
 # Reasons for an end that the script's process does not explain.
@@ -21,13 +22,17 @@ NEARLY = 0.9
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
 
 
-def report(ending: Ending, limits: Limits) -> RunReport:
-    """Decide the status. Nothing that a script does can make this raise.
+def report(ending: Ending, job: Job) -> RunReport:
+    """Decide the status; of a script that ran out of time, say where. Nothing that a script does can make this raise.
 
     Raises:
         JailFault: something other than the jail or a limit killed the process.
     """
+    limits = job.limits
     status, reason, message = _decide(ending, limits)
+    if status is RunStatus.TIMED_OUT:
+        waits = ending.cause is Cause.WALL
+        reason += where_spent(ending.results, job.source, waits=waits, hidden=ending.hidden_sent)
     cap = limits.output_kb * KB
     return RunReport(
         status=status,

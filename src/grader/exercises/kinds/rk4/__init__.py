@@ -23,6 +23,7 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
     parameters = Rk4Parameters
     driver = getsource(driver)
     without_integrators = True
+    mistakes_tell_size = False
 
     def trials(self, parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Sequence[Trial[Problem]]:
         """Returns one run of the student's step."""

@@ -3,6 +3,9 @@
 Runs in the jail. Result j of call i is `r<i>_<j>`. A call whose results cannot be read leaves `other<i>`, the text
 of what was returned, and `printed<i>`, whether the function printed. The judge calls the author's programs through
 `results_of` too, in its own process.
+
+The trace has one note, `used`: the functions of MuJoCo that the first call used, and which of its inputs any call
+changed.
 """
 
 import contextlib
@@ -18,6 +21,16 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 Function = Callable[..., object]
 
 TEXT_CHARS_MAX = 200
+
+EVENTS_MAX = 2000
+"""Calls and returns of functions that are looked at in the first call: each costs time."""
+NAMES_MAX = 16
+STATE = ("qpos", "qvel", "act", "ctrl")
+FIELDS = ("body_mass", "body_inertia", "dof_damping", "dof_armature", "jnt_stiffness", "actuator_gainprm")
+OPTIONS = ("timestep", "gravity", "integrator")
+
+note: Callable[..., bool] = globals().get("note", lambda *_: False)
+"""Adds to the trial's trace: the harness defines it."""
 
 
 class Listener(io.TextIOBase):
@@ -41,16 +54,77 @@ class Listener(io.TextIOBase):
 def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
     """Makes every call on a new model and new data."""
     (entry,) = functions
+    used, changed = dict[str, None](), dict[str, None]()
+    try:
+        make_calls(watching(entry, changed), used, inputs, submit)
+    finally:
+        note("used", {"functions": [*used][:NAMES_MAX], "changed": [*changed][:NAMES_MAX]})
+
+
+def make_calls(
+    function: Function, used: dict[str, None], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]
+) -> None:
+    """Makes every call, and submits its results."""
     for index, call in enumerate(inputs["calls"]):
         listener = Listener(sys.stdout)
         with contextlib.redirect_stdout(listener):
-            found = results_of(entry, compiled(inputs["model"]), call, inputs["results"])
+            watched = function if index else using(function, used)
+            found = results_of(watched, compiled(inputs["model"]), call, inputs["results"])
         if isinstance(found, str):
             submit(f"other{index}", np.frombuffer(found.encode(errors="replace"), dtype=np.uint8))
             submit(f"printed{index}", np.array([listener.heard], dtype=np.uint8))
             continue
         for position, values in enumerate(found):
             submit(f"r{index}_{position}", values)
+
+
+def using(function: Function, used: dict[str, None]) -> Function:
+    """Returns a function that notes in `used` which functions of MuJoCo it calls."""
+    left = [EVENTS_MAX]
+
+    def look(frame: Any, event: str, called: Any) -> None:
+        left[0] -= 1
+        if event == "c_call" and str(getattr(called, "__name__", "")).startswith("mj"):
+            used[called.__name__] = None
+        if left[0] <= 0:
+            sys.setprofile(None)
+
+    def call(*arguments: object) -> object:
+        sys.setprofile(look)
+        try:
+            return function(*arguments)
+        finally:
+            sys.setprofile(None)
+
+    return call
+
+
+def watching(function: Function, changed: dict[str, None]) -> Function:
+    """Returns a function that notes in `changed` which of its arguments differ afterwards, and in which part."""
+
+    def call(*arguments: object) -> object:
+        before = [parts_of(index, argument) for index, argument in enumerate(arguments)]
+        try:
+            return function(*arguments)
+        finally:
+            for index, (argument, old) in enumerate(zip(arguments, before, strict=True)):
+                new = parts_of(index, argument)
+                changed.update((name, None) for name, value in old.items() if new.get(name) != value)
+
+    return call
+
+
+def parts_of(index: int, argument: object) -> dict[str, bytes]:
+    """Returns the bytes of what a function may change in an argument, by name."""
+    if isinstance(argument, np.ndarray):
+        return {f"argument {index + 1}": argument.tobytes()}
+    if isinstance(argument, mujoco.MjData):
+        return {f"data.{name}": getattr(argument, name).tobytes() for name in STATE}
+    if isinstance(argument, mujoco.MjModel):
+        fields = {f"model.{name}": getattr(argument, name).tobytes() for name in FIELDS}
+        options = {f"model.opt.{name}": np.asarray(getattr(argument.opt, name)).tobytes() for name in OPTIONS}
+        return fields | options
+    return {}
 
 
 def compiled(xml: str) -> mujoco.MjModel | None:

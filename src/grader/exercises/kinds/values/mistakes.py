@@ -9,31 +9,14 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kind import Judged
+from grader.exercises.kinds.values.asked import Asked, gives
 from grader.exercises.kinds.values.driver import Rows, compiled, started
-from grader.exercises.kinds.values.judge import Comparison, Outcome, fits
-from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result, ValuesParameters
+from grader.exercises.kinds.values.judge import Outcome, fits
+from grader.exercises.kinds.values.parameters import Problem, Result, ValuesParameters
+from grader.exercises.kinds.values.recorded import by_trace, never_derived, unreadable
 
 SWAPS_MAX = 4
 """The largest number of results or elements of which every order is tried."""
-
-
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """One call of the function, with its outcome."""
-
-    problem: Problem
-    compared: Comparison
-
-    @property
-    def pairs(self) -> list[tuple[Result, Rows, Rows]]:
-        """Result, got and expected."""
-        got, expected = self.compared.answer.values or (), self.compared.expected or ()
-        return list(zip(self.problem.function.results, got, expected, strict=True))
-
-    @property
-    def wrong(self) -> list[tuple[Result, Rows, Rows]]:
-        """The results that are not right."""
-        return [(result, got, right) for result, got, right in self.pairs if not fits(result, got, right)]
 
 
 Explains = Callable[[Sequence[Asked]], bool]
@@ -44,7 +27,7 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[Judged[Probl
     """Returns the sentence for the first function that is wrong: the mistake and the cure; None if no mistake fits."""
     first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
     asked = [
-        Asked(one.trial.problem, compared)
+        Asked(one.trial.problem, compared, one.trace, one.trial.hidden)
         for one in judged
         if one.trial.problem.name == first
         for compared in one.judgement.outcome
@@ -61,12 +44,14 @@ def sentence_of(asked: Sequence[Asked]) -> str | None:
     if not wrong:
         return None
     if any(one.compared.answer.values is None for one in wrong):
-        return missing(wrong)
+        return missing(wrong) or unreadable(wrong)
+    if (empty := never_derived(wrong)) is not None:
+        return empty
     if is_stale(asked):
         return "You give the same results for every call: compute them from the arguments of the call."
     if any(one.compared.expected is None for one in wrong):
         return by_programs(wrong)
-    return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong)
+    return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong) or by_trace(wrong)
 
 
 def missing(wrong: Sequence[Asked]) -> str | None:
@@ -100,26 +85,6 @@ def by_programs(wrong: Sequence[Asked]) -> str | None:
         if all(gives(one, program=one.problem.mistakes[index][0]) for one in wrong):
             return sentence
     return None
-
-
-def gives(
-    asked: Asked,
-    call: Call | None = None,
-    program: Program | None = None,
-    change: Callable[[mujoco.MjModel], None] | None = None,
-    times: int = 1,
-) -> bool:
-    """Whether the reference (or another program) with these changes gives the student's results."""
-    problem, values = asked.problem, asked.compared.answer.values
-    if program is not None and not callable(program.get(problem.name)):
-        return False
-    try:
-        found = problem.answer(call or asked.compared.call, program, change, times)
-    except Exception:  # the author's program, outside the range that it was written for
-        return False
-    if isinstance(found, str) or values is None:
-        return False
-    return all(fits(result, got, row) for result, got, row in zip(problem.function.results, values, found, strict=True))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,91 @@
+"""Samples where a script spends its time, once half of its limit is used up: a script that is in time pays nothing.
+
+A timer of CPU time, and one of wall time for scripts that wait, raise a signal some tens of times; its handler counts
+the innermost line of the student's file. During one interval mj_step and mj_forward are counted as well. What was
+seen is sent twice before the end, as the array `where` of JSON text: a claim, like all that this process sends.
+"""
+
+import contextlib
+import json
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+START = 0.5
+"""The share of a limit after which the sampling begins."""
+SAMPLES = 50
+"""Samples until the limit is reached."""
+SEND_AT = (20, 40)
+"""After so many samples of one timer what was seen is sent."""
+TOLD_MAX = 8
+COUNTED = ("mj_step", "mj_forward")
+
+
+class Sampler:
+    """Counts lines of the file `filename`; `send` writes one array, and must not be interrupted by itself."""
+
+    def __init__(self, filename: str, send: Callable[[str, bytes], None]) -> None:
+        self.filename, self.send = filename, send
+        self.lines: Counter[int] = Counter()
+        self.ticks: Counter[int] = Counter()
+        self.sent = 0
+        self.rates: dict[str, float] = {}
+        self.counting: dict[str, tuple[Any, list[int]]] = {}
+        self.since = 0.0
+
+    def start(self, cpu_s: float, wall_s: float) -> None:
+        """Sets both timers."""
+        timers = ((signal.SIGPROF, signal.ITIMER_PROF, cpu_s), (signal.SIGALRM, signal.ITIMER_REAL, wall_s))
+        for number, timer, limit_s in timers:
+            signal.signal(number, self.sample)
+            signal.setitimer(timer, START * limit_s, (1 - START) * limit_s / SAMPLES)
+
+    def sample(self, number: int, frame: FrameType | None) -> None:
+        """Counts the line that is running; called by the signal, between two instructions of the script."""
+        with contextlib.suppress(Exception):
+            while frame is not None and frame.f_code.co_filename != self.filename:
+                frame = frame.f_back
+            if frame is not None:
+                self.lines[frame.f_lineno] += 1
+            self.ticks[number] += 1
+            if number == signal.SIGPROF and self.ticks[number] == 1:
+                self.begin_counting()
+            elif self.counting:
+                self.end_counting()
+            if self.ticks[number] in SEND_AT:
+                self.tell()
+
+    def begin_counting(self) -> None:
+        """Counts calls of MuJoCo's functions from here to the next sample."""
+        mujoco: Any = sys.modules["mujoco"]
+        for name in COUNTED:
+            plain, calls = getattr(mujoco, name), [0]
+
+            def counted(*arguments: Any, plain: Any = plain, calls: list[int] = calls, **named: Any) -> Any:
+                calls[0] += 1
+                return plain(*arguments, **named)
+
+            self.counting[name] = counted, calls
+            setattr(mujoco, name, counted)
+            counted.__wrapped__ = plain  # type: ignore[attr-defined]
+        self.since = time.process_time()
+
+    def end_counting(self) -> None:
+        """Restores the functions, and notes how often each was called in a second of CPU time."""
+        mujoco: Any = sys.modules["mujoco"]
+        taken_s = time.process_time() - self.since
+        for name, (counted, calls) in self.counting.items():
+            if getattr(mujoco, name) is counted:  # else the driver or the script has exchanged it, and the count lacks
+                setattr(mujoco, name, counted.__wrapped__)
+                self.rates[name] = calls[0] / taken_s
+        self.counting.clear()
+
+    def tell(self) -> None:
+        """Sends what was seen so far."""
+        told = {"lines": self.lines.most_common(TOLD_MAX), "samples": self.lines.total(), "rates": self.rates}
+        self.send(f"where{self.sent}", json.dumps(told).encode())
+        self.sent += 1

@@ -1,0 +1,135 @@
+"""What the trace of a `values` trial shows, and what a wrong function is told by it: in this process, without jail."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from exercises.test_values_exercise import folder
+from grader.courses.policy import revealing
+from grader.domain.run import RunReport, RunStatus
+from grader.domain.verdict import Verdict
+from grader.exercises import judge_exercise, plan_exercise, recorder
+from grader.exercises.kinds.values import driver
+from grader.library import Library, load
+
+HINGE = """<mujoco><worldbody><body><joint axis='0 1 0'/><inertial pos='0 0 -1' mass='1' diaginertia='1 1 1'/>
+<site name='tip' pos='0 0 -2'/></body></worldbody></mujoco>"""
+MODEL: dict[str, Any] = {
+    "functions": [{"results": [{"name": "height", "unit": "m", "atol": 1e-9}]}],
+    "cases": [
+        {"id": "seen", "arguments": ["model", "data"], "xml": HINGE, "start": {"qpos": [0.4], "qvel": [3]}},
+        {
+            "id": "unseen",
+            "hidden": True,
+            "calls": 3,
+            "arguments": ["model", "data"],
+            "xml": HINGE,
+            "start": {"qpos": [[0.2, 2]], "qvel": [[3, 6]]},
+        },
+    ],
+}
+HEIGHT = (
+    "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n    return data.site('tip').xpos[2]\n"
+)
+
+ARRAYS: dict[str, Any] = {
+    "functions": [{"results": [{"name": "unit", "atol": 1e-9}]}],
+    "cases": [
+        {"id": "seen", "arguments": [{"array": [3, 4, 0]}]},
+        {"id": "unseen", "hidden": True, "calls": 3, "arguments": [{"array": [[1, 2], [1, 2], [3, 5]]}]},
+    ],
+}
+UNIT = "import numpy as np\ndef two(v):\n    return v / np.linalg.norm(v) + v / 10\n"
+
+
+@pytest.fixture
+def grade(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
+    monkeypatch.setattr(driver, "note", recorder.note)
+
+    def grade(source: str, program: str, check: dict[str, Any]) -> Verdict:
+        library = load(folder(tmp_path, program, **check))
+        scope: dict[str, Any] = {}
+        exec(source, scope)
+        return graded(library, scope["two"])
+
+    return grade
+
+
+def graded(library: Library, function: Callable[..., object]) -> Verdict:
+    """Runs the trials as the harness does."""
+    asked: Any = library.question("q", "two")
+    plan = plan_exercise(asked, library.model_xml, 1, library.text)
+    results: dict[str, Any] = {}
+    recorder.state["left"] = recorder.BYTES_MAX
+    for index, trial in enumerate(plan.trials):
+        recorder.begin(trial.hidden)
+        recorder.state["returned"] = 0
+        driver.trial(
+            [recorder.traced(function)],
+            trial.inputs,
+            lambda name, value, index=index: results.update({f"t{index}_{name}": np.asarray(value)}),
+        )
+        results[f"t{index}_trace"] = np.frombuffer(recorder.end(), np.uint8)
+    return judge_exercise(asked, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
+
+
+RETURNS = "def two(v):\n    return {}\n"
+TOLD = [
+    (MOVED, MODEL, MOVED.replace("mj_forward(", "mj_step("), "calls mj_step, which advances data by a timestep"),
+    (HEIGHT, MODEL, "def two(model, data):\n    return data.site('tip').xpos[2]\n", "never calls mj_forward"),
+    (UNIT, ARRAYS, "def two(v):\n    v /= (v @ v) ** 0.5\n    return v + v / 10\n", "changes argument 1 in place"),
+    (UNIT, ARRAYS, RETURNS.format("v[:2]"), "unit is an array of shape (2,) where an array of shape (3,) is asked for"),
+    (UNIT, ARRAYS, RETURNS.format("float(v[0])"), "unit is a single number where an array of shape (3,) is asked for"),
+    (UNIT, ARRAYS, RETURNS.format("f'{v} m'"), "returns a text"),
+    (UNIT, ARRAYS, RETURNS.format("abs"), "returns a function, which it does not call"),
+    (UNIT, ARRAYS, RETURNS.format("{'x': v}"), "returns a dict with other keys"),
+    (UNIT, ARRAYS, RETURNS.format("v * float('nan')"), "Your result is nan"),
+    (UNIT, ARRAYS, "def two(v):\n    yield v\n", "returns a generator"),
+]
+
+
+@pytest.mark.parametrize(("program", "check", "source", "said"), TOLD, ids=[said for *_, said in TOLD])
+def test_what_the_trace_shows_is_told(
+    program: str, check: dict[str, Any], source: str, said: str, grade: Callable[..., Verdict]
+) -> None:
+    verdict = grade(source, program, check)
+    assert verdict.status == "incorrect"
+    assert said in (verdict.diagnosis or "")
+
+
+def test_too_many_values_are_counted(grade: Callable[..., Verdict]) -> None:
+    verdict = grade("def two(a, b):\n    return a, b, 0\n", "def two(a, b):\n    return a + b, a * b\n", {})
+    assert verdict.diagnosis == ("Your function returns 3 values, not 2: return sum and product as numbers or arrays.")
+
+
+def test_what_a_right_function_does_to_its_input_is_no_mistake(grade: Callable[..., Verdict]) -> None:
+    source = "def two(v):\n    n = (v @ v) ** 0.5\n    w = v / n + v / 10\n    v[:] = 0\n    return w\n"
+    assert grade(source, UNIT, ARRAYS).status == "correct"
+
+
+def test_what_was_used_and_changed_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: list[Any] = []
+    monkeypatch.setattr(driver, "note", lambda *note: notes.append(note))
+    scope: dict[str, Any] = {}
+    exec(HEIGHT.replace("    return", "    model.opt.gravity[2] = data.qpos[0] = 0\n    return"), scope)
+    call = {"arguments": ["model", "data"], "start": dict.fromkeys(("key", "qvel", "act", "ctrl")) | {"qpos": [1]}}
+    inputs = {"calls": [call], "model": HINGE, "results": [{"name": "height", "field": None}]}
+    driver.trial([scope["two"]], inputs, lambda *_: None)
+    assert notes == [("used", {"functions": ["mj_forward"], "changed": ["model.opt.gravity", "data.qpos"]})]
+
+
+def test_where_only_the_direction_is_told_no_number_leaks(grade: Callable[..., Verdict]) -> None:
+    """The same wrong function gets the same words whatever the author's program gives."""
+    source = "def two(a, b):\n    return a + b + 1.25, a * b\n"
+    shown = set()
+    for program in ("2 * (a + b + 1.25)", "-(a + b + 1.25)", "a - 7.7"):
+        verdict = grade(source, f"def two(a, b):\n    return {program}, a * b\n", {})
+        told = json.loads(revealing(verdict, "direction").model_dump_json())
+        shown.add(json.dumps(told["findings"]) + json.dumps(told["evidence"]) + str(told["diagnosis"]))
+        assert "sum is off by" in json.dumps(revealing(verdict, "size").model_dump(mode="json")["findings"])
+    assert len(shown) == 1
+    assert "sum is wrong." in next(iter(shown))

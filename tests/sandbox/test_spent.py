@@ -1,0 +1,85 @@
+"""Where a script that ran out of time spent it: told from samples, which are a claim."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grader.domain.run import Job, Limits, RunStatus
+from grader.sandbox.jail import Jail
+from grader.sandbox.spent import where_spent
+from sandbox.test_frames import encode
+
+STEPS = """import mujoco
+
+def simulate(model, data):
+    while data.time < 3:
+        mujoco.mj_step(model, data)
+        data.time = 0
+
+def main():
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    for h in (0.001, 0.002):
+        simulate(model, mujoco.MjData(model))
+"""
+SLEEPS = "import time\ndef main():\n    time.sleep(60)\n"
+DRIVER = "def run(student, inputs, submit):\n    student.main()\n"
+
+
+def test_the_line_and_its_loop_are_told(jail: Jail) -> None:
+    report = jail.run(Job(STEPS, DRIVER, {}, Limits(cpu_s=0.5)))
+    assert report.status is RunStatus.TIMED_OUT
+    begins = "The script used up its CPU time of 0.5 s. It was busy in line 5 of your script "
+    loop = "(mujoco.mj_step(model, data)), in the loop that begins in line 4, in simulate(). It called mj_step about "
+    assert report.reason.startswith(begins + loop)
+    assert report.reason.endswith(" times a second. Check when that loop ends, and what it repeats.")
+
+
+def test_what_a_script_waits_for_is_told(jail: Jail) -> None:
+    report = jail.run(Job(SLEEPS, DRIVER, {}, Limits(wall_s=1)))
+    assert report.status is RunStatus.TIMED_OUT
+    assert report.reason.endswith("It waited in line 3 of your script (time.sleep(60)), in main(): remove that.")
+
+
+def sample(line: Any = 5, times: Any = 9, samples: Any = 10, rates: Any = None, name: str = "where0") -> bytes:
+    told = {"lines": [[line, times]], "samples": samples, "rates": {"mj_step": 5.2e5} if rates is None else rates}
+    return encode({name: np.frombuffer(json.dumps(told).encode(), np.uint8)})[:-4]
+
+
+def told(results: bytes, *, waits: bool = False, hidden: bool = False) -> str:
+    return where_spent(results, STEPS, waits=waits, hidden=hidden)
+
+
+def test_with_hidden_inputs_no_number_but_the_line_is_told() -> None:
+    assert "520,000" in told(sample())
+    assert [char for char in told(sample(), hidden=True) if char.isdigit()] == ["5", "4"]
+    assert told(sample(), hidden=True) == told(sample(rates={"mj_step": 7e7}, times=8), hidden=True)
+
+
+def test_the_last_sample_counts_and_one_that_was_cut_short_does_not() -> None:
+    assert "in line 11 " in told(sample(5) + sample(11, name="where1"))
+    assert "in line 5 " in told(sample(5) + sample(11, name="where1")[:-3])
+
+
+@pytest.mark.parametrize("line", [0, 12, -1, 2.0, True, None, "5", [5]])
+def test_a_line_that_is_none_of_the_script_is_not_told(line: Any) -> None:
+    assert told(sample(line)) == ""
+
+
+def test_nothing_is_told_where_no_line_stands_out() -> None:
+    assert told(sample(times=4)) == ""
+    assert told(b"") == ""
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from(["lines", "samples", "rates"]),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["mj_step", "x"]), inner, max_size=2),
+)
+
+
+@given(st.builds(sample, JSON, JSON, JSON, JSON) | st.binary(max_size=80), st.booleans(), st.booleans())
+def test_forged_samples_never_raise(results: bytes, waits: bool, hidden: bool) -> None:
+    assert isinstance(told(results, waits=waits, hidden=hidden), str)
