@@ -9,9 +9,10 @@ const SAME = 0.004; // of a strip's height: closer lines cannot be told apart
 
 // spec: {end [s], xlabel, strips: [{label, weight, axis: {min, max, log}, shows: [values], lines: [{y, label}],
 //   series: [{label, className, dash, times, values}], ghost: [{times, values}]}], warning: {time, text, resets}}.
-// Fills the picture; its size does not change. Returns {moveCursor(time), timeAt(clientX)}.
+// Fills the picture; its size does not change. Returns {moveCursor(time), timeAt(clientX)}; null off the page.
 export function drawChart(picture, spec) {
   const width = picture.clientWidth, height = picture.clientHeight;
+  if (!width) return null; // the lab has left the page
   const across = (time) => LEFT + ((width - LEFT - RIGHT) * time) / spec.end;
   const floor = height - AXIS;
   const flagged = spec.warning && spec.warning.time <= spec.end;
