@@ -233,6 +233,32 @@ def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_p
     assert "def largest_stable_timestep" in visit.page.locator("textarea.code").input_value()
 
 
+PLACES = """question => { window.places = []; const look = () => {
+  const button = document.querySelector(`[id="1.3-check--${question}"] form button`).getBoundingClientRect();
+  const place = Math.round(button.top + scrollY);
+  if (window.places.at(-1) !== place) window.places.push(place);
+  requestAnimationFrame(look); }; look(); }"""
+"""Keeps every place on the page [px] where a question's button was in any frame."""
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nothing_jumps_while_the_lab_of_a_prediction_opens(visit: Visit, width: int) -> None:
+    page, card = visit.page, visit.card("1.3-check", "q3")
+    page.set_viewport_size({"width": width, "height": 800})
+    page.evaluate(PLACES, "q4")
+    card.get_by_label("implicitfast").check()
+    card.get_by_role("button", name="Send").click()
+    expect(card.locator(".strips .fault").first).to_be_attached()
+    expect(card.locator("[data-message]")).to_contain_text("BADQACC")
+    box = card.locator(".lab").bounding_box()
+    card.locator("[data-time]").press("End")
+    assert len(page.evaluate("window.places")) == 2  # before the verdict, and with it
+    after = card.locator(".lab").bounding_box()
+    assert box is not None
+    assert after is not None
+    assert after["height"] == box["height"]
+
+
 def test_the_lab_of_a_prediction_opens_once_it_is_made(visit: Visit) -> None:
     card = visit.card("1.3-check", "q3")
     expect(card.locator("canvas")).to_have_count(0)

@@ -21,7 +21,7 @@ from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
 from grader.domain.quiz import PredictQuestion
 from grader.errors import Conflict, LabError, NotFound, Unprocessable
 from grader.identity import Identity
-from grader.labs import IntegratorsRun, LabRun, run_integrators, run_lab
+from grader.labs import IntegratorsRun, LabRun, run_integrators, watch_lab
 from grader.library import Library
 
 router = APIRouter()
@@ -136,7 +136,7 @@ def steps_of(recorded: LabRun | IntegratorsRun) -> int:
 def simulate(library: Library, lab: LabConfig, body: LabBody) -> LabRun:
     """Runs one scene with its controls."""
     xml = lab.xml if lab.xml is not None else library.model_xml(lab.model or "")
-    return run_lab(lab, xml, body.controls, body.events, body.seconds)
+    return watch_lab(lab, xml, body.controls, body.events, body.seconds)
 
 
 def compare(library: Library, lab: IntegratorsLab, body: LabBody) -> IntegratorsRun:

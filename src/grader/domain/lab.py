@@ -105,7 +105,7 @@ class Plot(LabPart):
     traces: tuple[PlotTrace, ...] = Field(min_length=1)
 
 
-OVERLAYS = ("frames", "joints", "contacts", "forces", "com", "sites")
+OVERLAYS = ("frames", "joints", "contacts", "forces", "com", "sites", "cameras", "shadows")
 """What can be drawn over the scene; `com` are the bodies' centres of mass."""
 
 

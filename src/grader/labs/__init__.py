@@ -12,3 +12,6 @@ from grader.labs.runs import length_s as length_s
 from grader.labs.runs import run_lab as run_lab
 from grader.labs.trials import check_integrators as check_integrators
 from grader.labs.trials import check_lab as check_lab
+from grader.labs.watching import TIMESTEP as TIMESTEP
+from grader.labs.watching import timestep_limit as timestep_limit
+from grader.labs.watching import watch_lab as watch_lab

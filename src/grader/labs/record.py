@@ -1,7 +1,7 @@
 """LabRun: the recorded frames of a run, with the geoms that a viewer draws, as the page plays them."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -25,6 +25,14 @@ Column = tuple[Value, ...]
 """What one expression gave, a value a frame; undefined where it failed."""
 
 
+@dataclass(frozen=True)
+class Limit:
+    """The linear stability limit [s] at the slider `control` of the timestep; None if it has none in its range."""
+
+    control: str
+    timestep_s: float | None
+
+
 @dataclass
 class LabRun:
     """A run of a lab, frame by frame; `controls` are the values that were used.
@@ -34,6 +42,7 @@ class LabRun:
     drawn over the scene, frame by frame (`grader.numerics.drawing`).
     `times` [s] are the lab's own, which go on when MuJoCo resets the state. `poses` are positions (geoms, 3) [m] and
     rotation matrices (geoms, 9) of the drawn `geoms`; a row holds the readouts, the traces of the plots and the trail.
+    `limit` is None where the lab has no slider of the timestep, or nothing that can be linearised.
     """
 
     config: LabConfig
@@ -46,6 +55,7 @@ class LabRun:
     warnings: list[Raised] = field(default_factory=list)
     failed: dict[int, tuple[LabError, int]] = field(default_factory=dict)
     overlays: dict[str, list[list[list[float]]]] = field(default_factory=dict)
+    limit: Limit | None = None
     seconds: float = 0.0
     duration_s: float = 0.0
     steps: int = 0
@@ -92,6 +102,7 @@ class LabRun:
             "trail": next((list(map(_point, column)) for column in columns), None),
             "warnings": warnings_json(self.warnings),
             "stable": self.stable,
+            "limit": None if self.limit is None else asdict(self.limit),
             "timing_ms": {name: round(ms, 3) for name, ms in self.timing_ms.items()},
         }
 

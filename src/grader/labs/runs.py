@@ -28,6 +28,7 @@ SECONDS_MAX = 60.0
 EVENTS_MAX = 1000
 STEPS_MAX = 200_000
 FRAMES_PER_SECOND = 60
+CLOSE_UP_FRAMES = 120
 WARNINGS_MAX = 100
 
 Event = tuple[float, str]
@@ -39,13 +40,15 @@ class Variant:
     """The same lab, slightly different, for certificates.
 
     Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m]; with
-    `every_step` a frame for every step, without poses.
+    `every_step` a frame for every step, without poses. Up to `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one
+    for every step.
     """
 
     integrator: int | None = None
     finer: int = 1
     nudge: float = 0.0
     every_step: bool = False
+    close_up_s: float = 0.0
 
 
 SAME = Variant()
@@ -67,7 +70,7 @@ class Running:
         self.machine, self.saved = Machine(self.model, self.data), scene.start_vector.copy()
         self.shown: list[Run] = [program.bind(self.machine) for program in programs.shown]
         self.presses: deque[tuple[float, Program]] = deque()
-        self.every_step, self.elapsed = False, 0.0
+        self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
         self.overlays = overlays_of(config.over_the_scene)
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
         self._set(values, lambda _: True)
@@ -84,7 +87,7 @@ class Running:
 
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
-        self.every_step = variant.every_step
+        self.every_step, self.close_up_s = variant.every_step, variant.close_up_s
         self.model.opt.timestep /= variant.finer
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator
@@ -111,7 +114,7 @@ class Running:
         self._keep_frame()
         while self.elapsed < duration * (1 - 1e-9):
             h = float(self.model.opt.timestep)
-            frame = 1 if self.every_step else max(1, round(1 / (FRAMES_PER_SECOND * h)))
+            frame = 1 if self.every_step else max(1, round(self._frame_s() / h))
             moment = self.presses[0][0] if self.presses else duration
             count = min(frame, max(1, ceil((moment - self.elapsed) / h - 1e-6)))
             if self.record.steps + count > STEPS_MAX:
@@ -121,6 +124,11 @@ class Running:
             self._keep_frame()
             if stopped:
                 return
+
+    def _frame_s(self) -> float:
+        """The time between two frames [s]."""
+        ordinary = 1 / FRAMES_PER_SECOND
+        return min(ordinary, self.close_up_s / CLOSE_UP_FRAMES) if self.elapsed < self.close_up_s else ordinary
 
     def _press(self) -> None:
         """Buttons whose time has come."""

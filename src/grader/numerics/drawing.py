@@ -64,6 +64,13 @@ def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
     return rows
 
 
+def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
+    """Of every camera: the point [m] and the quaternion, by which it looks along -z with +y up."""
+    turned = quaternions(data.cam_xmat[np.newaxis])[0] if model.ncam else np.empty((0, 4))
+    rows: list[list[float]] = np.hstack([data.cam_xpos, turned]).tolist()
+    return rows
+
+
 CONTACTS_MAX = 50
 """How many contacts of a frame are drawn."""
 
@@ -73,8 +80,9 @@ OVERLAYS: dict[str, Drawn] = {
     "contacts": _contacts,
     "com": lambda _, data: data.xipos[1:].tolist(),
     "sites": lambda _, data: data.site_xpos.tolist(),
+    "cameras": _cameras,
 }
-"""Rows: positions [m]; of frames with their quaternion, of joints with their axis, of contacts with a force."""
+"""Rows: positions [m]; of frames and cameras with a quaternion, of joints with an axis, of contacts with a force."""
 
 
 def quaternions(matrices: Floats) -> Floats:

@@ -33,7 +33,7 @@ def exercise_page(
 ) -> dict[str, Any]:  # fmt: skip
     """The variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
     view = next(view for view in page_of(library, quiz)["questions"] if view["id"] == question_id)
-    here = asked(view, quiz.id, work, typed)
+    here = asked(view, library.question(quiz.id, question_id), quiz.id, work, typed)
     running = attempts[0] if attempts and attempts[0].verdict is None else None
     shown = attempt_to_show(attempts, chosen)
     facts = facts_of([quiz], work)

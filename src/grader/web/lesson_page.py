@@ -6,9 +6,10 @@ from datetime import datetime
 from typing import Any
 
 from grader.courses.policy import before_opening
-from grader.domain.quiz import Quiz
+from grader.domain.quiz import PredictQuestion, Question, Quiz
 from grader.library import Library
 from grader.web.figures import points
+from grader.web.lab_box import lab_box
 from grader.web.lessons import Lesson
 from grader.web.page import page_of, unopened_page
 from grader.web.verdict_card import Card, card_of
@@ -27,13 +28,17 @@ class Typed:
 
 @dataclass(frozen=True)
 class Asked:
-    """A question with the learner's place at it: `view` is its wording, `typed` what its field holds."""
+    """A question with the learner's place at it: `view` is its wording, `typed` what its field holds.
+
+    `lab` is the lab of a prediction, once the learner may run it.
+    """
 
     view: dict[str, Any]
     place: Place
     card: Card | None
     typed: str
     trouble: str
+    lab: dict[str, Any] | None
 
     @property
     def after(self) -> str:
@@ -41,14 +46,16 @@ class Asked:
         return "" if self.place.given is None else self.place.given.id
 
 
-def asked(view: dict[str, Any], quiz: str, work: Work, typed: Typed | None) -> Asked:
+def asked(view: dict[str, Any], question: Question, quiz: str, work: Work, typed: Typed | None) -> Asked:
     """One question as it stands."""
-    place = work.places[quiz, view["id"]]
+    place = work.places[quiz, question.id]
     given = place.given
     refused = typed is not None and (typed.quiz, typed.question) == (quiz, view["id"])
     text = typed.answer if refused and typed is not None else "" if given is None else given.text
     trouble = typed.why if refused and typed is not None else ""
-    return Asked(view, place, None if given is None else card_of(given), text, trouble)
+    lab = question.sim if isinstance(question, PredictQuestion) and place.lab_is_open else None
+    card = None if given is None else card_of(given)
+    return Asked(view, place, card, text, trouble, None if lab is None else lab_box(lab))
 
 
 def section_of(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
@@ -57,7 +64,8 @@ def section_of(library: Library, quiz: Quiz, work: Work, typed: Typed | None = N
         return unopened_page(quiz, before_opening(quiz.policy, work.standing.at) or "")
     page = page_of(library, quiz)
     got, of = work.points(quiz)
-    questions = [asked(view, quiz.id, work, typed) for view in page["questions"]]
+    pairs = zip(page["questions"], quiz.questions, strict=True)
+    questions = [asked(view, question, quiz.id, work, typed) for view, question in pairs]
     return page | {"questions": questions, "got": got, "of": of}
 
 

@@ -11,6 +11,7 @@ from grader.domain.quiz import Quiz
 from grader.domain.student_view import student_view
 from grader.library import Library
 from grader.web.figures import NARROW
+from grader.web.lab_box import lab_box
 from grader.web.prose import cached_prose
 
 HEADINGS = {
@@ -37,7 +38,7 @@ def page_of(library: Library, quiz: Quiz) -> dict[str, Any]:
         "id": view["id"],
         "title": plain_text(view["title"]),
         "questions": [card_of(quiz.id, question, starters[question["id"]]) for question in view["questions"]],
-        "labs": [{"id": lab["id"], "title": plain_text(lab["title"] or "")} for lab in view["labs"]],
+        "labs": [lab_box(lab) | {"title": plain_text(lab.title or "")} for lab in quiz.labs],
     }
 
 

@@ -46,6 +46,7 @@ templates.env.globals["static"] = static
 templates.env.filters |= {
     "fraction": figures.fraction,
     "number": figures.number,
+    "plain": figures.field_text,
     "points": figures.points,
     "unbroken": figures.unbroken,
 }

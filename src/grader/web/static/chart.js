@@ -1,151 +1,137 @@
-// A line chart as SVG: series against x, linear or logarithmic, with marked values.
-// chart({ title, height, x: {label, log}, y: {label, log, min, max}, series: [{label, x, y, dash, points, faint}], marks: [{x | y, label}] })
+// Strips over one time axis as SVG: lines with their names at them, the last run, reference lines, a flag and a cursor.
 
-import { el, number, svg } from "./dom.js";
+import { number, svg } from "./dom.js";
+import { scaleOf, steps } from "./scale.js";
 
-const WIDTH = Math.min(640, Math.max(300, window.innerWidth - 80)); // text keeps its size on a narrow screen
-const HEIGHT = 260, LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 40;
+const LEFT = 58, RIGHT = 10, HEAD = 24, AXIS = 26, NAME = 16;
 const COLOURS = 6;
+const SAME = 0.004; // of a strip's height: closer lines cannot be told apart
 
-export function chart(spec) {
-  const across = scale(spec.x, values(spec, "x"), LEFT, WIDTH - RIGHT);
-  const floor = (spec.height ? Math.max(120, spec.height) : HEIGHT) - BOTTOM;
-  const up = scale(spec.y, values(spec, "y"), floor, TOP);
-  const picture = svg("svg", { class: "chart", viewBox: `0 0 ${WIDTH} ${floor + BOTTOM}`, role: "img", "aria-label": described(spec) });
-  picture.append(...gridX(across, spec.x, floor), ...gridY(up, spec.y), frame(floor));
-  for (const mark of spec.marks ?? []) picture.append(...marked(mark, across, up));
-  const layers = spec.series.map((line, index) => [line, drawn(line, index, across, up)]);
-  layers.sort(([a], [b]) => Boolean(b.faint) - Boolean(a.faint)); // faint ones lie underneath
-  for (const [, parts] of layers) picture.append(...parts);
-  const figure = el("figure", {}, spec.title ? el("figcaption", {}, spec.title) : null, picture, legend(spec.series));
-  figure.moveCursor = cursorOn(picture, across, floor);
-  return figure;
-}
-
-function values(spec, axis) {
-  const all = spec.series.flatMap((line) => Array.from(line[axis])).concat((spec.marks ?? []).map((mark) => mark[axis]));
-  return all.filter((value) => Number.isFinite(value) && (!spec[axis]?.log || value > 0));
-}
-
-function scale(axis = {}, all, from, to) {
-  const turn = axis.log ? Math.log10 : (value) => value;
-  let low = turn(axis.min ?? all.reduce((a, b) => Math.min(a, b), Infinity));
-  let high = turn(axis.max ?? all.reduce((a, b) => Math.max(a, b), -Infinity));
-  if (!Number.isFinite(low) || !Number.isFinite(high)) [low, high] = [0, 1];
-  if (high - low < 1e-12 * Math.max(1, Math.abs(high))) [low, high] = [low - 0.5, high + 0.5];
-  if (axis.log) [low, high] = [low - 0.05 * (high - low), high + 0.05 * (high - low)];
-  const place = (value) => from + ((turn(value) - low) / (high - low)) * (to - from);
-  return { place, ticks: axis.log ? decades(low, high) : steps(low, high), from, to };
-}
-
-function steps(low, high) {
-  const raw = (high - low) / 5, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= raw * 0.999);
-  const ticks = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i++) ticks.push(Number((i * step).toPrecision(12)));
-  return ticks;
-}
-
-function decades(low, high) {
-  const whole = [];
-  const stride = Math.max(1, Math.ceil((high - low) / 7));
-  for (let power = Math.ceil(low - 1e-9); power <= high + 1e-9; power += stride) whole.push(10 ** power);
-  if (whole.length >= 3) return whole;
-  const powers = Array.from({ length: Math.ceil(high) - Math.floor(low) + 1 }, (_, i) => 10 ** (Math.floor(low) + i));
-  return powers.flatMap((power) => [power, 2 * power, 5 * power])
-    .map((value) => Number(value.toPrecision(6)))
-    .filter((value) => Math.log10(value) >= low && Math.log10(value) <= high);
-}
-
-function gridX(across, axis, floor) {
-  const lines = across.ticks.flatMap((tick) => {
-    const x = across.place(tick);
-    return [
-      svg("line", { class: "grid", x1: x, x2: x, y1: TOP, y2: floor }),
-      svg("text", { x, y: floor + 15, "text-anchor": "middle" }, number(tick)),
-    ];
-  });
-  const label = svg("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: floor + BOTTOM - 6, "text-anchor": "middle" }, axis?.label ?? "");
-  return [...lines, label];
-}
-
-function gridY(up, axis) {
-  const lines = up.ticks.flatMap((tick) => {
-    const y = up.place(tick);
-    return [
-      svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
-      svg("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end" }, number(tick)),
-    ];
-  });
-  const middle = (TOP + up.from) / 2;
-  const label = svg("text", { x: 12, y: middle, "text-anchor": "middle", transform: `rotate(-90 12 ${middle})` }, axis?.label ?? "");
-  return [...lines, label];
-}
-
-function frame(floor) {
-  return svg("path", { class: "frame", d: `M${LEFT} ${TOP}V${floor}H${WIDTH - RIGHT}` });
-}
-
-function marked(mark, across, up) {
-  if (mark.x !== undefined) {
-    const x = across.place(mark.x);
-    const onLeft = x > (LEFT + WIDTH) / 2;
-    return [
-      svg("line", { class: "mark-line", x1: x, x2: x, y1: TOP, y2: up.from }),
-      svg("text", { x: x + (onLeft ? -4 : 4), y: TOP + 10, "text-anchor": onLeft ? "end" : "start" }, mark.label ?? ""),
-    ];
+// spec: {end [s], xlabel, strips: [{label, weight, axis: {min, max, log}, shows: [values], lines: [{y, label}],
+//   series: [{label, className, dash, times, values}], ghost: [{times, values}]}], warning: {time, text, resets}}.
+// Fills the picture; its size does not change. Returns {moveCursor(time), timeAt(clientX)}; null off the page.
+export function drawChart(picture, spec) {
+  const width = picture.clientWidth, height = picture.clientHeight;
+  if (!width) return null; // the lab has left the page
+  const across = (time) => LEFT + ((width - LEFT - RIGHT) * time) / spec.end;
+  const floor = height - AXIS;
+  const flagged = spec.warning && spec.warning.time <= spec.end;
+  const cut = flagged && spec.warning.resets ? spec.warning.time : Infinity;
+  picture.replaceChildren();
+  if (cut < Infinity) picture.append(svg("rect", { class: "shade", x: across(cut), y: HEAD, width: width - RIGHT - across(cut), height: floor - HEAD }));
+  const weights = spec.strips.reduce((sum, strip) => sum + strip.weight, 0);
+  let top = 0;
+  for (const strip of spec.strips) {
+    const bottom = top + (floor * strip.weight) / weights;
+    picture.append(...drawStrip(strip, { across, left: LEFT, right: width - RIGHT, top: top + HEAD, bottom, end: spec.end, cut }));
+    top = bottom;
   }
-  const y = up.place(mark.y);
-  return [
-    svg("line", { class: "mark-line", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
-    svg("text", { x: WIDTH - RIGHT - 4, y: y < TOP + 14 ? y + 12 : y - 4, "text-anchor": "end" }, mark.label ?? ""),
-  ];
-}
-
-// A vertical line at the time that the player shows.
-function cursorOn(picture, across, floor) {
-  const line = svg("line", { class: "cursor", y1: TOP, y2: floor, x1: LEFT, x2: LEFT, visibility: "hidden" });
-  picture.append(line);
-  return (x) => {
-    for (const end of ["x1", "x2"]) line.setAttribute(end, across.place(x));
-    line.setAttribute("visibility", "visible");
+  picture.append(...timeAxis(spec, across, floor, width));
+  if (flagged) picture.append(...flag(spec.warning, across(spec.warning.time), floor, width));
+  const cursor = svg("path", { class: "cursor", visibility: "hidden" });
+  picture.append(cursor);
+  return {
+    moveCursor(time) {
+      cursor.setAttribute("d", `M${across(Math.min(time, spec.end)).toFixed(1)} ${HEAD}V${floor}`);
+      cursor.setAttribute("visibility", "visible");
+    },
+    timeAt: (clientX) => Math.min(1, Math.max(0, (clientX - picture.getBoundingClientRect().left - LEFT) / (width - LEFT - RIGHT))) * spec.end,
   };
 }
 
-const DASHES = ["none", "6 3", "2 3", "8 3 2 3", "12 4", "4 2"];
-
-function dashOf(line, index) {
-  if (Array.isArray(line.dash)) return line.dash.join(" ");
-  if (line.dash) return "6 4";
-  return line.faint ? "none" : DASHES[index % DASHES.length];
+function timeAxis({ end, xlabel }, across, floor, width) {
+  const ticks = steps(0, end, width < 480 ? 4 : 7);
+  const last = xlabel || (Math.abs(ticks.at(-1) - end) < 1e-6 * end ? `${number(end)} s` : "s");
+  const parts = ticks.filter((tick) => across(tick) < width - RIGHT - 14 - 7 * last.length).map((tick) =>
+    svg("text", { x: across(tick), y: floor + 18, "text-anchor": "middle" }, number(tick)));
+  return [svg("path", { class: "axis", d: `M${LEFT} ${floor}H${width - RIGHT}${ticks.map((tick) => `M${across(tick)} ${floor}v4`).join("")}` }), ...parts,
+    svg("text", { x: width - RIGHT, y: floor + 18, "text-anchor": "end" }, last)];
 }
 
-function drawn(line, index, across, up) {
-  const inside = (y) => Math.min(Math.max(y, TOP - 1), up.from + 1);
+function drawStrip(strip, box) {
+  const scale = scaleOf(strip.axis, strip.shows);
+  const up = (value) => box.bottom - (box.bottom - box.top) * Math.min(60, Math.max(-60, scale.place(value)));
+  const ticks = scale.ticks(box.bottom - box.top > 120 ? 5 : 3);
+  const parts = ticks.flatMap((tick) => [
+    svg("path", { class: "grid", d: `M${box.left} ${up(tick)}H${box.right}` }),
+    svg("text", { x: box.left - 8, y: up(tick) + 4, "text-anchor": "end" }, number(tick))]);
+  parts.push(svg("text", { x: 0, y: box.top - 10 }, strip.label + (scale.log ? ", log" : "")));
+  for (const line of strip.lines) parts.push(...reference(line, up, box));
+  const inside = svg("svg", { x: box.left, y: box.top - 2, width: box.right - box.left, height: box.bottom - box.top + 4 });
+  inside.setAttribute("viewBox", `${box.left} ${box.top - 2} ${box.right - box.left} ${box.bottom - box.top + 4}`);
+  for (const one of strip.ghost) inside.append(svg("path", { class: "ghost", d: pathOf(one, box, up, Infinity) }));
+  const groups = together(strip.series, scale);
+  for (const [first] of groups) inside.append(svg("path", { class: `line ${first.className}`, "stroke-dasharray": dashOf(first), d: pathOf(first, box, up, box.cut) }));
+  return [...parts, inside, ...names(groups, box, up)];
+}
+
+function reference({ y, label }, up, { left, right, top, bottom }) {
+  const at = up(y);
+  if (at < top || at > bottom) return [];
+  return [svg("path", { class: "reference", d: `M${left} ${at}H${right}` }),
+    svg("text", { class: "halo", x: left + 4, y: at < top + 14 ? at + 13 : at - 4 }, label ?? "")];
+}
+
+function pathOf({ times, values }, { across, end }, up, cut) {
   let d = "", pen = "M";
-  const points = [];
-  for (let i = 0; i < line.x.length; i++) {
-    const x = across.place(line.x[i]), y = up.place(line.y[i]);
-    if (line.x[i] === null || line.y[i] === null || !Number.isFinite(x) || !Number.isFinite(y)) { pen = "M"; continue; }
-    d += `${pen}${x.toFixed(1)} ${inside(y).toFixed(1)}`;
+  for (let i = 0; i < times.length && times[i] <= end * (1 + 1e-9); i++) {
+    if (times[i] > cut * (1 + 1e-9)) break;
+    const y = values[i] === null ? NaN : up(values[i]);
+    if (!Number.isFinite(y)) { pen = "M"; continue; }
+    d += `${pen}${across(times[i]).toFixed(1)} ${y.toFixed(1)}`;
     pen = "L";
-    if (line.points) points.push(svg("circle", { class: `line series-${index % COLOURS}`, cx: x, cy: inside(y), r: 3 }));
   }
-  return [svg("path", { class: `line series-${index % COLOURS}${line.faint ? " faint" : ""}`, d, "stroke-dasharray": dashOf(line, index) }), ...points];
+  return d;
 }
 
-// Every line has its own dashes, for readers who cannot distinguish the colours.
-function legend(series) {
-  const named = series.filter((line) => line.label);
-  if (!named.length) return null;
-  return el("ul", { class: "legend" }, series.map((line, index) => line.label && el("li", {},
-    svg("svg", { viewBox: "0 0 24 10", "aria-hidden": "true" },
-      svg("path", { class: `line series-${index % COLOURS}`, d: "M0 5H24", "stroke-dasharray": dashOf(line, index) })),
-    line.label)));
+const dashOf = ({ dash }) => (Array.isArray(dash) ? dash.join(" ") : dash ? "6 4" : null);
+
+// The series in groups of which nobody could tell the lines apart.
+function together(series, scale) {
+  const groups = [];
+  for (const one of series) {
+    const group = groups.find(([first]) => coincide(first, one, scale));
+    if (group) group.push(one);
+    else groups.push([one]);
+  }
+  return groups;
 }
 
-function described(spec) {
-  const lines = spec.series.map((line) => line.label).filter(Boolean).join(", ");
-  const marks = (spec.marks ?? []).map((mark) => mark.label).filter(Boolean).join(", ");
-  return [spec.title, `${spec.y?.label ?? "value"} against ${spec.x?.label ?? "time"}`, lines, marks].filter(Boolean).join("; ");
+function coincide(one, other, { place }) {
+  if (one.values.length !== other.values.length) return false;
+  return one.values.every((value, i) => {
+    const [a, b] = [value, other.values[i]].map((each) => (each === null ? NaN : place(each)));
+    return Object.is(a, b) || Math.abs(a - b) <= SAME;
+  });
 }
+
+// Each name at the end of its line, those that would overlap moved apart.
+function names(groups, box, up) {
+  const placed = [];
+  const right = Math.min(box.right, box.across(box.cut) || box.right) - 6;
+  for (const group of groups) {
+    const [first] = group, named = group.map((one) => one.label).filter(Boolean);
+    const last = first.values.findLastIndex((value, i) => value !== null && Number.isFinite(up(value)) && first.times[i] <= box.end && first.times[i] <= box.cut);
+    if (!named.length || last < 0 || right < box.left + 7 * named.join(" = ").length) continue;
+    const at = Math.min(box.bottom - 5, Math.max(box.top + 12, up(first.values[last]) - 6));
+    placed.push({ at, text: named.length > 1 ? `${named.join(" = ")} here` : named[0], className: first.className });
+  }
+  placed.sort((a, b) => a.at - b.at);
+  placed.forEach((one, i) => { if (i) one.at = Math.max(one.at, placed[i - 1].at + NAME); });
+  const over = placed.length ? Math.max(0, placed.at(-1).at - box.bottom + 5) : 0;
+  return placed.map(({ at, text, className }) => svg("text", { class: `name halo ${className}`, x: right, y: at - over, "text-anchor": "end" }, text));
+}
+
+function flag({ text, resets }, x, floor, width) {
+  const room = width - RIGHT - x, onLeft = room < 9 * text.length && x > width / 2, way = onLeft ? -1 : 1;
+  const parts = [svg("path", { class: "fault-line", d: `M${x} 4V${floor}` }), svg("path", { class: "fault", d: `M${x} 4l${11 * way} 5l${-11 * way} 5z` }),
+    svg("text", { class: "fault halo", x: x + 16 * way, y: 14, "text-anchor": onLeft ? "end" : "start" }, text)];
+  if (resets && room > 60) {
+    const centre = { x: x + room / 2, "text-anchor": "middle" };
+    parts.push(svg("text", { ...centre, class: "name halo", y: 44 }, room > 190 ? "reset by MuJoCo" : "reset"));
+    if (room > 210) parts.push(svg("text", { ...centre, class: "halo", y: 62 }, "no longer the run you set up"));
+  }
+  return parts;
+}
+
+export const seriesClass = (index) => `series-${index % COLOURS}`;

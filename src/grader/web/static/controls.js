@@ -1,47 +1,122 @@
-// A lab's controls: sliders, selects and buttons, each with its label; values are keyed by label.
+// A lab's controls on the page: sliders with typed values, selects and buttons. Values are keyed by label.
 
-import { el, freshId, number } from "./dom.js";
+import { el, number } from "./dom.js";
+import { decades } from "./scale.js";
+
+const LOG_RATIO = 100; // as in lab_box.py, which draws the first position
+const FIGURES = 3;
 
 export class Controls {
-  // onChange() after a value has changed, onPress(label) for a button.
-  constructor(specs, onChange, onPress) {
+  // listeners: begin() before the first change of a gesture, change(spec) after each change, press(label) for a button.
+  constructor(box, specs, listeners) {
+    this.specs = specs;
+    this.listeners = listeners;
     this.values = {};
-    this.box = el("div", { class: "controls" }, specs.map((spec) => {
-      if (spec.type === "button") return el("button", { type: "button", class: "quiet", onclick: () => onPress(spec.label) }, spec.label);
-      return spec.type === "select" ? this.select(spec, onChange) : this.slider(spec, onChange);
-    }));
-  }
-
-  slider(spec, onChange) {
-    const id = freshId("control");
-    const shown = el("output", { for: id });
-    const show = (value) => { shown.textContent = `${written(value, spec.digits)}${spec.unit ? ` ${spec.unit}` : ""}`; };
-    const input = el("input", { id, type: "range", min: spec.min, max: spec.max, step: spec.step ?? "any", value: spec.value });
-    input.addEventListener("input", () => {
-      const value = Math.min(onGrid(Number(input.value), spec), spec.max);
-      show(value);
-      this.values[spec.label] = value;
-      onChange();
+    this.ticks = new Map();
+    box.querySelectorAll("[data-control]").forEach((node, index) => {
+      const spec = specs[index];
+      if (spec.type === "button") node.addEventListener("click", () => listeners.press(spec.label));
+      else if (spec.type === "select") this.select(node.querySelector("select"), spec);
+      else this.slider(node, spec);
+      for (const input of [node, ...node.querySelectorAll("input, select")]) input.disabled = false;
     });
-    show(spec.value);
-    return el("div", { class: "control" }, el("label", { for: id }, spec.label, shown), input);
   }
 
-  // An option is identified by the text of its value, which need not be a number.
-  select(spec, onChange) {
-    const id = freshId("control");
-    const chosen = JSON.stringify(spec.value);
-    const options = spec.options.map(([text, value]) => el("option", { value: text, selected: JSON.stringify(value) === chosen }, text));
-    const input = el("select", { id }, options);
-    input.addEventListener("change", () => { this.values[spec.label] = input.value; onChange(); });
-    return el("div", { class: "control" }, el("label", { for: id }, spec.label), input);
+  slider(node, spec) {
+    const typed = node.querySelector("input[type=number]"), range = node.querySelector("input[type=range]");
+    const line = lineOf(spec);
+    const shown = (value) => range.setAttribute("aria-valuetext", written(value, spec));
+    const set = (value) => {
+      if (!this.moving) this.listeners.begin();
+      this.moving = true;
+      this.values[spec.label] = value;
+      shown(value);
+      this.listeners.change(spec);
+    };
+    range.step = spec.step && !line.isLog ? spec.step / (spec.max - spec.min) : "any";
+    range.addEventListener("input", () => {
+      const value = onGrid(line.value(Number(range.value)), spec);
+      typed.value = value;
+      set(value);
+    });
+    typed.addEventListener("change", () => {
+      const isValue = typed.value !== "" && typed.validity.valid;
+      typed.toggleAttribute("aria-invalid", false);
+      if (!isValue) {
+        typed.setAttribute("aria-invalid", "true");
+        this.listeners.refuse(`${spec.label} must be a number from ${number(spec.min)} to ${number(spec.max)}.`);
+        return;
+      }
+      const value = onGrid(typed.valueAsNumber, spec);
+      typed.value = value;
+      range.value = line.place(value);
+      set(value);
+      this.moving = false;
+    });
+    range.addEventListener("change", () => { this.moving = false; });
+    shown(spec.value);
+    const ticks = node.querySelector(".ticks");
+    ticks.append(...line.marks.map((value) => tick(line.place(value), number(value))));
+    this.ticks.set(spec.label, { ticks, line });
+  }
+
+  select(input, spec) {
+    input.addEventListener("change", () => {
+      this.listeners.begin();
+      this.values[spec.label] = input.value;
+      this.listeners.change(spec);
+    });
+  }
+
+  // A tick at the stability limit [s] on the slider of the timestep; beyond it, hatched, small motions grow.
+  mark(limit, className) {
+    for (const { ticks } of this.ticks.values()) ticks.querySelectorAll(".limit, .beyond").forEach((node) => node.remove());
+    const place = limit && this.ticks.get(limit.control);
+    if (!place || limit.timestep_s === null) return;
+    const at = place.line.place(limit.timestep_s);
+    const beyond = el("u", { class: `beyond ${className}` });
+    beyond.style.left = `${100 * at}%`;
+    place.ticks.append(beyond, tick(at, `limit ${number(1000 * limit.timestep_s, FIGURES)} ms`, `limit ${className}`));
+  }
+
+  // What the controls of a run were, as far as they differ from those of another run.
+  difference(run, other) {
+    return this.specs.filter(({ label }) => label in run && String(run[label]) !== String(other[label]))
+      .map((spec) => (spec.type === "select" ? this.textOf(spec, run) : `${spec.label} ${written(run[spec.label], spec)}`)).join(", ");
+  }
+
+  textOf(spec, run) {
+    return spec.options.find(([, value]) => String(value) === String(run[spec.label]))?.[0] ?? "";
+  }
+
+  // The texts of all options that a run was made with.
+  choices(run) {
+    return this.specs.filter(({ type }) => type === "select").map((spec) => this.textOf(spec, run));
   }
 }
 
-// Rounds to the step: the browser's own values carry rounding errors.
+function lineOf({ min, max }) {
+  const isLog = min > 0 && max / min >= LOG_RATIO;
+  const turn = isLog ? Math.log : (value) => value, back = isLog ? Math.exp : (value) => value;
+  const marks = isLog ? decades(Math.log10(min), Math.log10(max), 4) : [min, max];
+  return {
+    isLog, marks,
+    place: (value) => (turn(value) - turn(min)) / (turn(max) - turn(min)),
+    value: (place) => back(turn(min) + place * (turn(max) - turn(min))),
+  };
+}
+
+function tick(at, text, className = "") {
+  const node = el("span", { class: className }, el("i"), el("b", {}, text));
+  node.style.left = `${100 * at}%`;
+  node.style.setProperty("--shift", `${-100 * Math.min(1, Math.max(0, at))}%`);
+  return node;
+}
+
+// Rounds to the step, or to figures where there is none: the browser's own values carry rounding errors.
 function onGrid(value, { min, max, step }) {
-  if (!step) return Number(value.toPrecision(4)) >= min ? Math.min(Number(value.toPrecision(4)), max) : min;
-  return Number((min + Math.round((value - min) / step) * step).toPrecision(12));
+  const rounded = step ? min + Math.round((value - min) / step) * step : Number(value.toPrecision(FIGURES + 1));
+  return Math.min(max, Math.max(min, Number(rounded.toPrecision(12))));
 }
 
-const written = (value, digits) => (digits === null || digits === undefined ? number(value) : value.toFixed(digits).replace("-", "−"));
+const written = (value, { digits, unit }) => `${digits === null || digits === undefined ? number(value) : value.toFixed(digits).replace("-", "−")}${unit ? ` ${unit}` : ""}`;

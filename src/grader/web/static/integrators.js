@@ -1,79 +1,66 @@
 // One scene under all five integrators from one state: how far the energy drifts, and what a step costs.
 
-import { post, setProse } from "./api.js";
-import { chart } from "./chart.js";
-import { el, freshId, number } from "./dom.js";
+import { post } from "./api.js";
+import { drawChart } from "./chart.js";
+import { el, number } from "./dom.js";
+import { Newest } from "./newest.js";
 
-const SETTLE_MS = 400;
+const SMALLEST = 1e-9; // % of the energy: below it there is nothing but rounding
+const LARGEST = 1e4;
 
-export function openIntegrators(box, target, lab) {
-  const models = new Map([[lab.model, lab.model], ...lab.models.map((one) => (Array.isArray(one) ? one : [one, one]))]);
-  const model = el("select", { id: freshId("model") }, Array.from(models, ([name, label]) => el("option", { value: name }, label)));
-  const timestep = el("input", { id: freshId("timestep"), type: "number", min: 0.1, max: 100, step: 0.1, value: number(1000 * lab.timestep) });
-  const key = el("select", { id: freshId("key") }, el("option", { value: "" }, "the model's own"));
-  const status = el("p", { class: "progress", role: "status" });
-  const results = el("div");
-  const note = el("div", { class: "prose meta" });
-  if (lab.note) setProse(note, lab.note);
-  let timer = 0, turn = null, shownModel = null;
+export function openIntegrators(box, target) {
+  const [model, key, timestep, message] = ["model", "key", "timestep", "message"].map((name) => box.querySelector(`[data-${name}]`));
+  const picture = box.querySelector(".strips");
+  let shownModel = null, answer = null;
 
-  function offerKeys(answer) {
-    if (answer.model === shownModel) return;
-    shownModel = answer.model;
-    key.replaceChildren(el("option", { value: "" }, "the model's own"), ...answer.keys.map((name) => el("option", {}, name)));
-    key.value = answer.key ?? "";
+  function offerKeys({ model: name, keys, key: chosen }) {
+    if (name === shownModel) return;
+    shownModel = name;
+    key.replaceChildren(el("option", { value: "" }, "the model's own"), ...keys.map((one) => el("option", {}, one)));
+    key.value = chosen ?? "";
   }
 
-  async function run() {
-    const mine = (turn = Symbol("turn"));
-    status.textContent = "Running…";
-    try {
-      const chosen = model.value === shownModel ? { key: key.value } : {};
-      const controls = { model: model.value, ...chosen, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) };
-      const answer = await post("/labs:run", { ...target, controls, events: [] });
-      if (mine !== turn) return;
-      status.textContent = "";
-      offerKeys(answer);
-      results.replaceChildren(...shown(answer));
-    } catch (error) {
-      if (mine === turn) status.textContent = error.message;
-    }
+  function show(run) {
+    answer = run;
+    offerKeys(run);
+    message.classList.remove("no");
+    message.textContent = `${number(run.seconds)} s at a timestep of ${number(1000 * run.timestep)} ms, from one state. The cost is this server's and differs from run to run.`;
+    draw();
+    for (const one of run.integrators) fillRow(box.querySelector(`[data-integrator=${one.name}]`), one);
   }
 
-  const soon = () => { clearTimeout(timer); timer = setTimeout(run, SETTLE_MS); };
-  model.addEventListener("change", soon);
-  key.addEventListener("change", soon);
-  timestep.addEventListener("input", () => { if (timestep.validity.valid && timestep.value) soon(); });
-  box.replaceChildren(el("div", { class: "controls" }, control("model", model), control("start", key), control("timestep (ms)", timestep)), status, results, note);
-  run();
+  const draw = () => { if (answer) drawChart(picture, { end: answer.seconds, strips: [stripOf(answer.integrators)] }); };
+  const runs = new Newest(() => {
+    const chosen = model.value === shownModel ? { key: key.value } : {};
+    const controls = { model: model.value, ...chosen, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) };
+    return post("/labs:run", { ...target, controls, events: [] });
+  }, show, (error) => { message.textContent = error.message; message.classList.add("no"); });
+
+  for (const input of [model, key, timestep]) {
+    input.disabled = false;
+    input.addEventListener("change", () => { if (timestep.validity.valid && timestep.value) runs.want({}); });
+  }
+  new ResizeObserver(draw).observe(picture);
+  runs.want({});
 }
 
-const control = (title, input) => el("div", { class: "control" }, el("label", { for: input.id }, title), input);
-
-function shown(answer) {
-  const runs = answer.integrators;
-  return [
-    chart({
-      x: { label: "time (s)" },
-      y: { label: "energy error (%)" },
-      series: runs.map((run) => ({ label: run.name, x: run.times, y: run.energy_error_percent })),
-    }),
-    el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Energy and cost" }, el("table", {},
-      el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Integrator"),
-        ...["Energy error at the end (%)", "Cost of a step (µs)"].map((title) => el("th", { scope: "col", class: "number" }, title)),
-        el("th", { scope: "col" }, "Warnings"))),
-      el("tbody", {}, runs.map(row)))),
-    el("p", { class: "meta" }, `${number(answer.seconds)} s at a timestep of ${number(1000 * answer.timestep)} ms, from one state. `
-      + "The cost is this server's and differs from run to run."),
-  ];
+// The size of the error on a logarithmic axis: explicit and implicit methods lie many decades apart.
+function stripOf(runs) {
+  const sizes = runs.map((run) => run.energy_error_percent.map((value) => (value === null ? null : Math.abs(value))));
+  return {
+    label: "energy error (%)",
+    weight: 1,
+    axis: { log: true },
+    shows: sizes.flat().filter((value) => value !== null && value >= SMALLEST && value <= LARGEST),
+    lines: [],
+    ghost: [],
+    series: runs.map((run, index) => ({ label: run.name, className: run.name, times: run.times, values: sizes[index].map((value) => (value === 0 ? null : value)) })),
+  };
 }
 
-function row(run) {
+function fillRow(row, run) {
+  const signed = (value) => (value === null ? "no number" : (value > 0 ? "+" : value < 0 ? "−" : "") + number(Math.abs(value), 3));
   const [first] = run.warnings;
-  const signed = (value) => (value === null ? "no number" : (value > 0 ? "+" : value < 0 ? "−" : "") + Math.abs(value).toFixed(4));
-  return el("tr", {},
-    el("td", {}, run.name),
-    el("td", { class: "number" }, signed(run.final_error_percent)),
-    el("td", { class: "number" }, number(run.cost_us_per_step, 3)),
-    el("td", {}, first ? `${first.kind} at ${number(first.time)} s` : "none"));
+  const texts = [signed(run.final_error_percent), number(run.cost_us_per_step, 3), first ? `${first.kind} at ${number(first.time)} s` : "none"];
+  row.querySelectorAll("td").forEach((cell, index) => { cell.textContent = texts[index]; });
 }

@@ -1,20 +1,19 @@
-// A lab on the page: its controls, the recorded run that the server sends for them, readouts, plots and warnings.
+// A lab on the page: asks the server for a run under its controls, and shows scene, plots, readouts and warnings of it.
+// The server has drawn every part in its final size; nothing here changes a size.
 
-import { get, post, setProse } from "./api.js";
-import { chart } from "./chart.js";
+import { get, post } from "./api.js";
+import { drawChart } from "./chart.js";
 import { Controls } from "./controls.js";
-import { el, freshId } from "./dom.js";
+import { number } from "./dom.js";
 import { openIntegrators } from "./integrators.js";
-import { Player } from "./player.js";
+import { Newest } from "./newest.js";
+import { fittingForces } from "./overlays.js";
+import { lastUntil, Player } from "./player.js";
 import { Scene } from "./scene.js";
+import { milliseconds, spanOf, stripsOf, warningOf } from "./strips.js";
 import { Turning } from "./turning.js";
 
-const SETTLE_MS = 150;
-const HEIGHT = 260;
-const SECONDS_MAX = 60;
-const OVERLAYS = {
-  frames: "body frames", joints: "joint axes", contacts: "contacts", forces: "contact forces", com: "centres of mass", sites: "sites",
-};
+const INTEGRATORS = ["Euler", "RK4", "implicit", "implicitfast", "discrete"];
 const KINDS = {
   BADQPOS: "a position became huge or no number",
   BADQVEL: "a velocity became huge or no number",
@@ -22,156 +21,168 @@ const KINDS = {
   BADCTRL: "a control became huge or no number",
 };
 
-// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once, and runs only while visible.
-export function openLab(box, target) {
+// target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once.
+export async function openLab(box, target) {
   if (box.dataset.open) return;
   box.dataset.open = "yes";
-  box.hidden = false;
-  const looking = new IntersectionObserver((entries) => {
-    if (!entries.some((entry) => entry.isIntersecting)) return;
-    looking.disconnect();
-    fill(box, target);
-  }, { rootMargin: "200px" });
-  looking.observe(box);
-}
-
-async function fill(box, target) {
   try {
     const quiz = await get(`/quizzes/${encodeURIComponent(target.quiz)}`);
-    const lab = target.lab ? quiz.labs.find((one) => one.id === target.lab) : quiz.questions.find((one) => one.id === target.question)?.lab;
-    if (!lab) { delete box.dataset.open; box.hidden = true; return; }
+    const lab = target.lab ? quiz.labs.find((one) => one.id === target.lab) : quiz.questions.find((one) => one.id === target.question).lab;
     if (lab.kind === "integrators") openIntegrators(box, target, lab);
-    else if (!lab.controls) box.replaceChildren(el("p", { class: "notice" }, `Labs of the kind “${lab.kind}” do not run here.`));
-    else new SimLab(box, target, lab);
+    else new SceneLab(box, target, lab);
   } catch (error) {
-    box.replaceChildren(el("p", { class: "notice bad" }, error.message));
+    tell(box.querySelector("[data-message]"), error.message, true);
   }
 }
 
-class SimLab {
+function tell(message, sentence, isBad = false) {
+  message.textContent = sentence;
+  message.classList.toggle("no", isBad);
+}
+
+class SceneLab {
   constructor(box, target, lab) {
-    this.target = target;
-    this.lab = lab;
-    this.events = [];
-    this.controls = new Controls(lab.controls, () => this.changed(), (label) => this.press(label));
-    this.player = new Player((frame) => this.draw(frame));
-    this.canvas = el("canvas", { role: "img", tabindex: 0, "aria-label": "The simulated scene; the arrow keys turn it, plus and minus move it" });
-    this.canvas.style.height = `${lab.height ?? HEIGHT}px`;
-    this.turning = new Turning(this.canvas, () => this.draw(this.player.frame));
-    this.shown = new Set(Array.isArray(lab.overlays) ? lab.overlays : Object.entries(lab.overlays ?? {}).filter(([, on]) => on).map(([name]) => name));
-    this.length = this.lengthBox();
-    this.warnings = el("div", { role: "status" });
-    this.readouts = lab.readouts.map(() => el("dd", {}));
-    this.plots = el("div");
-    this.note = lab.note ? el("div", { class: "prose meta" }) : null;
-    box.replaceChildren(...[
-      target.question ? el("h3", {}, "See for yourself") : null,
-      this.canvas, this.togglesBox(), this.player.box, this.controls.box, this.warnings,
-      lab.readouts.length ? el("dl", { class: "readouts" }, lab.readouts.map((readout, index) =>
-        el("div", {}, el("dt", {}, readout.label), this.readouts[index]))) : null,
-      this.plots, this.note,
-    ].filter(Boolean));
-    if (this.note) setProse(this.note, lab.note);
-    new ResizeObserver(() => this.draw(this.player.frame)).observe(this.canvas);
-    this.run(0);
-  }
-
-  // The length of the run, once the first run has told it.
-  lengthBox() {
-    const id = freshId("length");
-    this.seconds = el("input", { id, type: "number", min: 0.1, max: SECONDS_MAX, step: "any" });
-    this.seconds.addEventListener("change", () => {
-      if (!this.seconds.validity.valid || !this.seconds.value) return;
-      this.chosenSeconds = this.seconds.valueAsNumber;
-      this.events = this.events.filter(([time]) => time <= this.chosenSeconds);
-      this.run(0);
+    const one = (selector) => box.querySelector(selector);
+    Object.assign(this, { target, lab, events: [], message: one("[data-message]"), canvas: one("canvas"), after: one("[data-after]") });
+    this.picture = one(".strips");
+    this.list = one(".readouts");
+    this.readouts = this.list ? [...this.list.querySelectorAll("dd")] : [];
+    this.runs = new Newest((wish) => this.ask(wish), (run, wish) => this.show(run, wish), (error) => tell(this.message, error.message, true));
+    this.turning = new Turning(this.canvas, () => this.draw());
+    this.controls = new Controls(box, lab.controls, {
+      begin: () => { this.last = this.recorded; },
+      change: (spec) => this.changed(spec),
+      press: (label) => this.press(label),
+      refuse: (sentence) => tell(this.message, sentence, true),
     });
-    const box = el("div", { class: "control" }, el("label", { for: id }, "length of the run (s)"), this.seconds);
-    this.controls.box.append(box);
-    return box;
+    this.player = new Player(box, () => this.draw());
+    this.listenToSeconds(one("[data-seconds]"));
+    this.listenToToggles(box);
+    this.listenToPlot();
+    new ResizeObserver(() => { this.drawPlots(); this.draw(); }).observe(this.picture);
+    this.runs.want({ from: 0 });
   }
 
-  togglesBox() {
-    const names = (this.lab.toggles ?? []).filter((name) => OVERLAYS[name]);
-    if (!names.length) return null;
-    return el("div", { class: "toggles", role: "group", "aria-label": "Drawn over the scene" }, names.map((name) => {
-      const box = el("input", { type: "checkbox", checked: this.shown.has(name) });
-      box.addEventListener("change", () => {
-        if (box.checked) this.shown.add(name); else this.shown.delete(name);
-        this.draw(this.player.frame);
+  listenToSeconds(input) {
+    input.disabled = false;
+    input.addEventListener("change", () => {
+      if (!input.validity.valid || !input.value) return tell(this.message, "A run lasts from 0.1 to 60 s.", true);
+      this.seconds = input.valueAsNumber;
+      this.events = this.events.filter(([time]) => time <= this.seconds);
+      this.runs.want({ from: 0 });
+    });
+  }
+
+  listenToToggles(box) {
+    const { overlays } = this.lab;
+    this.shown = new Set(Array.isArray(overlays) ? overlays : Object.keys(overlays ?? {}).filter((name) => overlays[name]));
+    for (const toggle of box.querySelectorAll("[data-toggle]")) {
+      toggle.disabled = false;
+      toggle.addEventListener("change", () => {
+        if (toggle.checked) this.shown.add(toggle.value); else this.shown.delete(toggle.value);
+        this.draw();
       });
-      return el("label", {}, box, ` ${OVERLAYS[name]} `);
-    }));
+    }
+    this.ghost = box.querySelector("[data-ghost]");
+    this.ghost.querySelector("input").addEventListener("change", () => { this.drawPlots(); this.draw(); });
   }
 
-  changed() {
+  // In the plots, dragging moves through time.
+  listenToPlot() {
+    const seek = (event) => { if (this.chart) this.player.seek(this.chart.timeAt(event.clientX)); };
+    this.picture.addEventListener("pointerdown", (event) => { this.picture.setPointerCapture(event.pointerId); seek(event); });
+    this.picture.addEventListener("pointermove", (event) => { if (event.buttons) seek(event); });
+  }
+
+  changed({ reset }) {
     this.events = [];
-    clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.run(0), SETTLE_MS);
+    this.runs.want({ isNew: reset });
   }
 
   press(label) {
     const now = this.player.time;
+    this.last = this.recorded;
     this.events = [...this.events.filter(([time]) => time <= now), [now, label]];
-    this.run(now);
+    this.runs.want({ from: now });
   }
 
-  async run(from) {
-    const turn = (this.turn = Symbol("turn"));
-    try {
-      const length = this.chosenSeconds ? { seconds: this.chosenSeconds } : {};
-      const run = await post("/labs:run", { ...this.target, ...length, controls: this.controls.values, events: this.events });
-      if (this.turn === turn) this.show(run, from);
-    } catch (error) {
-      if (this.turn === turn) this.warnings.replaceChildren(el("p", { class: "notice bad" }, error.message));
-    }
+  ask() {
+    const length = this.seconds ? { seconds: this.seconds } : {};
+    return post("/labs:run", { ...this.target, ...length, controls: this.controls.values, events: this.events });
   }
 
-  show(run, from) {
+  // wish: where the run is shown from, or that it starts anew; otherwise time stays where it is.
+  show(run, { from, isNew }) {
     this.recorded = run;
-    this.scene = new Scene(this.canvas, run.geoms, this.lab.camera, run.frames[0], this.turning);
-    this.forceScale = this.lab.forceScale ?? fittingForces(run.overlays.contacts ?? [], this.scene.reach);
-    if (document.activeElement !== this.seconds) this.seconds.value = run.seconds;
-    this.warnings.replaceChildren(...warned(run.warnings));
-    this.figures = run.plots.map((plot) => plotted(plot, run.times));
-    this.plots.replaceChildren(...this.figures);
-    this.player.load(run.times, from);
+    const scene = new Scene(this.canvas, run.geoms, { ...this.scene?.camera, ...this.lab.camera }, run.frames[0], this.turning);
+    this.scene = scene;
+    this.forceScale = this.lab.forceScale ?? fittingForces(run.overlays.contacts ?? [], scene.camera.distance);
+    this.integrator = this.controls.choices(run.controls).find((text) => INTEGRATORS.includes(text));
+    this.controls.mark(run.limit, this.integrator ?? "");
+    tell(this.message, ...this.said(run));
+    this.nameGhost(run);
+    this.drawPlots();
+    this.player.load(run.times, spanOf(run), from ?? this.player.time);
+    if (isNew) this.player.restart();
   }
 
-  draw(frame) {
+  nameGhost(run) {
+    const there = this.last && this.last !== run;
+    const differs = there ? this.controls.difference(this.last.controls, run.controls) : "";
+    this.ghost.classList.toggle("there", Boolean(there));
+    this.ghost.querySelector("input").disabled = !there;
+    this.ghost.querySelector("span").textContent = differs ? `last run: ${differs}` : "last run";
+  }
+
+  get shownGhost() {
+    return this.last && this.last !== this.recorded && this.ghost.querySelector("input").checked ? this.last : null;
+  }
+
+  // What happened, and how the timestep stands to the limit.
+  said(run) {
+    const warning = warningOf(run), { limit } = run;
+    const who = this.integrator ?? "This integrator";
+    const step = limit && run.controls[limit.control];
+    const isAbove = limit?.timestep_s && step > limit.timestep_s;
+    const bound = limit && (limit.timestep_s ? `${who} is stable up to ${number(1000 * limit.timestep_s, 3)} ms here${isAbove ? `; you step ${number(1000 * step)} ms` : ""}.`
+      : `${who} is stable in the whole range of this timestep.`);
+    if (!warning) {
+      const calm = isAbove ? `Grows; no warning within ${number(run.seconds)} s.` : `No warning within ${number(run.seconds)} s.`;
+      return [[calm, bound].filter(Boolean).join(" "), Boolean(isAbove)];
+    }
+    const why = warning.resets ? `: ${KINDS[warning.kind]}, and the state was reset` : "";
+    return [[`MuJoCo warned ${warning.kind} at ${milliseconds(warning.time)}${why}.`, bound].filter(Boolean).join(" "), true];
+  }
+
+  drawPlots() {
     const run = this.recorded;
     if (!run) return;
-    const trail = run.trail ? run.trail.slice(0, frame + 1).filter((point) => !point.includes(null)) : [];
-    const over = Object.entries(run.overlays).map(([name, frames]) => [name, frames[frame]]);
-    this.scene.draw(run.frames[frame], trail, Object.fromEntries(over), this.shown, this.forceScale);
-    run.readouts.forEach((readout, index) => {
-      this.readouts[index].textContent = `${readout.texts[frame]}${readout.unit ? ` ${readout.unit}` : ""}`;
+    this.chart = drawChart(this.picture, {
+      end: spanOf(run),
+      xlabel: run.plots.find((plot) => plot.xlabel)?.xlabel,
+      strips: stripsOf(run, this.shownGhost, this.integrator),
+      warning: warningOf(run),
     });
-    for (const figure of this.figures) figure.moveCursor(run.times[frame]);
   }
-}
 
-function warned(warnings) {
-  if (!warnings.length) return [];
-  const [first] = warnings;
-  const more = warnings.length > 1 ? ` It warned ${warnings.length} times in this run.` : "";
-  const why = KINDS[first.kind] ? `: ${KINDS[first.kind]}, and the state was reset` : "";
-  return [el("p", { class: "notice bad" }, `MuJoCo warned ${first.kind} at ${first.time.toFixed(3)} s${why}.${more}`)];
-}
-
-// The scale [m/N] that draws the largest contact force of the run as a quarter of what the camera sees.
-function fittingForces(frames, reach) {
-  let largest = 0;
-  for (const contacts of frames) for (const [, , , ...force] of contacts) largest = Math.max(largest, Math.hypot(...force));
-  return largest ? (0.25 * reach) / largest : 0;
-}
-
-function plotted(plot, times) {
-  return chart({
-    height: plot.height,
-    x: { label: plot.xlabel ?? "time (s)" },
-    y: { label: plot.ylabel ?? "", min: plot.ymin ?? undefined, max: plot.ymax ?? undefined },
-    series: plot.traces.map((trace) => ({ label: trace.label, x: times, y: trace.values, dash: trace.dash })),
-    marks: plot.refLines.map((line) => (typeof line === "number" ? { y: line } : line)).filter((line) => typeof line.y === "number"),
-  });
+  draw() {
+    const run = this.recorded;
+    if (!run) return;
+    const frame = Math.min(this.player.frame, run.times.length - 1), time = run.times[frame], warning = warningOf(run);
+    const ghost = this.shownGhost;
+    this.scene.draw({
+      poses: run.frames[frame],
+      ghost: ghost?.frames[lastUntil(ghost.times, time)],
+      trail: run.trail ? run.trail.slice(0, frame + 1).filter((point) => !point.includes(null)) : [],
+      over: Object.fromEntries(Object.entries(run.overlays).map(([name, frames]) => [name, frames[frame]])),
+      shown: this.shown,
+      forceScale: this.forceScale,
+    });
+    const isAfter = Boolean(warning?.resets && time > warning.time + 1e-9);
+    this.after.hidden = !isAfter;
+    this.canvas.classList.toggle("is-after", isAfter);
+    this.list?.classList.toggle("is-after", isAfter);
+    run.readouts.forEach(({ texts, unit }, index) => { this.readouts[index].textContent = texts[frame] + (unit ? ` ${unit}` : ""); });
+    this.chart?.moveCursor(time);
+  }
 }

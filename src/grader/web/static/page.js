@@ -6,6 +6,7 @@ import { Drafts } from "./drafts.js";
 const TYPING_MS = 300;
 const POLL_MS = 1500;
 const SILENCE_MS = 6000;
+const LABS = "[data-lab]:not([data-form])"; // those of unknown kinds have a form and nothing to run
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
@@ -15,7 +16,7 @@ const timers = new WeakMap();
 let source = null; // the events of the script that is being graded
 
 for (const form of document.querySelectorAll("form[data-answer]")) adopt(form);
-for (const box of document.querySelectorAll("[data-lab]")) watch(box);
+for (const box of document.querySelectorAll(LABS)) watch(box);
 follow();
 window.addEventListener("storage", (event) => {
   const form = formOf(drafts.changed(event));
@@ -82,10 +83,10 @@ function take(page, form, sent, wasTaken) {
     adopt(fresh);
     const isNewer = lines(typed) !== lines(sent) && lines(typed) !== lines(drafts.valueOf(fresh));
     if (isNewer) { drafts.put(fresh, typed); drafts.keep(fresh); }
-    for (const box of document.getElementById(card.id).querySelectorAll("[data-lab]")) watch(box);
+    for (const box of document.getElementById(card.id).querySelectorAll(LABS)) watch(box);
     const said = document.getElementById(card.id).querySelector(wasTaken ? "[data-said]" : "input[name=answer], textarea");
     if (document.hasFocus()) said?.focus({ preventScroll: true });
-    if (document.hasFocus()) said?.scrollIntoView({ block: "nearest" });
+    if (document.hasFocus()) said?.scrollIntoView({ block: "nearest", behavior: "instant" });
   } else {
     const fresh = page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`);
     for (const name of ["after", "learner"]) form.elements[name].value = fresh.elements[name].value;

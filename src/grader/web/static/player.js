@@ -1,40 +1,71 @@
-// Plays a recorded run, with a time slider, and calls listeners with each frame that it shows.
+// Plays a recorded run: play and pause, a time slider, the speed; calls a listener with each frame that it shows.
 
-import { el } from "./dom.js";
+const SHORT_S = 1; // a run whose end comes sooner is played slowly at first
+const SLOW = "0.1";
 
 export class Player {
-  constructor(onFrame) {
+  constructor(box, onFrame) {
     this.onFrame = onFrame;
     this.times = [0];
     this.frame = 0;
-    this.playing = false;
-    this.button = el("button", { type: "button", class: "quiet", onclick: () => (this.playing ? this.pause() : this.play()) }, "Play");
-    this.slider = el("input", { type: "range", min: 0, max: 0, value: 0, "aria-label": "Time in the run" });
+    this.playing = this.started = this.seen = false;
+    this.button = box.querySelector("[data-play]");
+    this.slider = box.querySelector("[data-time]");
+    this.clock = box.querySelector("[data-clock]");
+    this.speeds = [...box.querySelectorAll(".speeds input")];
+    this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.slider.addEventListener("input", () => { this.pause(); this.show(Number(this.slider.value)); });
-    this.clock = el("output", {}, "0.00 s");
-    this.box = el("div", { class: "player" }, this.button, this.slider, this.clock);
+    for (const one of this.speeds) one.addEventListener("change", () => { this.chosen = true; if (this.playing) this.play(); });
+    for (const node of [this.button, this.slider, ...this.speeds]) node.disabled = false;
+    new IntersectionObserver(([entry]) => this.noticed(entry.isIntersecting), { threshold: 0.5 }).observe(box.querySelector(".stage"));
   }
 
   get time() {
     return this.times[this.frame];
   }
 
-  load(times, from = 0) {
+  get speed() {
+    return Number(this.speeds.find((one) => one.checked).value);
+  }
+
+  // Another run, which is shown up to `end` [s], from `from` [s] on.
+  load(times, end, from) {
     this.times = times;
-    this.slider.max = times.length - 1;
-    this.show(this.frameAt(from));
-    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.play();
+    this.last = this.frameAt(end);
+    this.slider.max = this.last;
+    if (!this.chosen) for (const one of this.speeds) one.checked = one.value === (end < SHORT_S ? SLOW : "1");
+    this.show(Math.min(this.last, this.frameAt(from)));
+    if (this.playing) this.play();
+    else this.start();
+  }
+
+  // The first run starts when it is seen, unless the learner wants nothing to move; out of sight nothing moves.
+  noticed(seen) {
+    this.seen = seen;
+    if (seen) this.start();
+    else this.pause();
+  }
+
+  start() {
+    if (this.started || !this.seen || this.times.length < 2) return;
+    this.started = true;
+    this.restart();
+  }
+
+  restart() {
+    this.show(0);
+    if (this.seen && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.play();
   }
 
   play() {
-    if (this.frame >= this.times.length - 1) this.show(0);
-    const offset = this.time - performance.now() / 1000;
+    if (this.frame >= this.last) this.show(0);
+    const { speed } = this, began = performance.now() / 1000, at = this.time;
     const turn = (this.turn = Symbol("turn"));
     this.setPlaying(true);
     const step = (now) => {
       if (!this.playing || this.turn !== turn) return;
-      this.show(this.frameAt(offset + now / 1000));
-      if (this.frame < this.times.length - 1) requestAnimationFrame(step);
+      this.show(Math.min(this.last, this.frameAt(at + speed * Math.max(0, now / 1000 - began))));
+      if (this.frame < this.last) requestAnimationFrame(step);
       else this.pause();
     };
     requestAnimationFrame(step);
@@ -49,22 +80,31 @@ export class Player {
     this.button.textContent = playing ? "Pause" : "Play";
   }
 
+  seek(time) {
+    this.pause();
+    this.show(Math.min(this.last, this.frameAt(time)));
+  }
+
   show(frame) {
     this.frame = frame;
     this.slider.value = frame;
-    this.clock.textContent = `${this.time.toFixed(2)} s`;
+    this.clock.textContent = `${this.time.toFixed(3)} s`;
     this.slider.setAttribute("aria-valuetext", this.clock.textContent);
     this.onFrame(frame);
   }
 
-  // The last frame that is not later than `time`.
   frameAt(time) {
-    let low = 0, high = this.times.length - 1;
-    while (low < high) {
-      const middle = Math.ceil((low + high) / 2);
-      if (this.times[middle] <= time + 1e-9) low = middle;
-      else high = middle - 1;
-    }
-    return low;
+    return lastUntil(this.times, time);
   }
+}
+
+// The index of the last of these times that is not later than `time`.
+export function lastUntil(times, time) {
+  let low = 0, high = times.length - 1;
+  while (low < high) {
+    const middle = Math.ceil((low + high) / 2);
+    if (times[middle] <= time + 1e-9) low = middle;
+    else high = middle - 1;
+  }
+  return low;
 }

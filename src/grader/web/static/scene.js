@@ -1,156 +1,50 @@
-// The drawn geoms of a recorded run on a canvas: every primitive as the outline of its projected points.
+// The drawn geoms of a recorded run on a canvas, the farthest first, with their shadows and the last run's outlines.
 
-const FOV = Math.PI / 4; // MuJoCo's default vertical field of view
-const NEAR = 0.01;
-const ROUND = 20;
-const BALL = ballPoints();
-const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-const AXIS_COLOURS = ["#c92a2a", "#2b8a3e", "#1864ab"];
+import { drawOverlays } from "./overlays.js";
+import { Pen } from "./pen.js";
+import { hull, placed, turned, viewFrom } from "./geometry.js";
+
+const CIRCLE = Array.from({ length: 24 }, (_, i) => [Math.cos((2 * Math.PI * i) / 24), Math.sin((2 * Math.PI * i) / 24)]);
+const BALL = [-0.9, -0.5, 0, 0.5, 0.9].flatMap((z) => CIRCLE.map(([x, y]) => [x * Math.sqrt(1 - z * z), y * Math.sqrt(1 - z * z), z]))
+  .concat([[0, 0, -1], [0, 0, 1]]);
+const FACES = [0, 1, 2].flatMap((axis) => [-1, 1].map((sign) => ({ axis, sign })));
+const FLOOR = 2; // how much of an endless plane is drawn [m]
 
 export class Scene {
   // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
   // where it leaves something out, so that the poses at the start fit.
-  // `turned` is what the learner adds: degrees to azimuth and elevation, a factor to distance.
-  constructor(canvas, geoms, camera, poses, turned) {
+  // `turning` is what the learner adds: degrees to azimuth and elevation, a factor to distance.
+  constructor(canvas, geoms, camera, poses, turning) {
     this.canvas = canvas;
-    this.geoms = geoms.map((geom) => ({ ...geom, points: surface(geom.type, geom.size) }));
+    this.geoms = geoms;
     this.camera = { azimuth: 90, elevation: -20, ...fitting(geoms, poses), ...camera };
-    this.turned = turned;
+    this.turning = turning;
   }
 
-  get reach() {
-    return this.camera.distance;
-  }
-
-  turnedView() {
+  // poses: one [x, y, z, qw, qx, qy, qz] per geom; `ghost` the same of the last run; `trail`: [[x, y, z], ...];
+  // `over`: by overlay, the rows of this frame; `shown`: what is drawn over the scene; `forceScale` [m/N].
+  draw({ poses, ghost, trail = [], over = {}, shown = new Set(), forceScale = 0 }) {
     const { azimuth, elevation, distance, target } = this.camera;
-    const up = Math.min(89, Math.max(-89, elevation + this.turned.elevation));
-    return viewFrom({ azimuth: azimuth + this.turned.azimuth, elevation: up, distance: distance * this.turned.distance, target });
+    const up = Math.min(89, Math.max(-89, elevation + this.turning.elevation));
+    const view = viewFrom({ azimuth: azimuth + this.turning.azimuth, elevation: up, distance: distance * this.turning.distance, target });
+    const pen = new Pen(this.canvas, view);
+    const there = this.geoms.map((geom, index) => ({ geom, pose: poses[index] })).filter(({ pose }) => !pose.includes(null)); // finite
+    const floors = there.filter(({ geom }) => geom.type === "plane"), solids = there.filter(({ geom }) => geom.type !== "plane");
+    for (const { geom, pose } of floors) grid(pen, geom, pose);
+    if (shown.has("shadows")) for (const floor of floors) for (const solid of solids) shadow(pen, floor, solid);
+    for (let i = 1; i < trail.length; i++) pen.line(trail[i - 1], trail[i], "rgba(194, 112, 61, .75)", 1.5);
+    const deep = solids.map((one) => ({ ...one, depth: view.see(one.pose)[2] })).sort((a, b) => b.depth - a.depth);
+    for (const { geom, pose } of deep) solid(pen, view, geom, pose);
+    if (ghost) this.drawGhost(pen, view, ghost);
+    drawOverlays(pen, over, shown, forceScale, this.camera.distance);
   }
 
-  // poses: one [x, y, z, qw, qx, qy, qz] per geom; trail: [[x, y, z], ...]; over: by overlay, the rows of this frame;
-  // shown: the names of the overlays to draw; forceScale: the length of a force's arrow [m/N].
-  draw(poses, trail = [], over = {}, shown = new Set(), forceScale = 0) {
-    this.view = this.turnedView();
-    const pixel = this.fit();
-    const pen = this.canvas.getContext("2d");
-    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    const solid = [];
+  drawGhost(pen, view, ghost) {
     this.geoms.forEach((geom, index) => {
-      if (poses[index].includes(null)) return; // the state is not finite
-      if (geom.type === "plane") this.drawGrid(pen, pixel, geom, poses[index]);
-      else solid.push({ geom, pose: poses[index], depth: this.view.see(poses[index])[2] });
+      if (geom.type === "plane" || !ghost[index] || ghost[index].includes(null)) return;
+      pen.outline(hullOf(pen, view, geom, ghost[index]), null, pen.soft, [3, 4]);
     });
-    this.drawTrail(pen, pixel, trail);
-    solid.sort((a, b) => b.depth - a.depth);
-    for (const { geom, pose } of solid) this.drawSolid(pen, pixel, geom, pose);
-    this.drawOver(pen, pixel, over, shown, forceScale);
   }
-
-  // Overlays lie on top of the bodies, so that what is inside or behind them is seen.
-  drawOver(pen, pixel, over, shown, forceScale) {
-    const size = 0.06 * this.reach;
-    const rows = (name) => (shown.has(name) ? over[name] ?? [] : []).filter((row) => !row.includes(null));
-    for (const pose of rows("frames")) {
-      AXES.forEach((axis, i) => this.arrow(pen, pixel, pose, placed(pose, axis.map((value) => size * value)), AXIS_COLOURS[i]));
-    }
-    for (const [x, y, z, ...axis] of rows("joints")) {
-      this.arrow(pen, pixel, [x, y, z], [x, y, z].map((value, i) => value + 1.5 * size * axis[i]), "#0b7285");
-    }
-    for (const point of rows("com")) this.dot(pen, pixel, point, "#862e9c");
-    for (const point of rows("sites")) this.dot(pen, pixel, point, "#2b8a3e");
-    for (const [x, y, z] of rows("contacts")) this.dot(pen, pixel, [x, y, z], "#e8590c");
-    const acting = shown.has("forces") ? over.contacts ?? [] : [];
-    for (const row of acting.filter((one) => !one.includes(null))) {
-      const point = row.slice(0, 3);
-      this.arrow(pen, pixel, point, point.map((value, i) => value + forceScale * row[3 + i]), "#c2255c");
-    }
-  }
-
-  dot(pen, pixel, point, fill) {
-    const seen = this.view.see(point);
-    if (seen[2] < NEAR) return;
-    pen.beginPath();
-    pen.arc(...pixel(seen), 3 * (window.devicePixelRatio || 1), 0, 2 * Math.PI);
-    pen.fillStyle = fill;
-    pen.fill();
-  }
-
-  arrow(pen, pixel, from, to, stroke) {
-    const ratio = window.devicePixelRatio || 1;
-    pen.strokeStyle = stroke;
-    pen.lineWidth = 2 * ratio;
-    this.segment(pen, pixel, from, to);
-    const [a, b] = [this.view.see(from), this.view.see(to)];
-    if (a[2] < NEAR || b[2] < NEAR) return;
-    const [[x0, y0], [x, y]] = [pixel(a), pixel(b)];
-    const length = Math.hypot(x - x0, y - y0), head = Math.min(7 * ratio, length / 2);
-    if (head < 1) return;
-    const [dx, dy] = [(head * (x - x0)) / length, (head * (y - y0)) / length];
-    pen.beginPath();
-    pen.moveTo(x, y);
-    pen.lineTo(x - dx - dy / 2, y - dy + dx / 2);
-    pen.lineTo(x - dx + dy / 2, y - dy - dx / 2);
-    pen.closePath();
-    pen.fillStyle = stroke;
-    pen.fill();
-  }
-
-  fit() {
-    const ratio = window.devicePixelRatio || 1;
-    const width = Math.round(this.canvas.clientWidth * ratio), height = Math.round(this.canvas.clientHeight * ratio);
-    if (this.canvas.width !== width) this.canvas.width = width;
-    if (this.canvas.height !== height) this.canvas.height = height;
-    const zoom = height / 2 / Math.tan(FOV / 2);
-    return ([x, y, z]) => [width / 2 + (zoom * x) / z, height / 2 - (zoom * y) / z];
-  }
-
-  drawSolid(pen, pixel, geom, pose) {
-    const seen = geom.points.map((point) => this.view.see(placed(pose, point)));
-    if (seen.some(([, , depth]) => depth < NEAR)) return;
-    const outline = hull(seen.map(pixel));
-    pen.beginPath();
-    outline.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-    pen.closePath();
-    pen.fillStyle = colour(geom.rgba, 1);
-    pen.fill();
-    pen.strokeStyle = colour(geom.rgba, 0.65);
-    pen.lineWidth = window.devicePixelRatio || 1;
-    pen.stroke();
-  }
-
-  drawGrid(pen, pixel, geom, pose) {
-    const reach = [geom.size[0] || 2, geom.size[1] || 2].map((half) => Math.min(half, 2));
-    pen.strokeStyle = "rgba(128, 128, 128, 0.35)";
-    pen.lineWidth = 1;
-    for (let i = -4; i <= 4; i++) {
-      const x = (i / 4) * reach[0], y = (i / 4) * reach[1];
-      this.segment(pen, pixel, placed(pose, [x, -reach[1], 0]), placed(pose, [x, reach[1], 0]));
-      this.segment(pen, pixel, placed(pose, [-reach[0], y, 0]), placed(pose, [reach[0], y, 0]));
-    }
-  }
-
-  drawTrail(pen, pixel, trail) {
-    pen.strokeStyle = "rgba(194, 112, 61, 0.7)";
-    pen.lineWidth = 1.5 * (window.devicePixelRatio || 1);
-    for (let i = 1; i < trail.length; i++) this.segment(pen, pixel, trail[i - 1], trail[i]);
-  }
-
-  segment(pen, pixel, from, to) {
-    let [a, b] = [this.view.see(from), this.view.see(to)];
-    if (a[2] < NEAR && b[2] < NEAR) return;
-    if (a[2] < NEAR) a = cut(b, a);
-    if (b[2] < NEAR) b = cut(a, b);
-    pen.beginPath();
-    pen.moveTo(...pixel(a));
-    pen.lineTo(...pixel(b));
-    pen.stroke();
-  }
-}
-
-function cut(front, behind) {
-  const part = (front[2] - NEAR) / (front[2] - behind[2]);
-  return front.map((value, axis) => value + part * (behind[axis] - value));
 }
 
 function fitting(geoms, poses) {
@@ -164,70 +58,76 @@ function fitting(geoms, poses) {
   return { distance: 3 * extent, target: ends.map(([low, high]) => (low + high) / 2) };
 }
 
-// MuJoCo's free camera: it looks from `distance` away at `target`, along azimuth and elevation.
-function viewFrom({ azimuth, elevation, distance, target }) {
-  const [az, up] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
-  const forward = [Math.cos(up) * Math.cos(az), Math.cos(up) * Math.sin(az), Math.sin(up)];
-  const right = [Math.sin(az), -Math.cos(az), 0];
-  const above = cross(right, forward);
-  const eye = target.map((value, axis) => value - distance * forward[axis]);
-  return {
-    see: (point) => {
-      const from = [point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]];
-      return [dot(right, from), dot(above, from), dot(forward, from)];
-    },
-  };
-}
-
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-
-// A point of the geom's own frame in the world: v + 2 w (u x v) + 2 u x (u x v) for the quaternion (w, u).
-function placed([x, y, z, w, ...u], point) {
-  const once = cross(u, point), twice = cross(u, once);
-  return [x, y, z].map((origin, axis) => origin + point[axis] + 2 * (w * once[axis] + twice[axis]));
-}
-
 // Sizes as in MuJoCo: half lengths; the long axis of capsule and cylinder is z.
-function surface(type, [a = 0, b = 0, c = 0]) {
-  if (type === "sphere") return BALL.map((p) => p.map((value) => a * value));
+function surface({ type, size: [a = 0, b = 0, c = 0] }) {
   if (type === "ellipsoid") return BALL.map((p) => [a * p[0], b * p[1], c * p[2]]);
+  if (type === "cylinder") return [-b, b].flatMap((z) => CIRCLE.map(([x, y]) => [a * x, a * y, z]));
+  if (type === "sphere") return BALL.map((p) => p.map((value) => a * value));
   if (type === "capsule") return BALL.map((p) => [a * p[0], a * p[1], a * p[2] + Math.sign(p[2]) * b]);
-  if (type === "cylinder") return [-b, b].flatMap((z) => circle(a, z));
-  if (type === "box") return [-a, a].flatMap((x) => [-b, b].flatMap((y) => [-c, c].map((z) => [x, y, z])));
-  return [];
+  return [-a, a].flatMap((x) => [-b, b].flatMap((y) => [-c, c].map((z) => [x, y, z])));
 }
 
-function circle(radius, z) {
-  return Array.from({ length: ROUND }, (_, i) => [radius * Math.cos((2 * Math.PI * i) / ROUND), radius * Math.sin((2 * Math.PI * i) / ROUND), z]);
+// The outline of a geom on the screen: round ends are discs that face the camera.
+function hullOf(pen, view, geom, pose) {
+  const [a, b] = geom.size;
+  const ends = geom.type === "sphere" ? [0] : geom.type === "capsule" ? [-b, b] : null;
+  const seen = ends
+    ? ends.flatMap((end) => {
+      const [x, y, z] = view.see(placed(pose, [0, 0, end]));
+      return CIRCLE.map(([right, above]) => [x + a * right, y + a * above, z]);
+    })
+    : (geom.points ??= surface(geom)).map((point) => view.see(placed(pose, point)));
+  return seen.every(pen.isBefore) ? hull(seen.map(pen.pixel)) : [];
 }
 
-function ballPoints() {
-  const rings = [];
-  for (let i = 0; i <= 12; i++) {
-    const height = Math.cos((Math.PI * (i + 0.01)) / 12.02);
-    rings.push(...circle(Math.sqrt(1 - height * height), height));
+function solid(pen, view, geom, pose) {
+  const outline = hullOf(pen, view, geom, pose);
+  if (!outline.length) return;
+  if (geom.type === "box") {
+    for (const face of FACES) boxFace(pen, view, geom, pose, face);
+    return;
   }
-  return rings;
+  pen.outline(outline, colour(geom.rgba, 1), colour(geom.rgba, 0.6));
 }
 
-// Andrew's monotone chain.
-function hull(points) {
-  const sorted = points.slice().sort((p, q) => p[0] - q[0] || p[1] - q[1]);
-  const half = (list) => {
-    const chain = [];
-    for (const p of list) {
-      while (chain.length > 1 && turn(chain[chain.length - 2], chain[chain.length - 1], p) <= 0) chain.pop();
-      chain.push(p);
-    }
-    return chain.slice(0, -1);
-  };
-  return [...half(sorted), ...half(sorted.reverse())];
+// A face is seen where its outside is turned to the camera; light comes from above.
+function boxFace(pen, view, geom, pose, { axis, sign }) {
+  const normal = turned(pose, [0, 1, 2].map((i) => (i === axis ? sign : 0)));
+  const [one, other] = [(axis + 1) % 3, (axis + 2) % 3];
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => {
+    const corner = [0, 0, 0];
+    corner[axis] = sign * geom.size[axis];
+    corner[one] = u * geom.size[one];
+    corner[other] = v * geom.size[other];
+    return view.see(placed(pose, corner));
+  });
+  const [facing, centre] = [view.turn(normal), corners[0]];
+  if (facing[0] * centre[0] + facing[1] * centre[1] + facing[2] * centre[2] > 0) return;
+  const shade = 0.78 + 0.22 * normal[2] + 0.06 * normal[0];
+  pen.outline(corners.map(pen.pixel), colour(geom.rgba, shade), colour(geom.rgba, 0.5));
 }
 
-const turn = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+// What a geom shades of a floor, under light from straight above it.
+function shadow(pen, floor, { geom, pose }) {
+  const [, , , w, ...u] = floor.pose;
+  const points = (geom.points ??= surface(geom)).map((point) => {
+    const world = placed(pose, point);
+    const local = placed([0, 0, 0, w, ...u.map((value) => -value)], world.map((value, i) => value - floor.pose[i]));
+    return placed(floor.pose, [local[0], local[1], 0]);
+  });
+  pen.patch(points, "rgba(0, 0, 0, .16)");
+}
+
+function grid(pen, geom, pose) {
+  const [a, b] = [geom.size[0] || FLOOR, geom.size[1] || FLOOR].map((half) => Math.min(half, FLOOR));
+  for (let i = -4; i <= 4; i++) {
+    const x = (i / 4) * a, y = (i / 4) * b;
+    pen.line(placed(pose, [x, -b, 0]), placed(pose, [x, b, 0]), "rgba(128, 128, 128, .35)", 1);
+    pen.line(placed(pose, [-a, y, 0]), placed(pose, [a, y, 0]), "rgba(128, 128, 128, .35)", 1);
+  }
+}
 
 function colour([r = 0.5, g = 0.5, b = 0.5, alpha = 1], shade) {
-  const channel = (value) => Math.round(255 * shade * value);
+  const channel = (value) => Math.round(255 * Math.min(1, shade * value));
   return `rgba(${channel(r)}, ${channel(g)}, ${channel(b)}, ${alpha})`;
 }
