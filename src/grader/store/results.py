@@ -221,12 +221,12 @@ STATISTICS = (
         Result.learner, Result.question, Result.points, Result.max_points,
         Result.first_status, Result.first_option, Result.first_value, Result.diagnoses,
     )
-    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"))
+    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"), Result.is_final)
 )  # fmt: skip
 
 
 def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
-    """What statistics need of every result of a quiz."""
+    """What statistics need of every result of a quiz; without those that still wait for a verdict or a person."""
     return session.execute(STATISTICS, {"course": course, "quiz": quiz}).all()
 
 

@@ -20,6 +20,7 @@ from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Result
 from grader.web.context import PageContext, Pages, Visitor, instructor
+from grader.web.lessons import lessons_of
 from grader.web.rendering import page
 from grader.web.student_pages import sign_in_page
 from grader.web.words import NOT_ANSWERED, PARTLY, STATUSES, UNDECIDED, Told
@@ -138,7 +139,7 @@ def story(
     total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
-        total=total, removed=member is None,
+        total=total, removed=member is None, lessons=lessons_of(pages.library_for(who).quizzes),
     )  # fmt: skip
 
 
