@@ -102,7 +102,7 @@ def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> Fast
     app.state.context = context
     app.state.pages = PageContext(
         content, sessions, public_origin, provider_of(settings), tool, context.writer, settings.queue_per_user,
-        context.blinding,
+        context.blinding, worker.alive_on,
     )  # fmt: skip
     problems.install(app)
     app.router.routes += [HAND_IN, HAND_IN_ON_BEHALF]

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from grader.certify import certify_question
-from grader.domain.quiz import CodeQuestion, NumericQuestion, PredictQuestion, Question
+from grader.certify.remarks import UNVERIFIED, could_be_decided, luck_of
+from grader.domain.quiz import CodeQuestion
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.domain.verdict import Status
 from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFound
-from grader.exercises import chance_of_luck, lazy_answers
+from grader.exercises import lazy_answers
 from grader.library import Library, load
 from grader.library.files import list_files, read_text
 from grader.numerics.version import INSTALLED, version_of
@@ -24,8 +25,6 @@ from grader.pipeline import Pipeline
 
 POINTS_ROUNDING = 1e-6
 """Rounding of shares of points."""
-
-UNVERIFIED = "no simulation confirms this key: add a `verify` (docs/authoring.md)"
 
 FROM_VERSION = re.compile(r"# from MuJoCo (\d+\.\d+\.\d+): (\w+)(?:: (.+))?")
 """A line of a reference program: the version of MuJoCo from which on it gets another status, and its diagnosis."""
@@ -117,11 +116,6 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
                 report.faults.append(Fault(file, f"{question.id}.{certificate.key}", certificate.why))
 
 
-def could_be_decided(question: Question) -> bool:
-    """Whether a `verify` could derive the key again: a number, or a prediction with a lab to run."""
-    return isinstance(question, NumericQuestion) or (isinstance(question, PredictQuestion) and question.sim is not None)
-
-
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, CodeQuestion]]:
     """Yields every exercise of the quizzes under `path`, with the quiz's id."""
     for quiz in library.quizzes.values():
@@ -145,14 +139,11 @@ def grade_lazy_answers(pipeline: Pipeline, quiz_id: str, question: CodeQuestion,
 
 def luck_faults(library: Library, quiz_id: str, question: CodeQuestion, say: Say) -> Iterator[Fault]:
     """Yields a fault if an answer that ignores its inputs is too likely to be right in every case."""
-    chance, allowed = chance_of_luck(question, library.model_xml, library.text)
-    say(f"{quiz_id} {question.id}: a fixed answer passes with a chance of at most {chance:.1e}; {allowed:g} is allowed")
-    if chance > allowed:
-        why = f"a fixed answer is right in every case with a chance of {chance:.1e}; {allowed:g} is allowed"
-        if chance == 1:
-            why += "; no case draws a number, or the kind does not say what it accepts (Kind.accepted)"
-        cure = "draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
-        yield Fault(library.file(quiz_id), f"{question.id}.check.luck", f"{why}: {cure}")
+    luck = luck_of(question, library.model_xml, library.text)
+    chance = f"a fixed answer passes with a chance of at most {luck.chance:.1e}; {luck.allowed:g} is allowed"
+    say(f"{quiz_id} {question.id}: {chance}")
+    if luck.why is not None:
+        yield Fault(library.file(quiz_id), f"{question.id}.check.luck", luck.why)
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ import pytest
 from databases import BACKENDS, database_url
 from grader.api.admission import PREFIX as API
 from grader.courses import comments, reviews
+from grader.courses.blinding import blinded_differences
 from grader.errors import Conflict
 from grader.identity import Identity, Role
 from grader.settings import Settings
-from grader.store.tables import Submission
+from grader.store.tables import Review, Submission
 from sites import Site, open_site, write_content
 
 ITEMS = [
@@ -335,3 +336,62 @@ def test_a_comment_is_a_text_of_some_length(site: Site, text: Any) -> None:
     body = {"quiz": "essay", "question": "why", "text": text}
     assert tina.post(f"{API}/reviews/comments", json=body).status_code == 422
     assert tina.post(f"{API}/reviews/comments", json={**body, "text": "x", "quiz": "gone"}).status_code == 404
+
+
+def test_nothing_but_a_search_by_name_joins_an_answer_under_review_to_its_learner(site: Site) -> None:
+    ann, tina = site.client("ann-learner"), site.client("tina", "instructor")
+    choice = {"quiz": "small", "question": "q1", "answer": 1}
+    chosen = ann.post(f"{API}/submissions", json=choice).json()["id"]
+    decided, waiting = hand_in(ann)["id"], hand_in(ann)["id"]
+    decide(tina, decided, points=1)
+    names = {item["id"]: item["user"] for item in listed(tina, "/submissions")}
+    assert names[chosen] == "ann-learner"
+    assert names[decided] == names[waiting] != "ann-learner"  # else one name would tell the other
+    body = {"quiz": "essay", "scope": "all", "dry_run": True}
+    regrade = tina.post(f"{API}/regrades", json=body).json()["id"]
+    (difference,) = tina.get(f"{API}/regrades/{regrade}").json()["items"]
+    assert (difference["user"], difference["learner"]) == (names[waiting], None)
+    assert "looked up" not in str(audited(tina))
+    listed(tina, "/submissions", user="ann-learner")
+    assert audited(tina)[0] == "answers under review looked up by name"
+    decide(tina, waiting, points=2)
+    names = {item["id"]: item["user"] for item in listed(tina, "/submissions")}
+    assert set(names.values()) == {"ann-learner"}
+    (difference,) = tina.get(f"{API}/regrades/{regrade}").json()["items"]
+    assert difference["user"] == "ann-learner"
+
+
+def test_nobody_but_the_first_reviewer_sees_the_first_mark_before_the_second(site: Site) -> None:
+    ann = site.client("ann")
+    tina, tom = site.client("tina", "instructor"), site.client("tom", "instructor")
+    made = hand_in(ann, "twice")["id"]
+    decide(tina, made, points=3.25, comment="FIRST")
+    paths = ("/gradebook.csv?quiz=twice", "/quizzes/twice/statistics", "/audit")
+
+    def told(client: httpx.Client) -> list[bool]:
+        return [any(mark in client.get(API + path).text for mark in ("3.25", "0.8125")) for path in paths]
+
+    assert told(tina) == [True] * 3
+    assert told(tom) == [False] * 3
+    assert "3.25" in site.client("lms", "service").get(f"{API}/gradebook.csv?quiz=twice").text
+    assert decide(tom, made, "review/second", points=3).status_code == 200
+    assert told(tom) == [True] * 3
+
+
+def test_a_regrade_tells_no_first_mark_that_is_unseen(site: Site) -> None:
+    ann, tina = site.client("ann"), site.client("tina", "instructor")
+    made = hand_in(ann, "twice")["id"]
+    decide(tina, made, points=3)
+    learner = ann.get(f"{API}/submissions/{made}").json()["learner"]
+    submission = {"submission_id": made, "outcome": "reviewed", "old": {"status": "partial", "points": 3}, "new": None}
+    difference = {"learner": learner, "user": "ann", "question": "why", "before": 3.0, "after": 3.0, "difference": 0.0}
+    desk = site.app.state.context.desk_of(site.course)
+    assert site.course is not None
+    with desk.database.read() as session:
+        first = session.get_one(Review, made).reviewer
+        for reviewer, seen in ((first, 3.0), ("other", None)):
+            who = Identity(reviewer, reviewer, Role.INSTRUCTOR, site.course)
+            items = [{**difference, "submissions": [submission]}]
+            (told,) = blinded_differences(desk, session, who, "twice", items)
+            assert (told["before"], told["after"], told["user"] == "ann") == (seen, seen, False)
+            assert (told["submissions"][0]["old"] is None) == (seen is None)

@@ -10,8 +10,7 @@ from grader.api.context import AppContext, Instructor
 from grader.api.paging import NO_NUL, Page
 from grader.api.problems import documented
 from grader.api.views import ExtensionView, GivenExtension
-from grader.courses import outbox, results
-from grader.courses.audit import Action, record
+from grader.courses import publication, results
 from grader.courses.people import named
 from grader.domain.policy import Extension
 from grader.errors import NotFound
@@ -81,9 +80,7 @@ def publish(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     """Publishes the feedback of a quiz with `"feedback": "after_publish"`: learners see how they were graded."""
     context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
-        extensions.publish(session, who.course, quiz_id, who.user)
-        outbox.release(context.database, session, who.course, quiz_id)
-        record(session, who, who.course, Action.PUBLISHED, quiz_id)
+        publication.publish(context.database, session, who, quiz_id)
     return Response(status_code=204)
 
 
@@ -92,8 +89,7 @@ def withdraw(quiz_id: str, who: Instructor, context: AppContext) -> Response:
     """Withholds the feedback of a quiz again."""
     context.content.of(who.course).library.quiz(quiz_id)
     with context.database.write() as session:
-        extensions.withdraw(session, who.course, quiz_id)
-        record(session, who, who.course, Action.WITHDRAWN, quiz_id)
+        publication.withdraw(session, who, quiz_id)
     return Response(status_code=204)
 
 

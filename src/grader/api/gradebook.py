@@ -1,7 +1,7 @@
 """`/gradebook.csv`: the points that count, of every learner, for a spreadsheet or an LMS."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
@@ -11,11 +11,13 @@ from fastapi.responses import Response
 from grader.api.conditional import etag_of, unchanged
 from grader.api.context import AppContext, IfNoneMatch, Staff
 from grader.api.problems import documented
+from grader.courses.blinding import unseen_by
 from grader.courses.gradebook import Column, Form, Row, gradebook_csv
 from grader.domain.markup import plain_text
 from grader.domain.quiz import Quiz
 from grader.store import results
 from grader.store.database import Database
+from grader.store.results import LearnerAt
 
 router = APIRouter()
 
@@ -41,21 +43,25 @@ def gradebook(
     bom: bool = False,
     known: IfNoneMatch = "",
 ) -> Response:
-    """Sends the gradebook of one quiz, or of all of them, as CSV: a row for each learner who has answered."""
+    """Sends the gradebook of one quiz, or of all of them, as CSV: a row for each learner who has answered.
+
+    An instructor who must not see a first mark yet gets an empty cell in its place.
+    """
     library = context.content.of(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
     columns, ids = columns_of(quizzes), [one.id for one in quizzes]
     with context.database.read() as session:
         instructors = results.instructors(session, who.course)
         state = results.state(session, who.course, ids)
-    etag = etag_of(who.course, form, bom, columns, sorted(instructors), state)
+        unseen = unseen_by(session, who).results
+    etag = etag_of(who.course, form, bom, columns, sorted(instructors), state, sorted(unseen))
     if unchanged(known, etag):
         return Response(status_code=304, headers={"ETag": etag})
     name = f"gradebook{'' if quiz is None else f'-{quiz}'}.csv"
     headers = {"ETag": etag, "Content-Disposition": f'attachment; filename="{name}"'}
 
     def written() -> bytes:
-        rows = learners(context.database, who.course, ids, instructors)
+        rows = learners(context.database, who.course, ids, instructors, unseen)
         return "".join(gradebook_csv(rows, columns, form, bom=bom)).encode()
 
     return Response(context.gradebooks.get(etag, written), media_type="text/csv; charset=utf-8", headers=headers)
@@ -70,13 +76,20 @@ def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
     ]
 
 
-def learners(database: Database, course: str, quizzes: list[str], instructors: set[str]) -> Iterator[Row]:
-    """A row for each learner with results, ordered by name; instructors' own tries are left out."""
+def learners(
+    database: Database, course: str, quizzes: list[str], instructors: set[str], unseen: Collection[LearnerAt]
+) -> Iterator[Row]:
+    """A row for each learner with results, ordered by name; instructors' own tries and `unseen` marks are left out."""
     with database.read() as session:
         found = results.points_by_learner(session, course, quizzes)
         for learner, several in groupby(found, key=lambda row: row.learner):
             theirs = list(several)
-            points = {(row.quiz, name): points for row in theirs for name, points in json.loads(row.points).items()}
+            points = {
+                (row.quiz, name): points
+                for row in theirs
+                for name, points in json.loads(row.points).items()
+                if not unseen or LearnerAt(course, learner, row.quiz, name) not in unseen
+            }
             if learner not in instructors:
                 yield row_of(theirs[0], points)
 

@@ -1,6 +1,5 @@
 """`/members`, `/invitations`, `/tokens`, `/course`, `/audit`: who takes part in a course, for its instructors."""
 
-import json
 from datetime import timedelta
 from typing import Annotated, Any
 
@@ -12,6 +11,7 @@ from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
 from grader.api.problems import documented
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses import invitations, people, tokens
+from grader.courses.blinding import Unseen, seen_detail, unseen_by
 from grader.courses.external import known_as
 from grader.courses.invitations import Invitation
 from grader.errors import NotFound, Unprocessable
@@ -193,7 +193,8 @@ def list_audit(query: ListParams, who: Instructor, context: AppContext, response
         raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
     with context.database.read() as session:
         found = stored_courses.audit_page(session, who.course, None if before is None else int(before), page.limit + 1)
-    return page_of([entry_view(entry) for entry in found], page, "/audit", response)
+        unseen = unseen_by(session, who)
+    return page_of([entry_view(entry, unseen) for entry in found], page, "/audit", response)
 
 
 def origin_of(context: Context, request: Request) -> str:
@@ -232,8 +233,8 @@ def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
     }
 
 
-def entry_view(entry: AuditEntry) -> dict[str, Any]:
-    """An entry of the audit log as JSON; `id` is text, as everywhere."""
+def entry_view(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
+    """An entry of the audit log as JSON, without first marks that are unseen; `id` is text, as everywhere."""
     return {
         "id": str(entry.id),
         "at": entry.at,
@@ -241,5 +242,5 @@ def entry_view(entry: AuditEntry) -> dict[str, Any]:
         "name": entry.name,
         "action": entry.action,
         "subject": entry.subject,
-        "detail": json.loads(entry.detail),
+        "detail": seen_detail(entry, unseen),
     }

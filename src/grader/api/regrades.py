@@ -11,6 +11,7 @@ from grader.api.context import AppContext, Instructor
 from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, PageQuery, next_link, page_of, read_cursor, write_cursor
 from grader.api.problems import documented
 from grader.courses import regrades
+from grader.courses.blinding import blinded_differences
 from grader.courses.regrades import IDS_MAX, Scope, Wanted, view
 from grader.errors import Unprocessable
 from grader.store import regrades as stored
@@ -135,7 +136,8 @@ def show_regrade(
     with context.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         counts = stored.progress(session, regrade)
-        items = regrades.page_of(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
+        found = regrades.page_of(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
+        items = blinded_differences(context.desk_of(who.course), session, who, regrade.quiz, found)
     cursor = None
     if len(items) > query.limit:
         items = items[: query.limit]

@@ -19,6 +19,7 @@ from grader.api.context import AppContext, Context, Learner, context_in, learner
 from grader.api.intake import AnswerBody, accept, is_json, key_of
 from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
+from grader.courses.audit import Action, record
 from grader.courses.blinding import Blinded, blinded
 from grader.courses.handing_in import Receipt
 from grader.courses.policy import Shown
@@ -120,7 +121,11 @@ def list_submissions(query: PageParams, who: Learner, context: AppContext, respo
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
         standing = standing_of(session, context.content.of(who.course).library, who)
         shown = seen_by(session, context, who, rows)
-    names = {} if query.user or query.learner else shown.names  # who asks for a learner by name knows whose it is
+    names = shown.names
+    if names and (query.user or wanted.learner):  # who asks for a learner by name knows whose it is
+        names = {}
+        with context.database.write() as session:
+            record(session, who, who.course, Action.LOOKED_UP, query.user or query.learner or "")
     items = [view_for(standing, row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False) for row in rows]
     return page_of(items, query, "/submissions", response)
 

@@ -55,6 +55,8 @@ class Action(StrEnum):
     CONTEXT_LINKED = "platform course linked"
     CONTEXT_UNLINKED = "platform course unlinked"
     ROSTER_PULLED = "roster pulled"
+    LOOKED_UP = "answers under review looked up by name"
+    SEEN_AS = "course seen as a learner"
 
 
 def record(

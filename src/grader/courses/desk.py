@@ -43,6 +43,11 @@ class Desk:
         quiz = self.library.quizzes.get(submission.quiz)
         return (quiz and quiz.second_marking) or SecondMarking(share=0.0)
 
+    @property
+    def averaged(self) -> set[str]:
+        """The quizzes in which all attempts count, and so wait for a reviewer."""
+        return {quiz.id for quiz in self.library.quizzes.values() if quiz.policy.counts == "average"}
+
     def is_anonymous(self, quiz: str) -> bool:
         """Whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""
         found = self.library.quizzes.get(quiz)

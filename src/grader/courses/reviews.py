@@ -27,10 +27,11 @@ FOLLOWING = "a change of the rubric"
 
 def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
     """The submissions that wait. A search by name finds nothing in anonymous quizzes."""
-    averaged = {quiz.id for quiz in desk.library.quizzes.values() if quiz.policy.counts == "average"}
     if wanted.user is None:
-        return Queue(wanted, averaged, second_for)
-    return Queue(wanted, averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)})
+        return Queue(wanted, desk.averaged, second_for)
+    return Queue(
+        wanted, desk.averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
+    )
 
 
 def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:

@@ -294,6 +294,12 @@ def dead(session: Session, destination_id: str, limit: int) -> Sequence[Delivery
     return session.scalars(rows.order_by(Delivery.id).limit(limit).with_for_update()).all()
 
 
+def counts_in(session: Session, course: str) -> dict[str, int]:
+    """The number of rows of a course that are not sent, by state."""
+    rows = select(Delivery.state, func.count()).where(Delivery.course == course, text("state <> 'sent'"))
+    return {row[0]: row[1] for row in session.execute(rows.group_by(Delivery.state))}
+
+
 def counts(session: Session) -> dict[tuple[str, str], int]:
     """The number of rows that are not sent, by kind and state."""
     rows = select(Destination.kind, Delivery.state, func.count()).join(Destination).where(text("state <> 'sent'"))

@@ -4,11 +4,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
-from sqlalchemy import ColumnElement, Text, bindparam, case, func, select, update
+from sqlalchemy import ColumnElement, Text, bindparam, case, func, select, tuple_, update
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
+from grader.store.reviews import unseen_places
 from grader.store.rows import insert_rows
 from grader.store.tables import (
     Credential,
@@ -157,6 +158,8 @@ class Ranking:
     by: str = "name"
     """Of `ORDERS`."""
     descending: bool = False
+    reviewer: str = ""
+    """The instructor who looks: first marks that they must not see yet add no points."""
 
 
 SHOWS = ("all", "waiting", "incomplete")
@@ -167,7 +170,9 @@ def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[St
     """At most `limit` learners of a quiz after the first `start`. Reads the results of the quiz once."""
     name = func.coalesce(Member.name, Result.learner)
     waits = func.sum(case((Result.is_final, 0), else_=1))
-    columns = {"name": func.lower(name), "points": func.sum(Result.points), "answered": func.count()}
+    unseen = tuple_(Result.learner, Result.quiz, Result.question).in_(unseen_places(wanted.course, wanted.reviewer))
+    points = func.sum(case((unseen, 0.0), else_=Result.points))
+    columns = {"name": func.lower(name), "points": points, "answered": func.count()}
     theirs = (Result.course == wanted.course, Result.quiz == wanted.quiz, Result.learner.not_in(wanted.without))
     rows = (
         select(Result.learner, name, columns["points"], columns["answered"], waits)
@@ -216,12 +221,12 @@ STATISTICS = (
         Result.learner, Result.question, Result.points, Result.max_points,
         Result.first_status, Result.first_option, Result.first_value, Result.diagnoses,
     )
-    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"))
+    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"), Result.is_final)
 )  # fmt: skip
 
 
 def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
-    """What statistics need of every result of a quiz."""
+    """What statistics need of every result of a quiz; without those that still wait for a verdict or a person."""
     return session.execute(STATISTICS, {"course": course, "quiz": quiz}).all()
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from grader.store.submissions import GRADED, NEEDS_REVIEW, SubmissionFilter
@@ -47,8 +47,8 @@ class Queue:
             found += [Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
         else:
             # The course stands here too, so that the index of reviews finds the few that wait.
-            waits = (Review.course == self.wanted.course, Review.second == WAITING, Review.reviewer != self.second_for)
-            found += [Submission.status == GRADED, Submission.id.in_(select(Review.submission_id).where(*waits))]
+            waiting = _first_marks(self.wanted.course, self.second_for)
+            found += [Submission.status == GRADED, Submission.id.in_(waiting)]
         if self.quizzes is not None:
             found.append(Submission.quiz.in_(self.quizzes))
         return found
@@ -92,10 +92,37 @@ def review_of(session: Session, submission_id: str) -> Review | None:
     return session.get(Review, submission_id)
 
 
-def unsettled(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
-    """The reviews of those submissions, by id, that wait for a second mark or whose marks differ."""
-    rows = select(Review).where(Review.submission_id.in_(list(submissions)), Review.second.in_((WAITING, DIFFERS)))
+def of_submissions(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
+    """What is known of the reviews of submissions, by id; without those that have none."""
+    rows = select(Review).where(Review.submission_id.in_(list(submissions)))
     return {row.submission_id: row for row in session.scalars(rows)}
+
+
+def undecided(
+    session: Session, course: str, averaged: Collection[str], learners: Collection[str]
+) -> set[tuple[str, str]]:
+    """The quizzes of some learners, as (quiz, learner), in which a decision of a person is still to come."""
+    unsettled = select(Review.submission_id).where(Review.course == course, Review.second.in_((WAITING, DIFFERS)))
+    first = and_(Submission.status == NEEDS_REVIEW, _counts(averaged))
+    theirs = (Submission.course == course, Submission.learner.in_(learners))
+    rows = select(Submission.quiz, Submission.learner).where(*theirs, or_(first, Submission.id.in_(unsettled)))
+    return {(row.quiz, row.learner) for row in session.execute(rows.distinct())}
+
+
+def unseen_marks(session: Session, course: str, reviewer: str) -> Sequence[Submission]:
+    """The submissions of a course with a first mark by another reviewer that wait for a second one."""
+    return session.scalars(select(Submission).where(Submission.id.in_(_first_marks(course, reviewer)))).all()
+
+
+def unseen_places(course: str, reviewer: str) -> Select[str, str, str]:
+    """Selects learner, quiz and question of those submissions."""
+    columns = (Submission.learner, Submission.quiz, Submission.question)
+    return select(*columns).where(Submission.id.in_(_first_marks(course, reviewer)))
+
+
+def _first_marks(course: str, reviewer: str) -> Select[str]:
+    waits = (Review.course == course, Review.second == WAITING, Review.reviewer != reviewer)
+    return select(Review.submission_id).where(*waits)
 
 
 def disagreements(

@@ -1,11 +1,13 @@
 """Gives pages the app's objects and the user of the browser."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 from urllib.parse import parse_qs
 
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
+from sqlalchemy.orm import Session
 
 from grader.content import Contents
 from grader.courses.desk import Desk
@@ -37,6 +39,8 @@ class PageContext:
     writer: Writer[Answer]
     queue_per_user: int
     blinding: Blinding
+    workers_alive: Callable[[Session], int]
+    """Tells how many workers of the database live."""
 
     def desk_of(self, course: str) -> Desk:
         """What reviewing in a course works with, on its content as it is now."""

@@ -1,13 +1,13 @@
 """`/instructor/gradebook` and `/instructor/learners/{id}`: what counts, and a learner's whole story. No script."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
-from grader.courses.blinding import blinded
+from grader.courses.blinding import blinded, unseen_by
 from grader.courses.gradebook import Form
 from grader.domain.markup import plain_text
 from grader.domain.quiz import QuestionPart, Quiz
@@ -16,10 +16,11 @@ from grader.errors import NotFound
 from grader.identity import Identity
 from grader.library import Library
 from grader.store import people, results, submissions
-from grader.store.results import ORDERS, SHOWS, Ranking
+from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Result
 from grader.web.context import PageContext, Pages, Visitor, instructor
+from grader.web.lessons import lessons_of
 from grader.web.rendering import page
 from grader.web.student_pages import sign_in_page
 from grader.web.words import NOT_ANSWERED, PARTLY, STATUSES, UNDECIDED, Told
@@ -74,25 +75,35 @@ def gradebook(
 def rows_of(pages: PageContext, who: Identity, quiz: Quiz, start: int, **wanted: Any) -> list[dict[str, Any]]:
     """One learner more than a page has, each with a cell for every question."""
     with pages.database.read() as session:
-        without = results.instructors(session, who.course)
-        ranking = Ranking(who.course, quiz.id, len(quiz.questions), without, **wanted)
+        without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
+        ranking = Ranking(who.course, quiz.id, len(quiz.questions), without, reviewer=who.id, **wanted)
         found = results.ranked(session, ranking, start, ROWS + 1)
         counts = results.of_learners(session, who.course, quiz.id, [one.learner for one in found])
     return [
-        {"standing": one, "cells": [cell_of(counts.get((one.learner, question.id))) for question in quiz.questions]}
+        {
+            "standing": one,
+            "cells": [cell_of(counts.get((one.learner, question.id)), unseen) for question in quiz.questions],
+        }
         for one in found
     ]
 
 
-def cell_of(result: Result | None) -> tuple[Told, Result | None]:
-    """A result in words: what is not final waits, whatever its points are."""
+def cell_of(result: Result | None, unseen: Collection[LearnerAt]) -> tuple[Told, Result | None]:
+    """A result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
     if result is None:
         return NOT_ANSWERED, None
+    if key_of(result) in unseen:
+        return UNDECIDED, None
     if not result.is_final:
         return UNDECIDED, result
     if result.points >= result.max_points - POINTS_EQUAL:
         return STATUSES[Status.CORRECT], result
     return (PARTLY if result.points > 0 else STATUSES[Status.INCORRECT]), result
+
+
+def key_of(result: Result) -> LearnerAt:
+    """The learner and the question of a result."""
+    return LearnerAt(result.course, result.learner, result.quiz, result.question)
 
 
 def title_of(question: QuestionPart) -> str:
@@ -104,7 +115,10 @@ def title_of(question: QuestionPart) -> str:
 def story(
     request: Request, learner: str, pages: Pages, who: Visitor, *, before: Annotated[str, Query(max_length=32)] = ""
 ) -> Response:
-    """Every answer of a learner with its verdict, by question. Raises Unauthorized, Forbidden, NotFound."""
+    """Every answer of a learner with its verdict, by question; of those under review without a name, how many.
+
+    Raises Unauthorized, Forbidden, NotFound.
+    """
     who = instructor(who)
     with pages.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
@@ -114,35 +128,45 @@ def story(
             raise NotFound("There is no such learner.")
         seen = blinded(pages.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
         counts = results.everywhere(session, who.course, learner)
-        shown = rows[:ANSWERS]
-        given = [(row.quiz, row.question, given_in_full(row, seen.verdicts.get(row.id))) for row in shown]
+        unseen = unseen_by(session, who).results
+        shown = [(row, given_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
+    given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
+    cells = {at: cell_of(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
-    parts = parts_of(pages.library_for(who), given, counts)
+    parts = parts_of(pages.library_for(who), given, cells)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
-    total = (sum(one.points for one in counts.values()), sum(one.max_points for one in counts.values()))
+    counted = [one for one in counts.values() if key_of(one) not in unseen]
+    total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
-        total=total, removed=member is None,
+        total=total, removed=member is None, lessons=lessons_of(pages.library_for(who).quizzes),
     )  # fmt: skip
 
 
 def parts_of(
-    library: Library, given: Sequence[tuple[str, str, Given]], counts: dict[tuple[str, str], Result]
+    library: Library,
+    given: Sequence[tuple[str, str, Given | None]],
+    cells: Mapping[tuple[str, str], tuple[Told, Result | None]],
 ) -> list[dict[str, Any]]:
-    """The answers by question, in the order of the content; questions that it has lost come last."""
+    """The answers by question, in the order of the content; questions that it has lost come last.
+
+    None stands for an answer that bears a pseudonym for its reviewers.
+    """
     order = [(quiz.id, one.id) for quiz in library.quizzes.values() for one in quiz.questions]
     titles = {(quiz.id, one.id): title_of(one) for quiz in library.quizzes.values() for one in quiz.questions}
     places = {at: place for place, at in enumerate(order)}
 
-    def place(one: tuple[str, str, Given]) -> tuple[int, str, str]:
+    def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
         return places.get(one[:2], len(order)), one[0], one[1]
 
     return [
         {
             "quiz": at[1],
             "title": titles.get((at[1], at[2]), at[2]),
-            "cell": cell_of(counts.get((at[1], at[2]))),
-            "answers": [answer for _, _, answer in theirs],
+            "cell": cells.get((at[1], at[2]), (NOT_ANSWERED, None)),
+            "answers": [answer for answer in answers if answer is not None],
+            "blind": answers.count(None),
         }
         for at, theirs in groupby(sorted(given, key=place), key=place)
+        for answers in [[answer for _, _, answer in theirs]]
     ]

@@ -17,6 +17,7 @@ from grader.errors import NotFound
 from grader.identity import DEFAULT_COURSE, Identity, Role, Scope
 from grader.library import Library
 from grader.lms import administration
+from grader.queue import jobs
 from grader.store import submissions
 from grader.store.reviews import Waits
 from grader.store.tables import now
@@ -59,17 +60,17 @@ class Task:
 
 @router.get(PAGE)
 def home(request: Request, pages: Pages, who: Visitor) -> Response:
-    """What needs a person today, and the content; to anyone but an instructor, how to sign in."""
+    """What needs a person today, and how far the queue is; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
         return sign_in_page(request, pages, who)
     library = pages.library_for(who)
     with pages.database.read() as session:
         today = today_of(pages.desk_of(who.course), session, who)
         asked = waiting_platforms(session, who)
-    quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
+        alive, scripts = pages.workers_alive(session), jobs.state(session)[jobs.GRADE]
     tasks = [*tasks_of(library, today), *platform_tasks(asked)]
     faults = list(map(str, library.warnings))
-    return page(request, "today.html", who=who, tasks=tasks, today=today, faults=faults, quizzes=quizzes)
+    return page(request, "today.html", who=who, tasks=tasks, today=today, faults=faults, alive=alive, scripts=scripts)
 
 
 def tasks_of(library: Library, today: Today) -> list[Task]:
@@ -204,8 +205,22 @@ def people(request: Request, pages: Pages, who: Visitor) -> Response:
     return page(request, "people.html", who=who, roles=list(Role), scopes=list(Scope))
 
 
+@router.get(f"{PAGE}/content")
+def content(request: Request, pages: Pages, who: Visitor) -> Response:
+    """The quizzes that are loaded, and what was remarked on them; to anyone but an instructor, how to sign in."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, pages, who)
+    library = pages.library_for(who)
+    quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
+    return page(request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings)
+
+
 @router.get(f"{PAGE}/certificates")
-def certificates(request: Request, pages: Pages, who: Visitor) -> Response:
-    """Every answer key, derived again by simulation. Raises Unauthorized, Forbidden."""
+def certificates(request: Request, pages: Pages, who: Visitor, *, luck: bool = False) -> Response:
+    """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes.
+
+    Raises Unauthorized, Forbidden.
+    """
     who = instructor(who)
-    return page(request, "certificates.html", who=who, rows=certificate_rows(pages.library_for(who)))
+    rows = certificate_rows(pages.library_for(who), with_luck=luck)
+    return page(request, "certificates.html", who=who, rows=rows)

@@ -46,9 +46,9 @@ def figures_of(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> list[F
     return [drawn(sketch) for sketch in sketches(evidence, titles)]
 
 
-def drawn(sketch: Sketch) -> Figure:
+def drawn(sketch: Sketch, wide_width: float = WIDTHS["wide-plot"]) -> Figure:
     """The plot at both widths; a style sheet shows one of them."""
-    wide, narrow = (sketch.draw(width) for width in WIDTHS.values())
+    wide, narrow = (sketch.draw(width) for width in (wide_width, WIDTHS["narrow-plot"]))
     described = f"{sketch.title}. {sketch.caption}"
     text = wide.svg("wide-plot", described) + narrow.svg("narrow-plot", described)
     return Figure(sketch.name, sketch.title, sketch.caption, Markup(text), sketch.table)  # noqa: S704  # escaped by Drawing

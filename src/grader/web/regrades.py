@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.courses import regrades
+from grader.courses.blinding import blinded_differences
 from grader.courses.regrades import IDS_MAX, SCOPES, Scope, Wanted
 from grader.errors import CallerError, Unprocessable
 from grader.identity import Identity
@@ -59,7 +60,8 @@ def show(
     with pages.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         shown = regrades.view(regrade, stored.progress(session, regrade))
-        rows = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
+        page_of = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
+        rows = blinded_differences(pages.desk_of(who.course), session, who, regrade.quiz, page_of)
     more: dict[str, Any] = {
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,

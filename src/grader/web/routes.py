@@ -9,13 +9,17 @@ from grader.errors import Unauthorized
 from grader.web import (
     answering,
     assets,
+    extensions,
     gradebook,
     instructor_pages,
     lti,
     oidc,
     platforms,
     regrades,
+    seen_as,
+    service,
     signin,
+    statistics,
     student_pages,
 )
 from grader.web.context import Visitor
@@ -30,6 +34,10 @@ router.include_router(signin.router)
 router.include_router(oidc.router)
 router.include_router(instructor_pages.router)
 router.include_router(gradebook.router)
+router.include_router(statistics.router)
+router.include_router(extensions.router)
+router.include_router(service.router)
+router.include_router(seen_as.router)
 router.include_router(regrades.router)
 router.include_router(lti.router)
 router.include_router(platforms.router)

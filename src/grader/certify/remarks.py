@@ -1,0 +1,37 @@
+"""What `grader check` remarks on a question beside its certificate: keys without one, and the chance of luck."""
+
+from dataclasses import dataclass
+
+from grader.domain.quiz import CodeQuestion, ModelXml, NumericQuestion, PredictQuestion, Question
+from grader.exercises import chance_of_luck
+from grader.exercises.kind import TextOf
+
+UNVERIFIED = "no simulation confirms this key: add a `verify` (docs/authoring.md)"
+
+
+def could_be_decided(question: Question) -> bool:
+    """Whether a `verify` could derive the key again: a number, or a prediction with a lab to run."""
+    return isinstance(question, NumericQuestion) or (isinstance(question, PredictQuestion) and question.sim is not None)
+
+
+@dataclass(frozen=True)
+class Luck:
+    """A bound of the chance that a fixed answer passes an exercise, and the largest chance that is allowed."""
+
+    chance: float
+    allowed: float
+
+    @property
+    def why(self) -> str | None:
+        """Why it is too likely, with the cure; None where it is not."""
+        if self.chance <= self.allowed:
+            return None
+        why = f"a fixed answer is right in every case with a chance of {self.chance:.1e}; {self.allowed:g} is allowed"
+        if self.chance == 1:
+            why += "; no case draws a number, or the kind does not say what it accepts (Kind.accepted)"
+        return f"{why}: draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
+
+
+def luck_of(question: CodeQuestion, model_xml: ModelXml, text_of: TextOf) -> Luck:
+    """The chance of luck at an exercise. Draws every case 200 times: seconds where judging one is slow."""
+    return Luck(*chance_of_luck(question, model_xml, text_of))
