@@ -70,6 +70,20 @@ def test_systemd_reads_the_units(unit: str, tmp_path: Path) -> None:
     assert (done.returncode, wrong) == (0, [])
 
 
+@pytest.mark.parametrize("unit", ["grader.service", "grader-worker@.service"])
+def test_a_unit_starts_without_settings(unit: str) -> None:
+    """The page starts the service before it speaks of settings; without `-` systemd refuses a file that is missing."""
+    assert re.findall("^EnvironmentFile=(.)", (DEPLOY / unit).read_text(), re.M) == ["-"]
+
+
+@pytest.mark.parametrize("unit", ["grader.service", "grader-worker@.service"])
+def test_a_unit_sets_nothing_that_it_says_stops_bubblewrap(unit: str) -> None:
+    text = (DEPLOY / unit).read_text()
+    named = set(re.findall(r"\b([A-Z]\w+)=", text[text.index("not to be added are") : text.index("NoNewPrivileges=")]))
+    assert {"SystemCallFilter", "RestrictSUIDSGID"} <= named
+    assert not named & set(re.findall(r"^(\w+)=", text, re.M))
+
+
 def test_the_image_holds_what_it_needs_and_its_sources_exist() -> None:
     text = (DEPLOY / "Containerfile").read_text().replace("\\\n", " ")
     ignored = (ROOT / ".containerignore").read_text().split("\n")

@@ -1,5 +1,6 @@
 """bpf: the process ends with SIGSYS."""
 
 import ctypes
+import platform
 
-ctypes.CDLL(None).syscall(321, 0, 0, 0)
+ctypes.CDLL(None).syscall({"x86_64": 321, "aarch64": 280}[platform.machine()], 0, 0, 0)

@@ -1,4 +1,5 @@
 """iopl: the process ends with SIGSYS."""
+# machine: x86_64
 
 import ctypes
 

@@ -1,4 +1,5 @@
 """modify_ldt: the process ends with SIGSYS."""
+# machine: x86_64
 
 import ctypes
 

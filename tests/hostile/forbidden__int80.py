@@ -1,4 +1,5 @@
 """The 32-bit door to the same kernel, whose numbers mean other calls: an `int 0x80` found in a library's code."""
+# machine: x86_64
 
 import ctypes
 import mujoco

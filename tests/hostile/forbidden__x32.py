@@ -1,4 +1,5 @@
 """The x32 numbers of the same calls."""
+# machine: x86_64
 
 import ctypes
 

@@ -195,3 +195,16 @@ def test_our_package_is_covered_where_it_is_installed_beside_mujoco(
     assert command[at + 1] == str(packages / "grader")
     assert command.index(str(packages)) < at
     assert runtime.readable == (packages / "numpy",)
+
+
+def test_a_loader_that_is_a_link_is_in_the_cell(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: Content
+) -> None:
+    """Programs for aarch64 name /lib/ld-linux-aarch64.so.1, which Debian links into a folder beneath."""
+    loader = tmp_path / "ld-linux-aarch64.so.1"
+    loader.symlink_to("aarch64-linux-gnu/ld-linux-aarch64.so.1")
+    monkeypatch.setattr(cell, "LIB", tmp_path)
+    command = cell.bubblewrap(cell.discover(), content.models, cell.INSIDE, 3)
+    at = command.index(str(loader))
+    assert command[at - 2 : at] == ["--symlink", "aarch64-linux-gnu/ld-linux-aarch64.so.1"]
+    assert command.index(str(tmp_path)) < at

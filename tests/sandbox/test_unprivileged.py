@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sandbox import test_stepping
+from sandbox import test_hostile, test_stepping
 from sandbox.conftest import ROOT, Content
 from sandbox.test_stepping import INPUTS, true_states
 
@@ -95,7 +95,7 @@ def test_an_unprivileged_user_has_the_same_jail(tier: str, content: Content, tmp
 
 
 def play(python: str, models: Path, tier: str) -> dict[str, Any]:
-    programs = {name: (ROOT / "tests" / "hostile" / f"{name}.py").read_text() for name in PICKED}
+    programs = {path.stem: path.read_text() for path in test_hostile.PROGRAMS if path.stem in PICKED}
     stepping = {path.stem.split("__")[1]: path.read_text() for path in test_stepping.PROGRAMS}
     tried = {"programs": {name: stepping[name] for name in STEPPING}, "driver": test_stepping.DRIVER, "inputs": INPUTS}
     packages = Path(mujoco.__file__).parents[1]

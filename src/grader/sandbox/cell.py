@@ -16,6 +16,7 @@ from grader.sandbox.policy import ENVIRONMENT, MODELS, SCRATCH
 INSIDE = Path(__file__).parent / "inside"
 OURS = Path(__file__).parents[1]
 NULL = Path("/dev/null")
+LIB = Path("/lib")
 # -I would ignore PYTHONHASHSEED; these leave out the working directory, the user's packages, bytecode and `site`.
 ISOLATED = ("-P", "-s", "-S", "-B")
 
@@ -26,7 +27,7 @@ class Runtime:
 
     executable: Path
     binds: tuple[Path, ...]  # files and folders, readable
-    links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr
+    links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr and of the dynamic loader
     packages: tuple[Path, ...]  # folders for sys.path
     private: tuple[Path, ...] = ()  # among the packages, but not for scripts: hidden in the cell
     library: Path | None = None  # MuJoCo's: the zygote loads it, and no script may map it again
@@ -49,8 +50,10 @@ def discover() -> Runtime:
     library = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")}
     if sys.prefix != sys.base_prefix:  # sysconfig answers for the base interpreter, wherever it is
         library = {path for path in library if path.is_relative_to(Path(sys.base_prefix).resolve())} or library
-    wanted = [executable, *_shared_python(), *library, *packages, *_system_libraries(), *_zone_data()]
-    links = tuple((str(link.readlink()), link) for link in (Path("/lib"), Path("/lib64")) if link.is_symlink())
+    # Where programs name their loader: x86-64 in /lib64, aarch64 in /lib, often as a link.
+    loaders = sorted(LIB.resolve().glob("ld-linux-*"))
+    wanted = [executable, *_shared_python(), *library, *packages, *_system_libraries(), *loaders, *_zone_data()]
+    links = tuple((str(link.readlink()), link) for link in (LIB, Path("/lib64"), *loaders) if link.is_symlink())
     binds = [path for path in wanted if path.exists() and not path.is_symlink()]
     private = [path for folder in packages for path in _private(folder)]
     mujoco = next(_package_folder("mujoco").glob("mujoco/libmujoco.so*"), None)
@@ -77,10 +80,11 @@ def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> li
         "--unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try --die-with-parent --new-session"
     )
     command = [program, *fences.split(), "--hostname", "cell", "--cap-drop", "ALL", *user, "--proc", "/proc"]
+    entries = [NULL, *runtime.binds, *(link for _, link in runtime.links), Path(SCRATCH, "x"), Path("/cell/inside")]
+    for folder in _parents(entries):
+        command += ["--perms", "0755", "--dir", str(folder)]  # bubblewrap's own default lets only root through
     for target, link in runtime.links:
         command += ["--symlink", target, str(link)]
-    for folder in _parents([NULL, *runtime.binds, Path(SCRATCH, "x"), Path("/cell/inside")]):
-        command += ["--perms", "0755", "--dir", str(folder)]  # bubblewrap's own default lets only root through
     command += ["--dev-bind", str(NULL), str(NULL)]
     for path in runtime.binds:
         command += ["--ro-bind", str(path), str(path)]
