@@ -181,6 +181,7 @@ def test_a_slider_without_a_step_takes_any_value(cube: Locator, page: Page) -> N
             "one => { one.value = '0.12345'; one.dispatchEvent(new Event('input', {bubbles: true})) }"
         )
     assert answer.value.json()["controls"] == {"friction": pytest.approx(0.1235, abs=1e-4)}
+    expect(cube.locator(".ghost.there")).to_contain_text("last run: friction 0.6")
 
 
 @pytest.mark.parametrize("name", ["cameras", "shadows", "centres of mass"])
