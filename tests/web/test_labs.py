@@ -72,7 +72,7 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     for folder in ("quizzes", "models"):
         (content / folder).mkdir()
     models = {name: (MODELS / f"{name}.xml").read_text() for name in ("pendulum", "pendulum_servo")}
-    camera = '<camera pos="0.2 0 0.3" xyaxes="1 0 0 0 0 1"/>'
+    camera = '<camera pos="0 0 0.12" xyaxes="1 0 0 0 0 1"/>'
     models |= {"crowd": CROWD, "cube": CUBE.replace("<worldbody>", f"<worldbody>{camera}")}
     for name, xml in models.items():
         (content / f"models/{name}.xml").write_text(xml)
@@ -241,6 +241,7 @@ def test_a_slider_over_decades_is_logarithmic_and_runs_while_it_is_dragged(servo
     slider.evaluate("one => { one.value = 0.5; one.dispatchEvent(new Event('input')); }")
     assert float(typed.input_value()) == pytest.approx((10 * 40_000) ** 0.5, abs=10)  # the geometric mean
     slider.dispatch_event("change")
+    expect(servo.locator(".ghost.there")).to_contain_text("last run: stiffness kp 8080 N m/rad")
     runs = list[float]()
 
     def keep(response: Response) -> None:
@@ -329,6 +330,8 @@ def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: s
     page.goto("/")
     lab = page.locator('[data-lab-id="servo-stability"]')
     clock = lab.locator("[data-clock]")
+    labs = page.locator(".lab")
+    sizes = labs.evaluate_all("all => all.map(one => one.offsetHeight)")
     page.evaluate(
         "one => scrollTo(0, one.getBoundingClientRect().top + scrollY - innerHeight - 50)", lab.element_handle()
     )
@@ -343,4 +346,15 @@ def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: s
     lab.get_by_label("timestep h", exact=True).press("Enter")
     expect(lab.locator(".strips text.fault")).to_be_attached()
     assert lab.locator(".speeds :checked").get_attribute("value") == "0.1"
+    opened(page, "five")
+    assert labs.evaluate_all("all => all.map(one => one.offsetHeight)") == sizes
+    page.context.close()
+
+
+def test_without_javascript_a_lab_says_what_it_needs(origin: str, browser: Browser) -> None:
+    page = browser.new_context(base_url=origin, java_script_enabled=False).new_page()
+    page.goto("/")
+    lab = page.locator('[data-lab-id="cube"]')
+    expect(lab.get_by_text("it needs JavaScript")).to_be_visible()
+    expect(lab.get_by_role("button", name="Play")).to_be_hidden()
     page.context.close()

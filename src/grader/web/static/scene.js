@@ -63,7 +63,7 @@ function ends(geoms, frames) {
   for (const poses of frames) {
     poses.forEach((pose, index) => {
       if (geoms[index].type === "plane" || pose.includes(null)) return;
-      const radius = Math.max(...geoms[index].size);
+      const radius = reachOf(geoms[index]);
       for (const axis of [0, 1, 2]) {
         low[axis] = Math.min(low[axis], pose[axis] - radius);
         high[axis] = Math.max(high[axis], pose[axis] + radius);
@@ -72,6 +72,8 @@ function ends(geoms, frames) {
   }
   return { size: Math.max(...high.map((value, axis) => value - low[axis])), target: high.map((value, axis) => (value + low[axis]) / 2) };
 }
+
+const reachOf = ({ type, size: [a, b, c] }) => (type === "capsule" ? a + b : type === "cylinder" ? Math.hypot(a, b) : type === "box" ? Math.hypot(a, b, c) : Math.max(a, b, c));
 
 // Sizes as in MuJoCo: half lengths; the long axis of capsule and cylinder is z.
 function surface({ type, size: [a = 0, b = 0, c = 0] }) {
