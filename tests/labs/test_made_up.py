@@ -4,6 +4,7 @@ The build is pinned to 3.14.0. No compared lab turns a free or ball joint by RK4
 """
 
 import json
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,8 +76,8 @@ def test_a_lab_has_no_fault_and_runs_to_its_end(lab: MadeUp) -> None:
 @pytest.fixture(scope="module")
 def in_wasm() -> dict[str, list[list[Any]]]:
     """The readouts of the compared labs in the WASM build, by lab, at the frames of our own run."""
-    if not (INSTALLED / "node_modules/@mujoco/mujoco").is_dir():
-        pytest.skip("the WASM build of MuJoCo is not installed: make wasm")
+    assert shutil.which("node"), "node is missing: `make test` installs it"
+    assert (INSTALLED / "node_modules/@mujoco/mujoco").is_dir(), "the WASM build of MuJoCo is missing: run `make wasm`"
     asked = []
     for lab in COMPARED:
         run, config = run_of(lab), config_of(lab)

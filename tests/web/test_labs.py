@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, Response, expect
 
 from grader.settings import Settings
 from labs.made_up import CUBE
@@ -72,7 +72,7 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     for folder in ("quizzes", "models"):
         (content / folder).mkdir()
     models = {name: (MODELS / f"{name}.xml").read_text() for name in ("pendulum", "pendulum_servo")}
-    camera = '<camera pos="0.2 0 0.3" xyaxes="1 0 0 0 0 1"/>'
+    camera = '<camera pos="0 0 0.12" xyaxes="1 0 0 0 0 1"/>'
     models |= {"crowd": CROWD, "cube": CUBE.replace("<worldbody>", f"<worldbody>{camera}")}
     for name, xml in models.items():
         (content / f"models/{name}.xml").write_text(xml)
@@ -181,6 +181,7 @@ def test_a_slider_without_a_step_takes_any_value(cube: Locator, page: Page) -> N
             "one => { one.value = '0.12345'; one.dispatchEvent(new Event('input', {bubbles: true})) }"
         )
     assert answer.value.json()["controls"] == {"friction": pytest.approx(0.1235, abs=1e-4)}
+    expect(cube.locator(".ghost.there")).to_contain_text("last run: friction 0.6")
 
 
 @pytest.mark.parametrize("name", ["cameras", "shadows", "centres of mass"])
@@ -240,8 +241,14 @@ def test_a_slider_over_decades_is_logarithmic_and_runs_while_it_is_dragged(servo
     slider.evaluate("one => { one.value = 0.5; one.dispatchEvent(new Event('input')); }")
     assert float(typed.input_value()) == pytest.approx((10 * 40_000) ** 0.5, abs=10)  # the geometric mean
     slider.dispatch_event("change")
+    expect(servo.locator(".ghost.there")).to_contain_text("last run: stiffness kp 8080 N m/rad")
     runs = list[float]()
-    page.on("response", lambda one: runs.append(one.json()["controls"]["stiffness kp"]) if "labs:run" in one.url else 0)
+
+    def keep(response: Response) -> None:
+        if "labs:run" in response.url:
+            runs.append(response.json()["controls"]["stiffness kp"])
+
+    page.on("response", keep)
     box = slider.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -323,6 +330,8 @@ def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: s
     page.goto("/")
     lab = page.locator('[data-lab-id="servo-stability"]')
     clock = lab.locator("[data-clock]")
+    labs = page.locator(".lab")
+    sizes = labs.evaluate_all("all => all.map(one => one.offsetHeight)")
     page.evaluate(
         "one => scrollTo(0, one.getBoundingClientRect().top + scrollY - innerHeight - 50)", lab.element_handle()
     )
@@ -337,4 +346,15 @@ def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: s
     lab.get_by_label("timestep h", exact=True).press("Enter")
     expect(lab.locator(".strips text.fault")).to_be_attached()
     assert lab.locator(".speeds :checked").get_attribute("value") == "0.1"
+    opened(page, "five")
+    assert labs.evaluate_all("all => all.map(one => one.offsetHeight)") == sizes
+    page.context.close()
+
+
+def test_without_javascript_a_lab_says_what_it_needs(origin: str, browser: Browser) -> None:
+    page = browser.new_context(base_url=origin, java_script_enabled=False).new_page()
+    page.goto("/")
+    lab = page.locator('[data-lab-id="cube"]')
+    expect(lab.get_by_text("it needs JavaScript")).to_be_visible()
+    expect(lab.get_by_role("button", name="Play")).to_be_hidden()
     page.context.close()

@@ -152,6 +152,7 @@ LAB_RUN = {
     "readouts": [{"label": "angle", "unit": "rad", "texts": ["1.000", "0.980"], "values": [1.0, 0.98],
                   "final": {"text": "0.980", "value": 0.98}}],
     "plots": [], "trail": None, "overlays": {}, "warnings": [{"kind": "BADQACC", "time": 0.02}], "stable": False,
+    "limit": {"control": "step", "timestep_s": 0.0048},
     "timing_ms": {"simulate": 0.4},
 }  # fmt: skip
 

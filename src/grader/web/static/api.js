@@ -72,10 +72,3 @@ async function problemOf(response) {
 
 export const get = (path) => request("GET", path);
 export const post = (path, body, headers) => request("POST", path, body, headers);
-
-// Authors' HTML with TeX, made safe by the server: the only text that is ever set as HTML.
-export async function setProse(node, prose) {
-  const response = await fetch("/prose", { method: "POST", headers: { "Content-Type": "text/plain" }, body: prose });
-  if (response.ok) node.innerHTML = await response.text();
-  else node.textContent = prose.replace(/<[^>]*>/g, "");
-}

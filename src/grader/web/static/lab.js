@@ -14,6 +14,7 @@ import { milliseconds, spanOf, stripsOf, warningOf } from "./strips.js";
 import { Turning } from "./turning.js";
 
 const INTEGRATORS = ["Euler", "RK4", "implicit", "implicitfast", "discrete"];
+const FITTED_FRAMES = 30;
 const KINDS = {
   BADQPOS: "a position became huge or no number",
   BADQVEL: "a velocity became huge or no number",
@@ -38,6 +39,13 @@ export async function openLab(box, target) {
 function tell(message, sentence, isBad = false) {
   message.textContent = sentence;
   message.classList.toggle("no", isBad);
+}
+
+// Some frames of a run, from its start until it diverged.
+function sampled(run) {
+  const warning = warningOf(run), until = warning?.resets ? warning.time / 2 : Infinity;
+  const stride = Math.ceil(run.frames.length / FITTED_FRAMES);
+  return run.frames.filter((_, i) => i % stride === 0 && run.times[i] <= until);
 }
 
 class SceneLab {
@@ -114,7 +122,7 @@ class SceneLab {
   // wish: where the run is shown from, or that it starts anew; otherwise time stays where it is.
   show(run, { from, isNew }) {
     this.recorded = run;
-    const scene = new Scene(this.canvas, run.geoms, { ...this.scene?.camera, ...this.lab.camera }, run.frames[0], this.turning);
+    const scene = new Scene(this.canvas, run.geoms, { ...this.scene?.camera, ...this.lab.camera }, sampled(run), this.turning);
     this.scene = scene;
     this.forceScale = this.lab.forceScale ?? fittingForces(run.overlays.contacts ?? [], scene.camera.distance);
     this.integrator = this.controls.choices(run.controls).find((text) => INTEGRATORS.includes(text));
@@ -182,7 +190,7 @@ class SceneLab {
     this.after.hidden = !isAfter;
     this.canvas.classList.toggle("is-after", isAfter);
     this.list?.classList.toggle("is-after", isAfter);
-    run.readouts.forEach(({ texts, unit }, index) => { this.readouts[index].textContent = texts[frame] + (unit ? ` ${unit}` : ""); });
+    run.readouts.forEach(({ texts, unit }, index) => { this.readouts[index].textContent = texts[frame].replace(/^-(?=\d)/, "−") + (unit ? ` ${unit}` : ""); });
     this.chart?.moveCursor(time);
   }
 }

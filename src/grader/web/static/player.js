@@ -7,14 +7,14 @@ export class Player {
   constructor(box, onFrame) {
     this.onFrame = onFrame;
     this.times = [0];
-    this.frame = 0;
+    this.frame = this.last = 0;
     this.playing = this.started = this.seen = false;
     this.button = box.querySelector("[data-play]");
     this.slider = box.querySelector("[data-time]");
     this.clock = box.querySelector("[data-clock]");
     this.speeds = [...box.querySelectorAll(".speeds input")];
     this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
-    this.slider.addEventListener("input", () => { this.pause(); this.show(Number(this.slider.value)); });
+    this.slider.addEventListener("input", () => this.seek(this.times[this.slider.value]));
     for (const one of this.speeds) one.addEventListener("change", () => { this.chosen = true; if (this.playing) this.play(); });
     for (const node of [this.button, this.slider, ...this.speeds]) node.disabled = false;
     new IntersectionObserver(([entry]) => this.noticed(entry.isIntersecting), { threshold: 0.5 }).observe(box.querySelector(".stage"));
@@ -75,14 +75,16 @@ export class Player {
     this.setPlaying(false);
   }
 
+  // The learner moves through time: from now on nothing starts by itself.
+  seek(time) {
+    this.started = true;
+    this.pause();
+    this.show(Math.min(this.last, this.frameAt(time)));
+  }
+
   setPlaying(playing) {
     this.playing = playing;
     this.button.textContent = playing ? "Pause" : "Play";
-  }
-
-  seek(time) {
-    this.pause();
-    this.show(Math.min(this.last, this.frameAt(time)));
   }
 
   show(frame) {

@@ -8,16 +8,18 @@ const CIRCLE = Array.from({ length: 24 }, (_, i) => [Math.cos((2 * Math.PI * i) 
 const BALL = [-0.9, -0.5, 0, 0.5, 0.9].flatMap((z) => CIRCLE.map(([x, y]) => [x * Math.sqrt(1 - z * z), y * Math.sqrt(1 - z * z), z]))
   .concat([[0, 0, -1], [0, 0, 1]]);
 const FACES = [0, 1, 2].flatMap((axis) => [-1, 1].map((sign) => ({ axis, sign })));
+const DISTANCE = 1.7; // of the camera, in sizes of what it shows
+const FOLLOWED = 4; // how many times larger than the solids themselves a motion may be to be shown whole
 const FLOOR = 2; // how much of an endless plane is drawn [m]
 
 export class Scene {
   // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
-  // where it leaves something out, so that the poses at the start fit.
+  // where it leaves something out, so that `frames` fit: lists of poses, of which the first is the start.
   // `turning` is what the learner adds: degrees to azimuth and elevation, a factor to distance.
-  constructor(canvas, geoms, camera, poses, turning) {
+  constructor(canvas, geoms, camera, frames, turning) {
     this.canvas = canvas;
     this.geoms = geoms;
-    this.camera = { azimuth: 90, elevation: -20, ...fitting(geoms, poses), ...camera };
+    this.camera = { azimuth: 90, elevation: -20, ...fitting(geoms, frames), ...camera };
     this.turning = turning;
   }
 
@@ -47,16 +49,31 @@ export class Scene {
   }
 }
 
-function fitting(geoms, poses) {
-  const centres = poses.filter((pose, index) => geoms[index].type !== "plane" && !pose.includes(null)).map((pose) => pose.slice(0, 3));
-  if (!centres.length) return { distance: 2, target: [0, 0, 0] };
-  const ends = [0, 1, 2].map((axis) => {
-    const along = centres.map((centre) => centre[axis]);
-    return [Math.min(...along), Math.max(...along)];
-  });
-  const extent = Math.max(0.3, ...ends.map(([low, high]) => high - low), ...geoms.filter((geom) => geom.type !== "plane").flatMap((geom) => geom.size));
-  return { distance: 3 * extent, target: ends.map(([low, high]) => (low + high) / 2) };
+// What shows the solids in these frames: how far away, and where to look. A motion that leads far away is not followed.
+function fitting(geoms, frames) {
+  const first = ends(geoms, frames.slice(0, 1)), whole = ends(geoms, frames);
+  if (!Number.isFinite(first.size)) return { distance: 2, target: [0, 0, 0] };
+  const { size, target } = whole.size <= FOLLOWED * first.size ? whole : first;
+  return { distance: DISTANCE * size, target };
 }
+
+// The largest side and the middle of the box around the solids in these frames.
+function ends(geoms, frames) {
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  for (const poses of frames) {
+    poses.forEach((pose, index) => {
+      if (geoms[index].type === "plane" || pose.includes(null)) return;
+      const radius = reachOf(geoms[index]);
+      for (const axis of [0, 1, 2]) {
+        low[axis] = Math.min(low[axis], pose[axis] - radius);
+        high[axis] = Math.max(high[axis], pose[axis] + radius);
+      }
+    });
+  }
+  return { size: Math.max(...high.map((value, axis) => value - low[axis])), target: high.map((value, axis) => (value + low[axis]) / 2) };
+}
+
+const reachOf = ({ type, size: [a, b, c] }) => (type === "capsule" ? a + b : type === "cylinder" ? Math.hypot(a, b) : type === "box" ? Math.hypot(a, b, c) : Math.max(a, b, c));
 
 // Sizes as in MuJoCo: half lengths; the long axis of capsule and cylinder is z.
 function surface({ type, size: [a = 0, b = 0, c = 0] }) {
