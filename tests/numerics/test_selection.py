@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from grader.numerics.convergence import distance
-from grader.numerics.integrators import EULER, IMPLICITFAST, RK4
+from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4, refusal
 from grader.numerics.reference import dop853, sample_times
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
@@ -38,6 +38,15 @@ def test_a_loose_tolerance_takes_a_single_step_method() -> None:
     chosen = select(Scene.from_xml(LESSON["pendulum_servo"]).at(qpos=[0.1]), tolerance=0.02, seconds=1.0)
     assert chosen.best is not None
     assert chosen.best.integrator == IMPLICITFAST
+
+
+def test_an_integrator_that_mujoco_refuses_is_left_out() -> None:
+    """`discrete` knows no sleep without islands."""
+    scene = Scene.from_xml(hinge(rest="<option><flag sleep='enable' island='disable'/></option>")).at(qvel=[1.0])
+    assert refusal(scene.model, DISCRETE) is not None
+    chosen = select(scene, tolerance=1e-3, seconds=0.04, timesteps_s=(0.01, 0.005, 0.002, 0.001))
+    assert chosen.best is not None
+    assert DISCRETE not in {candidate.integrator for candidate in chosen.candidates}
 
 
 def test_a_quantity_of_ones_own_is_what_counts() -> None:

@@ -1,4 +1,4 @@
-"""A Lie-group Runge-Kutta step: rotation vectors about the start of the step, with Bortz' equation cut after u x (u x w)."""
+"""A Lie-group Runge-Kutta step: rotation vectors about the start of the step, by two terms of Bortz' series."""
 import mujoco
 import numpy as np
 
@@ -22,7 +22,7 @@ def rk4_step(model, data):
         rate = velocity.copy()
         for r in rotations(model):
             cross = np.cross(u[r], velocity[r])
-            rate[r] += cross / 2 + np.cross(u[r], cross) / 12
+            rate[r] += cross / 2 + (1 / 12 + u[r] @ u[r] / 720) * np.cross(u[r], cross)
         return rate, data.qacc.copy(), data.act_dot.copy()
 
     k1 = f(np.zeros(model.nv), v, act, t)

@@ -172,7 +172,7 @@ BODY = "in the body"
 DERIVATIVE = "derivative"
 
 RIGHT: Mapping[str, Rule] = {BODY: in_the_body, DERIVATIVE: derivative(0.5)}
-"""Rules that are right: that of MuJoCo, and one of fourth order."""
+"""Rules that are right: that of MuJoCo 3.14.0, with the classical weights, and one of fourth order."""
 
 WRONG: Mapping[str, Rule] = {
     "The angular velocity of a free or ball joint is given in the body's axes, not the world's: multiply the "
