@@ -1,7 +1,7 @@
 """Revocations, sign-in links and extensions for the database of an installation, as the command line gives them."""
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from sqlalchemy.orm import Session
 
@@ -36,6 +36,14 @@ def sign_in_url(settings: Settings) -> str:
     """The address where the instructor signs in; good for one sign-in."""
     code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
     return f"{settings.origin}/signin?code={code}"
+
+
+def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
+    """Prints the addresses of the pages, and the state of the jail where there is one."""
+    print(f"Student page:    {settings.origin}/")
+    print(f"Instructor page: {sign_in_url(settings)}  (good for one sign-in)", flush=True)
+    if jail:
+        print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 
 
 def give_extension(settings: Settings, key: tuple[str | None, str, str], granted: Extension) -> None:

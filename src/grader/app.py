@@ -5,7 +5,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.metadata import version
@@ -16,7 +16,7 @@ from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from grader.accounts import sign_in_url
+from grader.accounts import tell_addresses
 from grader.api import openapi, problems, routes
 from grader.api.admission import AdmissionMiddleware, AdmissionRules
 from grader.api.compression import CompressionMiddleware
@@ -203,14 +203,6 @@ class Server(uvicorn.Server):
         await super().startup(sockets)
         if self.started:
             self.ready(self.servers[0].sockets[0].getsockname()[1])
-
-
-def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
-    """Prints the addresses of the pages, and the state of the jail where there is one."""
-    print(f"Student page:    {settings.origin}/")
-    print(f"Instructor page: {sign_in_url(settings)}  (good for one sign-in)", flush=True)
-    if jail:
-        print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 
 
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:

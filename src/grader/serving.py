@@ -1,7 +1,7 @@
 """`grader serve`: one server process, or several that share one listening socket, with a worker beside them.
 
 With several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
-ended. None outlives it, since each reads a pipe of which it alone holds the other end.
+ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little.
 """
 
 import json
@@ -22,13 +22,11 @@ from typing import Any
 
 import structlog
 
+from grader.accounts import tell_addresses
 from grader.api.rate import SharedBuckets
-from grader.app import FAULT, run_app, run_server, tell_addresses
-from grader.deliveries import deliveries_of
 from grader.logs import is_json, log_to_stderr
 from grader.metrics import FOLDER
 from grader.settings import Settings
-from grader.worker import run_worker
 
 MAIN = "from grader.cli import main; from grader.serving import run_part; main(run_part)"
 
@@ -37,6 +35,8 @@ BACKLOG = 2048
 
 PAUSE_S, PAUSE_S_MAX = 0.5, 30.0
 """Pause before a process is started again [s], and after several that were never ready."""
+
+FAULT = 3
 
 END_S = 30.0
 """Longest end of a process; then it is killed [s]."""
@@ -143,6 +143,8 @@ class Kept:
 def serve(settings: Settings) -> None:
     """Serves until a signal ends it; SIGHUP loads the content again. Exits with another status if it cannot start."""
     if settings.processes == 1:
+        from grader.app import run_server
+
         run_server(settings)
         return
     log_to_stderr(as_json=is_json(settings.log_format))
@@ -228,8 +230,13 @@ def run_part() -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
     ready = partial(tell_ready, part.ready)
     if part.listener is None:
+        from grader.deliveries import deliveries_of
+        from grader.worker import run_worker
+
         run_worker(part.settings, deliveries_of, ready)
         return
+    from grader.app import run_app
+
     listener, buckets = socket.socket(fileno=part.listener), SharedBuckets(part.buckets)
     run_app(part.settings, lambda _port, _app: ready({}), listener, buckets)
 

@@ -3,11 +3,13 @@
 import threading
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from databases import database_url
 from grader.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
@@ -53,6 +55,35 @@ def test_receivers_that_dawdle_hold_up_no_grading(database: Database) -> None:
         wait_for(lambda: len(delivering.done) == 4)
     finally:
         delivering.may_end.set()
+        worker.stop()
+
+
+def test_news_wake_the_threads_that_do_such_jobs_alone(tmp_path: Path) -> None:
+    """On SQLite: other processes' news, which wake everybody on PostgreSQL, cannot be told from our own."""
+    with database_url("sqlite", tmp_path) as url:
+        database = Database(url)
+        watch_the_lanes(database)
+        database.close()
+
+
+def watch_the_lanes(database: Database) -> None:
+    grading, delivering = Noting(), Noting()
+    worker = Worker(database, {jobs.GRADE: grading, jobs.DELIVER: delivering}, 1, Retries(3), others=2)
+    grading.may_end.set()
+    delivering.may_end.set()
+    worker.start()
+    try:
+        first, apart = worker._news[(jobs.GRADE,)], worker._news[(jobs.DELIVER,)]
+        with database.write() as session:
+            jobs.put(session, jobs.GRADE, "script", share="ann")
+        wait_for(lambda: first.count == 1)
+        assert apart.count == 0
+        with database.write() as session:
+            jobs.put_all(session, jobs.DELIVER, ["one", "two"], share="receiver")
+        wait_for(lambda: apart.count == 1)
+        assert first.count == 1
+        wait_for(lambda: grading.done == ["script"] and len(delivering.done) == 2)
+    finally:
         worker.stop()
 
 

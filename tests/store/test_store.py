@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import MetaData, select
+from sqlalchemy import MetaData, select, text
 from sqlalchemy.exc import IntegrityError
 
 from databases import BACKENDS, database_url
@@ -87,6 +87,24 @@ def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
         raise ZeroDivisionError
     with database.read() as session:
         assert not submissions.page(session, SubmissionFilter("c"), None, 10)
+
+
+@pytest.mark.parametrize("hasty", [True, False])
+def test_only_a_hasty_commit_does_not_wait_for_the_disk(database: Database, hasty: bool) -> None:
+    """On one connection in turn: neither kind may leave its setting to the other."""
+    asked, waits = (
+        ("PRAGMA synchronous", {False: 2, True: 1})
+        if database.is_sqlite
+        else ("SHOW synchronous_commit", {False: "on", True: "off"})
+    )
+    for kind in (not hasty, hasty, hasty):
+        with database.write(hasty=kind) as session:
+            assert session.scalar(text(asked)) == waits[kind]
+
+
+def test_postgresql_compiles_no_plans(database: Database) -> None:
+    with database.read() as session:
+        assert database.is_sqlite or session.scalar(text("SHOW jit")) == "off"
 
 
 def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:
