@@ -18,7 +18,7 @@ from grader.bench import run
 from grader.bench.scenes import words
 from grader.bench.stability import LOOK, SECONDS, Class
 
-STUDIES = ("precision", "stability", "regions", "energy", "skip", "models")
+STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
 """The studies whose results are committed."""
 
 PICTURE = re.compile(r"\(measured/([\w.]+)\)")
@@ -242,6 +242,38 @@ def largest(run: Results) -> str:
     """`8.9e-01`, or with the warning that ended the run."""
     warned = run["warning"]
     return f"{run['largest']:.1e}" + (f", {warned[0]} at {warned[1]:.0f} s" if warned else "")
+
+
+ADAPTIVE_ERRORS = ("1e-02", "1e-03", "1e-04", "1e-05", "1e-06")
+
+
+@table("scene", "method", *ADAPTIVE_ERRORS)
+def adaptive(results: Results) -> Iterator[tuple[str, ...]]:
+    """The fewest evaluations within each error, and the CPU time of that run."""
+    for name, scene in results["adaptive"]["scenes"].items():
+        fewest = (scene["mujoco"][error] for error in ADAPTIVE_ERRORS)
+        cells = (one and f"{evaluations(one)}, {one['method']} {milliseconds(one['setting'])}" for one in fewest)
+        yield words(name), "MuJoCo, fewest", *(cell or "-" for cell in cells)
+        for method, found in scene["adaptive"].items():
+            yield words(name), method, *(evaluations(found[error]) for error in ADAPTIVE_ERRORS)
+
+
+def evaluations(best: Results | None) -> str:
+    """`512 (x1.0)`, or a dash where no setting gets there."""
+    return f"{best['evaluations']} (x{best['ratio']:.2g})" if best else "-"
+
+
+PILE_STEPS = ("8 ms", "4 ms", "2 ms", "1 ms", "0.5 ms", "0.25 ms", "0.125 ms")
+
+
+@table("integrator", *PILE_STEPS, "order")
+def pile(results: Results) -> Iterator[tuple[str, ...]]:
+    """Error against timestep where many stiff contacts open and close."""
+    scene = results["adaptive"]["scenes"]["pile"]
+    for kind, errors in scene["errors"].items():
+        fit = scene["orders"][kind]
+        order = "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
+        yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
 
 
 def sure(timed: Results) -> str:
