@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from bench.active_set import CONSTANT, order
-from grader.bench import precision, stability, timing
+from grader.bench import adaptive, precision, regions, stability, timing
 from grader.bench.collisions import CASES
 from grader.bench.measured import BLOCKS, MARKED, PICTURE, STUDIES, fill, load_results, savings
 from grader.bench.scenes import load_scene
@@ -79,7 +79,7 @@ def order_of(scene: str) -> float:
 
 def pairs() -> str:
     signature = inspect.signature(timing.paired).parameters
-    return f"{precision.PEER_PAIRS} to {signature['most'].default} pairs"
+    return f"{min(precision.PEER_PAIRS, adaptive.PAIRS)} to {signature['most'].default} pairs"
 
 
 def middle() -> str:
@@ -325,6 +325,129 @@ def islands() -> str:
     return f"on the two bodies they change the state by {changes['two_bodies']:.0e}"
 
 
+def sides() -> str:
+    found = RESULTS["regions"]
+    assert found["wrong"] == 0
+    return (
+        f"the closed forms and MuJoCo's own step differ by {found['largest_difference']:.0e} at most, "
+        f"and all {found['points']} simulated points do what the plane says"
+    )
+
+
+def turned() -> str:
+    limits = RESULTS["regions"]["limits"]
+    first, last = (str(angle) for angle in (regions.ANGLES[0], regions.ANGLES[-1]))
+    ends = {kind: (one[first], one[last]) for kind, one in limits.items()}
+    assert limits["implicit"] == limits["implicitfast"]
+    assert ends["discrete"] == (None, None)
+    euler, implicit = ends["Euler"], ends["implicit"]
+    return (
+        f"From {first} to {last} degrees, as damping grows, the distance of the border from zero falls for Euler from "
+        f"{euler[0]:.2f} to "
+        f"{euler[1]:.2f}, and rises for `implicit` and `implicitfast` from {implicit[0]:.2f} to {implicit[1]:.2f}."
+    )
+
+
+def three_servos() -> str:
+    assert len(RESULTS["regions"]["servos"]) == 3
+    return "the pendulum's servo at three stiffnesses"
+
+
+def ten_minutes() -> str:
+    assert RESULTS["energy"]["minutes"] == 10
+    assert list(RESULTS["energy"]["scenes"]) == ["double_pendulum", "spinning_body"]
+    return "over ten minutes"
+
+
+def fed() -> str:
+    warned = {
+        (name, kind)
+        for name, kinds in RESULTS["energy"]["scenes"].items()
+        for kind, runs in kinds.items()
+        if all(run["warning"] for run in runs.values())
+    }
+    kept = [run for kinds in RESULTS["energy"]["scenes"].values() for runs in kinds.values() for run in runs.values()]
+    assert warned == {("double_pendulum", "implicit"), ("spinning_body", "Euler")}
+    assert sum(run["warning"] is not None for run in kept) == 6
+    return (
+        "`implicit` feeds the double pendulum, and Euler the spinning body, until MuJoCo warns and resets them, "
+        "at each of the three timesteps"
+    )
+
+
+def lost() -> str:
+    kinds = RESULTS["energy"]["scenes"]["spinning_body"]
+    lasts = [run["last"] for kind in ("implicit", "implicitfast", "discrete") for run in kinds[kind].values()]
+    assert max(lasts) < 0
+    taken = f"{-100 * max(lasts):.0f} % to {-100 * min(lasts):.0f} %"
+    return f"the other three methods of first order take {taken} of its energy"
+
+
+def gentle() -> str:
+    worst = {name: kinds["RK4"] for name, kinds in RESULTS["energy"]["scenes"].items()}
+    for runs in worst.values():
+        assert runs["4 ms"]["largest"] > runs["2 ms"]["largest"] > runs["1 ms"]["largest"]
+    pendulum, body = (worst[name]["2 ms"]["largest"] for name in ("double_pendulum", "spinning_body"))
+    return f"RK4 at 2 ms stays within {pendulum:.0e} and {body:.0e}"
+
+
+def fixed_cost() -> str:
+    models = RESULTS["models"]["models"].values()
+    fixed, resets = [one["fixed_us"] for one in models], [one["reset_us"] for one in models]
+    return (
+        f"A run of {RESULTS['models']['steps']} steps costs {min(fixed):.1f} to {max(fixed):.1f} us beside its steps "
+        f"and MuJoCo's own reset, which takes {min(resets):.1f} to {max(resets):.1f} us"
+    )
+
+
+def many() -> str:
+    models = RESULTS["models"]["models"]
+    assert all(one["bitwise"] for one in models.values())
+    return f"on {len(models)} models"
+
+
+def everywhere() -> str:
+    found = RESULTS["models"]
+    touched = [one["skipping"]["ratio"] for one in found["models"].values() if "contacts" in one["needed"]]
+    free = [one["skipping"]["ratio"] for one in found["models"].values() if "constraints" not in one["needed"]]
+    assert max(touched) < min(free)
+    return (
+        f"Where contacts may open, skipping saves next to nothing (x{min(touched):.2f} to x{max(touched):.2f}); "
+        f"where nothing is constrained it saves x{min(free):.2f} to x{max(free):.2f}"
+    )
+
+
+def fewest() -> str:
+    """The double pendulum and the stiff pile within 1e-6."""
+    scenes = RESULTS["adaptive"]["scenes"]
+    mujoco, solvers = scenes["double_pendulum"]["mujoco"]["1e-06"], scenes["double_pendulum"]["adaptive"]
+    best = min((one["1e-06"] for one in solvers.values() if one["1e-06"]), key=lambda one: one["evaluations"])
+    assert best["evaluations"] < mujoco["evaluations"]
+    assert best["ratio"] > mujoco["ratio"]
+    return (
+        f"within 1e-6 on the double pendulum {best['method']} takes {best['evaluations']} evaluations where "
+        f"{mujoco['method']} takes {mujoco['evaluations']}, and yet {best['ratio'] / mujoco['ratio']:.1f} times its "
+        "CPU time"
+    )
+
+
+def stiff_pile() -> str:
+    scene = RESULTS["adaptive"]["scenes"]["pile"]
+    truth, horizon_s = scene["reference"], RESULTS["adaptive"]["horizons_s"]["pile"]
+    model = load_scene("pile").model
+    assert (model.nbody - 1, model.geom_solref[-1, 0]) == (6, 0.004)
+    return (
+        f"six smooth spheres with a contact time constant of 4 ms that fall into a trough; in {horizon_s} s the number "
+        f"of contacts changes {truth['changes']} times, up to {truth['most_constraints']}; the own error of the "
+        f"reference is {truth['own_error']:.0e}"
+    )
+
+
+def pile_orders() -> str:
+    orders = {kind: one["order"] for kind, one in RESULTS["adaptive"]["scenes"]["pile"]["orders"].items() if one}
+    return f"the fitted orders lie between {min(orders.values()):.1f} and {max(orders.values()):.1f}"
+
+
 CLAIMS: tuple[Callable[[], str], ...] = (
     *(pairs, middle, orders, first_order, order_kept, none_gets_there, adaptive_gets_there, bands, box),
     *(
@@ -341,6 +464,8 @@ CLAIMS: tuple[Callable[[], str], ...] = (
         agreement,
     ),
     *(damping, horizon, ball_and_wall, pushed, wheel, timer, constrained, bitwise, islands),
+    *(sides, turned, three_servos, ten_minutes, fed, lost, gentle, fixed_cost, many, everywhere),
+    *(fewest, stiff_pile, pile_orders),
 )
 
 DEFINITIONS = (
@@ -375,6 +500,12 @@ DEFINITIONS = (
     "Each flag alone",
     "The cheapest setting within each position error over 1.024 s",
     "no confidence interval",
+    "(each with its conjugate)",
+    "Energy over ten minutes",
+    "at its first warning",
+    "with the 95 % confidence interval of the median",
+    "one limit or one pair of geoms",
+    "a single eigenvalue",
 )
 """What a measurement is, not what it found: the settings in it are asserted in the test below."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from grader.errors import Unprocessable
 
-STUDIES = ("precision", "stability", "regions", "skip", "service")
+STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "service")
 
 
 def run(name: str, out: Path, quick: bool) -> None:

@@ -18,7 +18,7 @@ from grader.bench import run
 from grader.bench.scenes import words
 from grader.bench.stability import LOOK, SECONDS, Class
 
-STUDIES = ("precision", "stability", "skip")
+STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
 """The studies whose results are committed."""
 
 PICTURE = re.compile(r"\(measured/([\w.]+)\)")
@@ -217,6 +217,82 @@ def flags(results: Results) -> Iterator[tuple[str, ...]]:
             proven = "proven" if flag["proven"] else "needed"
             bits = "yes" if flag["bitwise"] else f"no, {flag['largest_difference']:.0e}"
             yield words(name), flag["part"], proven, flag["reason"], bits, times(flag)
+
+
+@table("servo", "eigenvalue [1/s]", "Euler", "RK4", "implicit, implicitfast", "discrete")
+def regions(results: Results) -> Iterator[tuple[str, ...]]:
+    """The servos on the plane, and the largest stable timestep of each integrator."""
+    for name, one in results["regions"]["servos"].items():
+        limits = {kind: "no limit" if h is None else milliseconds(h) for kind, h in one["limits_s"].items()}
+        real, imaginary = one["eigenvalue"]
+        methods = ("Euler", "RK4", "implicit", "discrete")
+        yield name, f"{real:.1f} + {imaginary:.1f}i", *(limits[kind] for kind in methods)
+
+
+@table("scene", "integrator", "4 ms", "2 ms", "1 ms", "drift per minute at 2 ms")
+def energy(results: Results) -> Iterator[tuple[str, ...]]:
+    """The largest relative error of the energy, up to the first warning."""
+    for name, kinds in results["energy"]["scenes"].items():
+        for kind, runs in kinds.items():
+            drifts = f"{runs['2 ms']['per_minute']:+.1e}" if runs["2 ms"]["warning"] is None else "-"
+            yield words(name), kind, *(largest(runs[h]) for h in ("4 ms", "2 ms", "1 ms")), drifts
+
+
+def largest(run: Results) -> str:
+    """`8.9e-01`, or with the warning that ended the run."""
+    warned = run["warning"]
+    return f"{run['largest']:.1e}" + (f", {warned[0]} at {warned[1]:.0f} s" if warned else "")
+
+
+ADAPTIVE_ERRORS = ("1e-02", "1e-03", "1e-04", "1e-05", "1e-06")
+
+
+@table("scene", "method", *ADAPTIVE_ERRORS)
+def adaptive(results: Results) -> Iterator[tuple[str, ...]]:
+    """The fewest evaluations within each error, and the CPU time of that run."""
+    for name, scene in results["adaptive"]["scenes"].items():
+        fewest = (scene["mujoco"][error] for error in ADAPTIVE_ERRORS)
+        cells = (one and f"{evaluations(one)}, {one['method']} {milliseconds(one['setting'])}" for one in fewest)
+        yield words(name), "MuJoCo, fewest", *(cell or "-" for cell in cells)
+        for method, found in scene["adaptive"].items():
+            yield words(name), method, *(evaluations(found[error]) for error in ADAPTIVE_ERRORS)
+
+
+def evaluations(best: Results | None) -> str:
+    """`512 (x1.0)`, or a dash where no setting gets there."""
+    return f"{best['evaluations']} (x{best['ratio']:.2g})" if best else "-"
+
+
+PILE_STEPS = ("8 ms", "4 ms", "2 ms", "1 ms", "0.5 ms", "0.25 ms", "0.125 ms")
+
+
+@table("integrator", *PILE_STEPS, "order")
+def pile(results: Results) -> Iterator[tuple[str, ...]]:
+    """Error against timestep where many stiff contacts open and close."""
+    scene = results["adaptive"]["scenes"]["pile"]
+    for kind, errors in scene["errors"].items():
+        fit = scene["orders"][kind]
+        order = "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
+        yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
+
+
+def sure(timed: Results) -> str:
+    """A ratio and its 95 % confidence interval: `x1.52 (1.49 to 1.55)`."""
+    low, high = timed["interval"]
+    return f"x{timed['ratio']:.2f} ({low:.2f} to {high:.2f})"
+
+
+@table(
+    *("model", "degrees of freedom", "needed, so kept", "skipping", "an `nstep` loop over our run"),
+    *("beside the steps", "MuJoCo's reset", "bitwise equal"),
+)
+def models(results: Results) -> Iterator[tuple[str, ...]]:
+    """What skipping saves on each model, and what a run costs beside its steps."""
+    for name, one in results["models"]["models"].items():
+        parts = [part for part in one["needed"] if part not in ("constraints", "islands")]
+        fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
+        cells = (sure(one["skipping"]), sure(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
+        yield words(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
 
 
 @table("scene", *(f"error {error}" for error in SHOWN_ERRORS), "timer x C x skipping")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 _library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
 _callback = ctypes.c_void_p.in_dll(_library, "mjcb_time")
@@ -45,7 +46,8 @@ SAMPLE_S = 1e-3
 class Paired:
     """CPU time of the work over that of the yardstick: median `ratio`, with `low` and `high` around the middle 80 %.
 
-    `seconds` and `yardstick_s` are the shortest CPU times of one call in this thread [s].
+    `seconds` and `yardstick_s` are the shortest CPU times of one call in this thread [s]; `interval` is the 95 %
+    confidence interval of the ratio.
     """
 
     ratio: float
@@ -54,6 +56,7 @@ class Paired:
     seconds: float
     yardstick_s: float
     pairs: int
+    interval: tuple[float, float]
 
     @property
     def least(self) -> float:
@@ -99,6 +102,22 @@ def paired(
         taken = {turn: sample(works[turn], counts[turn]) for turn in turns}
         pairs.append([taken[0], taken[1]])
     times = np.array(pairs)
-    low, middle, high = np.percentile(times[:, 0] / times[:, 1], SPREAD).tolist()
+    ratios = times[:, 0] / times[:, 1]
+    low, middle, high = np.percentile(ratios, SPREAD).tolist()
     seconds, yardstick_s = times.min(axis=0).tolist()
-    return Paired(middle, low, high, seconds, yardstick_s, len(pairs))
+    return Paired(middle, low, high, seconds, yardstick_s, len(pairs), median_interval(ratios))
+
+
+RESAMPLES = 2000
+"""Bootstrap samples; the ends of an interval then vary by less than a tenth of its width."""
+
+
+def median_interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """The 95 % confidence interval of the median of independent values, by the percentile bootstrap.
+
+    Source: Efron 1979, doi 10.1214/aos/1176344552. The same values give the same interval. Of fewer than six values the
+    extremes themselves cover less, 1 - 2^(1 - n).
+    """
+    drawn = np.random.default_rng(0).choice(values, (RESAMPLES, len(values)))
+    low, high = np.percentile(np.median(drawn, axis=1), (2.5, 97.5)).tolist()
+    return low, high

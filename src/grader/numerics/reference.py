@@ -15,7 +15,7 @@ from grader.numerics.runge_kutta import PLAIN_DYNAMICS, Forward
 from grader.numerics.scene import Scene, Values, Vector, frozen
 from grader.numerics.workspace import Workspace
 
-Method = Literal["DOP853", "LSODA"]
+Method = Literal["DOP853", "LSODA", "Radau"]
 
 RTOL = 3e-14
 """Source: measured on the double pendulum; reaches 9e-15 over 1 s. SciPy refuses less than 100 rounding units."""
