@@ -167,8 +167,9 @@ def test_the_gradebook_and_stories_are_for_instructors_of_the_course(site: Site,
     ann = site.client("ann")
     assert ann.get("/instructor/gradebook").status_code in (401, 403)
     assert ann.get(address).status_code in (401, 403)
-    page.goto(address)
-    check(page)
+    for path in (address, f"{address}/lessons/questions", "/instructor/certificates"):
+        page.goto(path)
+        check(page)
     page.goto("/instructor/learners/" + "0" * 32)
     expect(page.get_by_role("heading", level=1)).not_to_have_text("ann")
     expect(page.locator("main")).to_contain_text("no such learner")
