@@ -94,6 +94,21 @@ def test_jobs_are_done_in_order_and_once(database: Database) -> None:
         assert jobs.waiting(session) == 0
 
 
+def test_a_waiting_job_knows_how_many_are_claimed_before_it(database: Database) -> None:
+    made = [hand_in(database, user) for user in ("ann", "ann", "bob", "cem")]
+    with database.read() as session:
+        told = {one: jobs.ahead(session, one) for one in made}
+    claimed = []
+    while True:
+        with database.write() as session:
+            if (claim := jobs.claim(session, OTHER)) is None:
+                break
+            claimed.append(claim.subject)
+    assert [told[one] for one in claimed] == [0, 1, 2, 3]
+    with database.read() as session:
+        assert jobs.ahead(session, made[0]) is None
+
+
 def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) -> None:
     for _ in range(20):
         hand_in(database)

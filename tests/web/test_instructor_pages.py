@@ -38,6 +38,12 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("pages")
     content = write_content(folder / "content")
     (content / "quizzes" / "2-graded.json").write_text(json.dumps(GRADED))
+    lesson = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
+    script = next(one for one in lesson["questions"] if one["id"] == "rk4-step")
+    script.pop("starter", None)
+    (content / "quizzes" / "3-scripts.json").write_text(
+        json.dumps({**lesson, "id": "3-scripts", "questions": [script]})
+    )
     with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
         yield site
 
@@ -239,3 +245,20 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
     assert first["rk4-step"]["state"] == "luck"
     assert "draw more numbers" in first["rk4-step"]["remarks"][0]
     assert "1.0·10⁻⁸" in first["servo-threshold"]["why"]
+
+
+def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: httpx.Client) -> None:
+    body = {"quiz": "3-scripts", "question": "rk4-step", "answer": {"source": "def rk4_step(model, data): pass"}}
+    said = []
+    for name in ("ann", "bob"):
+        client = browser(site, name)
+        made = client.post(f"{API}/submissions", json=body)
+        assert made.status_code == 202
+        said.append(words(page(client, "/quizzes/3-scripts/rk4-step")))
+    assert "waiting, you are next" in said[0]
+    assert "waiting, 1 before you" in said[1]
+    assert re.search(r"scripts waiting 2 running 0 workers none lives", words(page(tina, "/instructor")))
+    seen = page(tina, f"/instructor/learners/{made.json()['learner']}/quizzes/3-scripts/rk4-step")
+    assert '<button class="push" disabled>' in seen
+    assert "rk4_step(model, data): pass" in seen
+    assert re.findall(r"<form[^>]*(?:method|action)", seen) == []

@@ -80,7 +80,7 @@ def unseen_by(session: Session, who: Identity) -> Unseen:
     if not who.is_instructor:
         return Unseen()
     rows = reviews.unseen_marks(session, who.course, who.id)
-    return Unseen(frozenset(row.id for row in rows), frozenset(LearnerAt.of(row) for row in rows))
+    return Unseen(frozenset(row.id for row in rows), frozenset(LearnerAt(*row[1:]) for row in rows))
 
 
 def blinded_differences(

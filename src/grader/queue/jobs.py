@@ -29,6 +29,7 @@ from sqlalchemy import (
     insert,
     or_,
     select,
+    tuple_,
     update,
 )
 from sqlalchemy.ext.compiler import compiles
@@ -187,6 +188,16 @@ def release(session: Session, leases: list[str]) -> None:
 def waiting(session: Session, topic: str = GRADE) -> int:
     """The number of jobs of a topic that are not done; those in progress count."""
     return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
+
+
+def ahead(session: Session, subject: str, topic: str = GRADE) -> int | None:
+    """How many waiting jobs of a topic are claimed before that of a subject; None if its job does not wait."""
+    here = (WAITS, JobRow.topic == topic)
+    row = session.execute(select(*ORDER).where(*here, JobRow.subject == subject)).first()
+    if row is None:
+        return None
+    before = select(func.count()).select_from(JobRow).where(*here, tuple_(*ORDER) < tuple_(*row))
+    return session.scalar(before) or 0
 
 
 @dataclass(frozen=True)

@@ -109,15 +109,18 @@ def undecided(
     return {(row.quiz, row.learner) for row in session.execute(rows.distinct())}
 
 
-def unseen_marks(session: Session, course: str, reviewer: str) -> Sequence[Submission]:
-    """The submissions of a course with a first mark by another reviewer that wait for a second one."""
-    return session.scalars(select(Submission).where(Submission.id.in_(_first_marks(course, reviewer)))).all()
+def unseen_marks(session: Session, course: str, reviewer: str) -> Sequence[Any]:
+    """Id, course, learner, quiz, question of submissions with only a first mark yet, which another reviewer gave."""
+    columns = (Submission.id, Submission.course, *_PLACE)
+    return session.execute(select(*columns).where(Submission.id.in_(_first_marks(course, reviewer)))).all()
 
 
 def unseen_places(course: str, reviewer: str) -> Select[str, str, str]:
     """Selects learner, quiz and question of those submissions."""
-    columns = (Submission.learner, Submission.quiz, Submission.question)
-    return select(*columns).where(Submission.id.in_(_first_marks(course, reviewer)))
+    return select(*_PLACE).where(Submission.id.in_(_first_marks(course, reviewer)))
+
+
+_PLACE = (Submission.learner, Submission.quiz, Submission.question)
 
 
 def _first_marks(course: str, reviewer: str) -> Select[str]:

@@ -91,4 +91,4 @@ def bar(count: int, of: int) -> Markup:
     box = f'viewBox="0 0 {short(BAR_WIDTH)} {short(BAR_HEIGHT)}"'
     whole = f'<rect class="whole" width="{short(BAR_WIDTH)}" height="{short(BAR_HEIGHT)}"/>'
     part = f'<rect class="part" width="{short(length)}" height="{short(BAR_HEIGHT)}"/>'
-    return Markup(f'<svg class="bar" {box} aria-hidden="true">{whole}{part}</svg>')  # noqa: S704  # numbers alone
+    return Markup(f'<svg class="count-bar" {box} aria-hidden="true">{whole}{part}</svg>')  # noqa: S704  # numbers alone

@@ -12,6 +12,8 @@ from grader.domain.quiz import CodeQuestion
 from grader.errors import NotFound, Unauthorized
 from grader.identity import DEFAULT_COURSE, Identity, Role
 from grader.library import Library
+from grader.queue import jobs
+from grader.store.submissions import QUEUED
 from grader.web.assets import FOLDER
 from grader.web.context import PageContext, Pages, Visitor
 from grader.web.exercise_page import exercise_page, side_by_side
@@ -134,8 +136,9 @@ def show_exercise(
     with pages.database.read() as session:
         work = work_of(session, library, reader, [quiz])
         attempts = attempts_of(session, work.standing, reader, quiz_id, question_id)
+        ahead = jobs.ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
     shown = exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
-    return page(request, "exercise.html", status, who=who, **shown)
+    return page(request, "exercise.html", status, who=who, ahead=ahead, **shown)
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/attempts")
