@@ -41,7 +41,10 @@ class Sender:
     pid: int
 
     def kill(self) -> None:
-        os.kill(self.pid, signal.SIGKILL)
+        """Ends it in the middle of whatever it does; returns once it is gone."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+            wait_until(lambda: os.kill(self.pid, 0))
 
 
 StartSender = Callable[[str, Simulated], AbstractContextManager[Sender]]
@@ -64,8 +67,7 @@ def sending() -> Iterator[StartSender]:
         try:
             yield sender
         finally:
-            with suppress(ProcessLookupError):
-                sender.kill()
+            sender.kill()
 
     with nursery:
         yield start

@@ -23,8 +23,8 @@ from grader.identity import Identity, Role
 from grader.lms.access_tokens import AccessTokens
 from grader.lms.delivering import Delivering
 from grader.lms.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, with_path
-from grader.lms.outgoing import Outgoing
-from grader.lms.replies import RETRY_MAX_S, retry_after_s
+from grader.lms.outgoing import Outgoing, Response
+from grader.lms.replies import RETRY_MAX_S, Again, Dead, retry_after_s
 from grader.lms.score import PlatformResult, Score, score_of
 from grader.lms.scores import TRIED_MAX, is_contested
 from grader.pipeline import Retries
@@ -512,6 +512,20 @@ def test_what_may_pass_is_tried_again_and_then_a_dead_letter(make: MakeCourse, f
     course.deliver()
     assert (course.row().state, course.row().attempts) == (state, 3)
     assert fault in (course.row().error or "")
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "is_retried"),
+    [(408, b"", True), (425, b"", True), (429, b"", True), (401, b"", True), (500, b"", True), (599, b"", True),
+     (403, b"Rate Limit Exceeded", True), (403, b"forbidden", False), (402, b"", False), (405, b"", False),
+     (415, b"", False), (422, b"no attempt is left", False)],
+)  # fmt: skip
+def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body: bytes, is_retried: bool) -> None:
+    course = make()
+    sender = sender_of(course.database, course.target)
+    reply = sender.reply_to(Response(status, {"retry-after": "7"}, body))
+    assert isinstance(reply, Again if is_retried else Dead)
+    assert not isinstance(reply, Again) or reply.after_s == 7.0
 
 
 def test_another_refusal_is_a_dead_letter_at_once(make: MakeCourse) -> None:
