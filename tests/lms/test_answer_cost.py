@@ -16,6 +16,7 @@ from databases import BACKENDS, database_url
 from grader.courses import outbox
 from grader.courses.outbox import send_scores
 from grader.settings import Settings
+from grader.store.outbox import ALL
 from grader.store.results import LearnerAt
 from lms.receivers import HERE
 from lms.working import database_of
@@ -23,10 +24,10 @@ from sites import QUIZ, Site, open_site, write_content
 
 ROUNDS, ANSWERS = 15, 20
 WITHOUT, IDLE, TOLD = ARMS = ("without the outbox", "without destinations", "with a webhook and scores")
-IDLE_MAX, TOLD_MAX = 1.3, 2.0
+IDLE_MAX, TOLD_MAX = 1.3, 3.0
 """CPU time of the server for an answer, over that without the outbox's statement.
 
-Source: 1.04 to 1.1, and 1.2 to 1.5, were measured on a machine with other work.
+Source: 1.06, and 1.5 (SQLite) to 2.1 (PostgreSQL), were measured on a machine with other work.
 """
 
 
@@ -63,7 +64,7 @@ def server_cpu_s(client: httpx.Client, first: int) -> float:
 def test_a_plain_answer_costs_hardly_more_for_the_outbox(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     noted = outbox.note
 
-    def note(session: Session, changed: Collection[LearnerAt], only: str = outbox.ALL) -> None:
+    def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> None:
         if all(one.course != WITHOUT for one in changed):
             noted(session, changed, only)
 
