@@ -27,7 +27,7 @@ from lms.profiles import Place
 from lms.receivers import HERE
 
 PAUSES_S = (0.05,) * 60
-LOOK_S = 0.1
+LOOK_S = 0.2
 
 
 def sign(claims: dict[str, Any]) -> str:
