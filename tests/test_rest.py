@@ -84,6 +84,16 @@ def test_the_exports_hold_the_learner(printed: list[tuple[str, str, str]]) -> No
     assert heading.strip().startswith("Username,Email address,ID number,")
 
 
+@pytest.mark.slow
+def test_a_row_of_the_feed_has_the_fields_that_other_programs_rely_on(printed: list[tuple[str, str, str]]) -> None:
+    [page] = [output for command, output, _ in printed if "results?limit=100" in command]
+    [row] = json.loads(page)["items"]
+    fixed = {"submission_id": str, "user": str, "quiz": str, "question": str, "points": float, "max_points": float,
+             "revision": int}  # fmt: skip
+    assert {name: type(row[name]) for name in fixed} == fixed
+    assert (row["user"], row["learner"]) == ("Ada Lovelace", {"namespace": "school", "id": "s1815"})
+
+
 def test_the_page_is_not_fitted_by_anything() -> None:
     assert fits({"a": [{"b": "..."}]}, {"a": [{"c": 1}, {"b": "x"}], "d": 1})
     for shown, found in (({"a": 1}, {}), ({"a": 1}, {"a": 2}), ({"a": []}, {"a": [1]}), ({"a": "..."}, {"a": 1})):

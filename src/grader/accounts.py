@@ -18,11 +18,16 @@ Result = TypeVar("Result")
 
 def in_database(settings: Settings, change: Callable[[Session], Result]) -> Result:
     """Calls `change` in a transaction on a newly opened database, and returns its result."""
+    return in_opened(settings, lambda _, session: change(session))
+
+
+def in_opened(settings: Settings, change: Callable[[Database, Session], Result]) -> Result:
+    """As `in_database`, for what also needs the database's locks."""
     database = Database(settings.database)
     try:
         database.migrate()
         with database.write() as session:
-            return change(session)
+            return change(database, session)
     finally:
         database.close()
 
@@ -52,12 +57,10 @@ def give_extension(settings: Settings, key: tuple[str | None, str, str], granted
     from grader.library import load
 
     course, quiz, user = key
-    database = Database(settings.database)
-    try:
-        database.migrate()
-        with database.write() as session:
-            learner = people.named(session, user, Role.STUDENT, course)
-            library = load(settings.courses.get(learner.course, settings.content))
-            results.grant(database, library, session, learner, quiz, granted=granted, by=None)
-    finally:
-        database.close()
+
+    def give(database: Database, session: Session) -> None:
+        learner = people.named(session, user, Role.STUDENT, course)
+        library = load(settings.courses.get(learner.course, settings.content))
+        results.grant(database, library, session, learner, quiz, granted=granted, by=None)
+
+    in_opened(settings, give)

@@ -1,8 +1,10 @@
-"""A sender as a process of its own, to be killed: delivers the scores of a database to a simulated platform."""
+"""Senders as processes of their own, to be killed: each delivers the scores of a database to a simulated platform."""
 
 import json
+import os
+import signal
 import sys
-import threading
+import time
 from datetime import timedelta
 from typing import Any
 
@@ -13,7 +15,7 @@ from grader.domain.platform import Platform
 from grader.lms.access_tokens import AccessTokens
 from grader.lms.delivering import Delivering
 from grader.lms.line_items import LineItems
-from grader.lms.outgoing import Outgoing
+from grader.lms.outgoing import Outgoing, certificates
 from grader.lms.scores import Scores, ScoreTarget
 from grader.pipeline import Retries
 from grader.queue import jobs
@@ -25,6 +27,7 @@ from lms.profiles import Place
 from lms.receivers import HERE
 
 PAUSES_S = (0.05,) * 60
+LOOK_S = 0.2
 
 
 def sign(claims: dict[str, Any]) -> str:
@@ -47,15 +50,32 @@ def to(platform: Platform, container: str) -> ScoreTarget:
     return target
 
 
-def main(url: str, origin: str, client_id: str, container: str) -> None:
+def send(url: str, origin: str, client_id: str, container: str) -> None:
     """Delivers until it is killed."""
     database = Database(url)
     platform = Platform(1, "https://platform.example", client_id, f"{origin}/login", f"{origin}/token", "")
     delivering = Delivering({SCORES: sender_of(database, to(platform, container))}, PAUSES_S)
-    Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), OTHERS).start()
-    print("sending", flush=True)
-    threading.Event().wait()
+    worker = Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), OTHERS)
+    worker.start()
+    while True:  # a worker looks for delayed jobs once a second; there are many here, and their pauses are short
+        time.sleep(LOOK_S)
+        worker.wake()
+
+
+def main() -> None:
+    """Becomes a sender, in a child of its own, for each line of arguments; prints the process id.
+
+    What takes seconds, to import it all, is done once.
+    """
+    certificates()
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    for line in sys.stdin:
+        child = os.fork()
+        if child == 0:
+            os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # for the log
+            send(*json.loads(line))
+        print(child, flush=True)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -1,12 +1,16 @@
-"""A course of 200 learners at each platform, with faults in a fifth of all requests and senders that are killed."""
+"""A course of 200 learners at each platform, with faults in a fifth of all requests and a sender that is killed."""
 
+import json
+import os
 import random
+import signal
 import subprocess
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -27,26 +31,47 @@ from sites import write_content
 LEARNERS = 200
 OVERRIDDEN = 5
 PATIENCE_S = 150.0
-HERE = Path(__file__)
+TESTS = Path(__file__).parents[1]
 
 
-@contextmanager
-def sending(url: str, platform: Simulated) -> Iterator["subprocess.Popen[str]"]:
-    """A sender that sends; killed at the end."""
-    arguments = [str(HERE.with_name("sending.py")), url, platform.origin, platform.client_id, platform.container]
-    paths = [str(HERE.parents[1]), str(HERE.parents[2] / "src")]
-    start = "import sys, runpy; sys.path[:0] = sys.argv[1].split(':'); del sys.argv[:2]; runpy.run_path(sys.argv[0], run_name='__main__')"  # noqa: E501
-    command = [sys.executable, "-c", start, ":".join(paths), *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "sending\n"
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
+@dataclass(frozen=True)
+class Sender:
+    """A process that sends scores."""
+
+    pid: int
+
+    def kill(self) -> None:
+        """Ends it in the middle of whatever it does; returns once it is gone."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+            wait_until(lambda: os.kill(self.pid, 0))
+
+
+StartSender = Callable[[str, Simulated], AbstractContextManager[Sender]]
+
+
+@pytest.fixture(scope="module")
+def sending() -> Iterator[StartSender]:
+    """Starts a sender, which is killed at the end of the context at the latest."""
+    environment = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS}", "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-P", "-m", "lms.sending"]
+    nursery = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    @contextmanager
+    def start(url: str, platform: Simulated) -> Iterator[Sender]:
+        assert nursery.stdin is not None
+        assert nursery.stdout is not None
+        where = [url, platform.origin, platform.client_id, platform.container]
+        print(json.dumps(where), file=nursery.stdin, flush=True)
+        sender = Sender(int(nursery.stdout.readline()))
+        try:
+            yield sender
+        finally:
+            sender.kill()
+
+    with nursery:
+        yield start
+        nursery.kill()
 
 
 def count(database: Database, *states: str) -> int:
@@ -61,11 +86,10 @@ def wait_until(condition: Any) -> None:
         time.sleep(0.05)
 
 
-def kill_in_the_middle(process: "subprocess.Popen[str]", platform: Simulated, more: int) -> None:
-    """SIGKILL, wherever the sender is, once the platform has taken some more scores."""
-    wanted = len(platform.taken) + more
-    wait_until(lambda: len(platform.taken) >= wanted)
-    process.kill()
+def kill_in_the_middle(sender: Sender, platform: Simulated, taken: int) -> None:
+    """SIGKILL, wherever the sender is, once the platform has taken so many scores."""
+    wait_until(lambda: len(platform.taken) >= taken)
+    sender.kill()
 
 
 def number(one: Identity) -> int:
@@ -74,12 +98,17 @@ def number(one: Identity) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("profile", "backend"),
-    [(CANVAS_LMS, "postgresql"), (MOODLE, "sqlite"), (OPEN_EDX, "postgresql"), (BLACKBOARD, "sqlite")],
+    ("profile", "backend", "killed"),
+    [
+        (CANVAS_LMS, "postgresql", "in the first scores"),
+        (MOODLE, "sqlite", "in the first scores"),
+        (OPEN_EDX, "postgresql", "in the changes"),
+        (BLACKBOARD, "sqlite", "in the changes"),
+    ],
     ids=lambda one: one.name if isinstance(one, Profile) else one,
 )
 def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
-    profile: Profile, backend: str, tmp_path: Path
+    sending: StartSender, profile: Profile, backend: str, killed: str, tmp_path: Path
 ) -> None:
     draw = random.Random(5)
     with database_url(backend, tmp_path) as url, simulated(profile, fault_rate=0.2, seed=7) as platform:
@@ -91,11 +120,13 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
         # All have answered; the open answers of every third learner wait for a reviewer.
         course.answer([(one, "q1", number(one) % 3) for one in course.learners])
         course.answer([(one, "q4", "because") for one in course.learners[::3]])
-        with sending(url, platform) as first:
-            kill_in_the_middle(first, platform, draw.randrange(30, 60))
+        if killed == "in the first scores":
+            with sending(url, platform) as first:
+                kill_in_the_middle(first, platform, draw.randrange(30, 160))
         with sending(url, platform) as second:
             wait_until(lambda: count(database, SENT) == LEARNERS)
             (item,) = platform.items
+            before = len(platform.taken)
             # A person enters grades; then all answer again, and the reviewer decides, while the sender sends.
             persons = course.learners[1 : 3 * OVERRIDDEN : 3]
             for one in persons:
@@ -105,7 +136,10 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
                 course.answer([(one, "q2", "5 ms" if number(one) % 2 else "7 ms") for one in some])
             for one in course.learners[::3]:
                 course.review(one, 0.5)
-            kill_in_the_middle(second, platform, draw.randrange(5, 30))
+            if killed == "in the changes":
+                kill_in_the_middle(second, platform, before + draw.randrange(5, 60))
+            else:
+                wait_until(lambda: count(database, SENT, DEAD) == LEARNERS)
         with sending(url, platform):
             wait_until(lambda: count(database, SENT, DEAD) == LEARNERS)
 

@@ -23,9 +23,10 @@ from grader.identity import Identity, Role
 from grader.lms.access_tokens import AccessTokens
 from grader.lms.delivering import Delivering
 from grader.lms.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, with_path
-from grader.lms.outgoing import Outgoing
-from grader.lms.replies import RETRY_MAX_S, retry_after_s
+from grader.lms.outgoing import Outgoing, Response
+from grader.lms.replies import RETRY_MAX_S, Again, Dead, retry_after_s
 from grader.lms.score import PlatformResult, Score, score_of
+from grader.lms.scores import TRIED_MAX, is_contested
 from grader.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.worker import Outcome, Worker
@@ -103,9 +104,13 @@ def set_policy(folder: Path, policy: dict[str, Any]) -> None:
     (folder / "quizzes" / "small.json").write_text(json.dumps({**QUIZ, "policy": policy}))
 
 
-@pytest.fixture(params=BACKENDS)
+both = pytest.mark.parametrize("url", BACKENDS, indirect=True)
+"""For what depends on the database: locks, jobs and statements. Which score is sent does not."""
+
+
+@pytest.fixture
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    with database_url(request.param, tmp_path) as url:
+    with database_url(getattr(request, "param", "sqlite"), tmp_path) as url:
         yield url
 
 
@@ -133,6 +138,7 @@ def make(url: str, tmp_path: Path) -> Iterator[MakeCourse]:
     database.close()
 
 
+@both
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda one: one.name)
 def test_real_points_of_the_real_maximum(make: MakeCourse, profile: Profile) -> None:
     course = make(profile)
@@ -193,6 +199,7 @@ def test_what_has_not_changed_is_not_sent(make: MakeCourse) -> None:
     assert len(course.platform.taken) == 1
 
 
+@both
 def test_what_a_learner_has_before_the_first_launch_is_sent_then(make: MakeCourse) -> None:
     course = make(policy={"attempts": 9})
     course.enrol(["bob"])
@@ -205,6 +212,7 @@ def test_what_a_learner_has_before_the_first_launch_is_sent_then(make: MakeCours
     assert [one["label"] for one in course.platform.items.values()] == ["A small quiz", "A small quiz: q2"]
 
 
+@both
 def test_a_persons_grade_stays_until_a_person_replays_ours(make: MakeCourse) -> None:
     course = make()
     (ann,) = course.learners
@@ -292,6 +300,7 @@ def test_timestamps_are_at_least_a_second_apart_and_never_ahead(make: MakeCourse
     assert all(b - a >= timedelta(seconds=1) for a, b in pairwise(times))
 
 
+@both
 def test_a_score_whose_answer_got_lost_is_not_sent_twice(make: MakeCourse) -> None:
     course = make()
     (ann,) = course.learners
@@ -343,6 +352,21 @@ def test_a_score_in_flight_at_a_kill_never_replaces_a_later_one(make: MakeCourse
     assert (course.grade(), course.row().state, course.row().tried) == (1.0, "sent", None)
 
 
+def test_which_tries_may_still_replace_a_score() -> None:
+    ours, other, third = (Score(given, 4.0, "Completed", "FullyGraded") for given in (1.0, 2.0, 3.0))
+    safe: list[tuple[Score | None, list[Score]]] = [
+        (None, []), (ours, []), (None, [ours]), (ours, [ours, replace(ours, activity="InProgress")]),
+        (None, [other, ours]), (third, [other, other, ours]),
+    ]  # fmt: skip
+    assert not any(is_contested(ours, sent, tried) for sent, tried in safe)
+    unsafe: list[tuple[Score | None, list[Score]]] = [
+        (ours, [other]), (ours, [other, ours]), (None, [other]), (None, [ours, other]), (None, [ours, other, ours]),
+        (None, [third] * (TRIED_MAX - 1) + [ours]),  # what came before is forgotten
+    ]  # fmt: skip
+    assert all(is_contested(ours, sent, tried) for sent, tried in unsafe)
+
+
+@both
 def test_many_learners_at_once_make_one_line_item(make: MakeCourse) -> None:
     course = make(BLACKBOARD)
     course.enrol([f"learner{number}" for number in range(12)])
@@ -385,6 +409,7 @@ def test_the_line_item_of_a_link_is_used_as_it_is(make: MakeCourse) -> None:
     assert [one["item"] for one in course.platform.taken] == ["linked"]
 
 
+@both
 def test_a_line_item_that_is_gone_is_a_dead_letter_and_made_anew_by_a_replay(make: MakeCourse) -> None:
     course = make()
     (ann,) = course.learners
@@ -489,6 +514,20 @@ def test_what_may_pass_is_tried_again_and_then_a_dead_letter(make: MakeCourse, f
     assert fault in (course.row().error or "")
 
 
+@pytest.mark.parametrize(
+    ("status", "body", "is_retried"),
+    [(408, b"", True), (425, b"", True), (429, b"", True), (401, b"", True), (500, b"", True), (599, b"", True),
+     (403, b"Rate Limit Exceeded", True), (403, b"forbidden", False), (402, b"", False), (405, b"", False),
+     (415, b"", False), (422, b"no attempt is left", False)],
+)  # fmt: skip
+def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body: bytes, is_retried: bool) -> None:
+    course = make()
+    sender = sender_of(course.database, course.target)
+    reply = sender.reply_to(Response(status, {"retry-after": "7"}, body))
+    assert isinstance(reply, Again if is_retried else Dead)
+    assert not isinstance(reply, Again) or reply.after_s == 7.0
+
+
 def test_another_refusal_is_a_dead_letter_at_once(make: MakeCourse) -> None:
     course = make(line_items_url=None)
     course.platform.items["linked"] = {}
@@ -517,6 +556,7 @@ def later_due() -> str:
     return (now() + timedelta(hours=1)).isoformat()
 
 
+@both
 @pytest.mark.parametrize("feedback", ["after_publish", "after_due"])
 def test_a_change_of_the_policy_alone_releases_a_score(make: MakeCourse, feedback: str) -> None:
     course = make(policy={"feedback": feedback, "due": later_due()})
@@ -532,6 +572,7 @@ def test_a_change_of_the_policy_alone_releases_a_score(make: MakeCourse, feedbac
     assert (course.sent, course.row().state) == ([(1.0, "FullyGraded")], "sent")
 
 
+@both
 def test_an_extension_that_is_taken_back_releases_a_score(make: MakeCourse) -> None:
     due = now() - timedelta(hours=1)
     course = make(policy={"feedback": "after_due", "due": due.isoformat()})
@@ -545,6 +586,7 @@ def test_an_extension_that_is_taken_back_releases_a_score(make: MakeCourse) -> N
     assert course.sent == [(1.0, "FullyGraded")]
 
 
+@both
 def test_what_is_published_while_a_sender_decides_to_hold_is_sent(make: MakeCourse) -> None:
     course = make(policy={"feedback": "after_publish"})
     course.answer([(course.learners[0], "q1", 1)])
@@ -604,6 +646,7 @@ def test_a_server_releases_when_it_starts_and_when_it_loads_content(tmp_path: Pa
         assert looked_at(database_of(site))
 
 
+@both
 def test_a_score_is_held_until_the_quiz_closes(make: MakeCourse) -> None:
     due = now() + timedelta(hours=1)
     course = make(policy={"feedback": "after_due", "due": due.isoformat()})

@@ -109,6 +109,8 @@ MEMBER = {
     "created_at": AT,
     "learner": EXTERNAL,
     "email": "ada@school.example",
+    "platforms": [],
+    "same_email": [],
 }
 INVITATION = {
     "id": "a47870f6d857398a", "name": "ada", "member": LEARNER, "role": "student",

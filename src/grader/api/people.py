@@ -1,10 +1,12 @@
 """`/members`, `/invitations`, `/tokens`, `/course`, `/audit`: who takes part in a course, for its instructors."""
 
+from collections.abc import Sequence
 from datetime import timedelta
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
 
 from grader.api.context import AppContext, Context, Instructor
 from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
@@ -18,6 +20,7 @@ from grader.errors import NotFound, Unprocessable
 from grader.identity import Role, Scope
 from grader.store import courses as stored_courses
 from grader.store import people as stored_people
+from grader.store import platforms
 from grader.store.courses import AuditEntry
 from grader.store.tables import Member
 
@@ -79,7 +82,8 @@ def list_members(query: ListParams, who: Instructor, context: AppContext, respon
     page = query.page
     with context.database.read() as session:
         found = stored_people.page(session, who.course, page.start, page.limit + 1)
-    return page_of([member_view(member) for member in found], page, "/members", response)
+        views = member_views(session, who.course, found)
+    return page_of(views, page, "/members", response)
 
 
 @router.patch(
@@ -88,7 +92,8 @@ def list_members(query: ListParams, who: Instructor, context: AppContext, respon
 def change_role(member_id: str, body: RoleBody, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Changes a member's role; the member signs in again with a new link."""
     with context.database.write() as session:
-        return member_view(people.change_role(session, who, member_id, body.role))
+        changed = people.change_role(session, who, member_id, body.role)
+        return member_views(session, who.course, [changed])[0]
 
 
 @router.delete("/members/{member_id}", status_code=204, responses=documented(401, 403, 404, 409, 422, 429))
@@ -205,6 +210,20 @@ def origin_of(context: Context, request: Request) -> str:
 def join_url(context: Context, request: Request, code: str) -> str:
     """The link with which learners join a course."""
     return f"{origin_of(context, request)}/join?code={code}"
+
+
+def member_views(session: Session, course: str, members: Sequence[Member]) -> list[dict[str, Any]]:
+    """Members as JSON, each with where they come from."""
+    launched = platforms.courses_of(session, [member.id for member in members])
+    sharing = stored_people.sharing_email(session, course, members)
+    return [
+        member_view(member)
+        | {
+            "platforms": [{"platform": name, "course": title} for name, title in launched.get(member.id, ())],
+            "same_email": sharing.get(member.id, []),
+        }
+        for member in members
+    ]
 
 
 def member_view(member: Member) -> dict[str, Any]:

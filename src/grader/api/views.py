@@ -80,8 +80,19 @@ class LearnerKey(BaseModel):
     id: str
 
 
+class PlatformCourse(BaseModel):
+    """A course of a learning platform."""
+
+    platform: str
+    course: str
+
+
 class MemberView(BaseModel):
-    """A member of the course. `way_in` says how the member is found again."""
+    """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come.
+
+    `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged,
+    since whoever can name an address elsewhere would get the work of its owner.
+    """
 
     id: str
     name: str
@@ -90,6 +101,8 @@ class MemberView(BaseModel):
     created_at: datetime
     learner: LearnerKey
     email: str | None
+    platforms: list[PlatformCourse]
+    same_email: list[str]
 
 
 class NewInvitation(BaseModel):

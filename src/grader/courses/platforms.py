@@ -36,12 +36,16 @@ class Registration:
 
 @dataclass(frozen=True)
 class Person:
-    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role."""
+    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role.
+
+    `email` is the address on the platform's roster, if it tells one: it is shown, and identifies nobody.
+    """
 
     issuer: str
     subject: str
     name: str
     role: Role
+    email: str | None = None
 
 
 def require_administrator(by: Identity) -> None:
@@ -174,5 +178,7 @@ def member_of(session: Session, context: Context, person: Person) -> Member:
     if member.role != person.role:
         member.role = person.role.value
         credentials.revoke_all(session, member.id, now(), [Kind.SESSION, Kind.SIGN_IN])
+    if person.email is not None:
+        member.email = person.email
     platforms.enrol(session, context.id, person.subject, member.id)
     return member

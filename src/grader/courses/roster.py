@@ -174,9 +174,14 @@ def role_in(role: str, note: Note) -> Role:
     return Role(role)
 
 
+def is_email(text: str) -> bool:
+    """Whether a text can be an address."""
+    return len(text) <= EMAIL and text.isprintable() and ADDRESS.fullmatch(text) is not None
+
+
 def email_in(email: str, note: Note) -> str:
     """The address, if it can be one."""
-    if email and (len(email) > EMAIL or not email.isprintable() or not ADDRESS.fullmatch(email)):
+    if email and not is_email(email):
         note("email", f"is no address: one is name@host, of at most {EMAIL} characters")
     return email
 

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from grader.courses import platforms as rules
 from grader.courses.audit import Action, record
 from grader.courses.platforms import Person
+from grader.courses.roster import is_email
 from grader.domain.platform import Platform
 from grader.errors import Conflict, Forbidden, Unprocessable
 from grader.identity import Identity, Role
@@ -99,7 +100,13 @@ def person_of(member: Mapping[str, Any], issuer: str) -> Person:
     """A member as the platform describes them."""
     roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
     role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
-    return Person(issuer, member["user_id"], name_in(member), role)
+    return Person(issuer, member["user_id"], name_in(member), role, email_in(member))
+
+
+def email_in(member: Mapping[str, Any]) -> str | None:
+    """The member's address, if the platform tells one that can be one."""
+    email = member.get("email")
+    return email if isinstance(email, str) and is_email(email) else None
 
 
 def source_of(session: Session, context_id: int) -> Context:

@@ -34,7 +34,7 @@ MEDIA_SCORE = "application/vnd.ims.lis.v1.score+json"
 MEDIA_RESULTS = "application/vnd.ims.lis.v2.resultcontainer+json"
 
 TRIED_MAX = 8
-"""Unknown outcomes that are remembered."""
+"""Tries of unknown outcome that are remembered."""
 
 RETRIED = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.TOO_EARLY, HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.UNAUTHORIZED)
 """Statuses after which another try may help, beside 5xx. A 401 to a new token may be that of a platform restarting."""
@@ -56,7 +56,7 @@ ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
 class Prepared:
     """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
 
-    `is_contested` if another score of ours may still arrive.
+    `is_contested` if another score of ours may still arrive and replace the one that the platform shows.
     """
 
     target: Target
@@ -103,11 +103,12 @@ class Scores:
             return Later((row.timestamp + SECOND - self.clock()).total_seconds())
         known = [*tried, *([sent] if sent is not None else [])]
         row.timestamp = timestamp
-        row.tried = json.dumps([one.to_json() for one in dict.fromkeys([*tried, score])][-TRIED_MAX:])
+        tries = tried if tried[-1:] == [score] else [*tried, score]
+        row.tried = json.dumps([one.to_json() for one in tries[-TRIED_MAX:]])
         title = row.quiz if quiz is None else quiz.title
         label = f"{title}: {row.question}" if row.question else title
-        is_contested = any(replace(one, activity=score.activity) != score for one in tried)
-        return Prepared(target, score, label, timestamp, known, sent is None, is_contested, row.forced)
+        contested = is_contested(score, sent, tried)
+        return Prepared(target, score, label, timestamp, known, sent is None, contested, row.forced)
 
     async def send(self, prepared: Prepared) -> Reply:
         """Sends a score, if the platform has none of a person's."""
@@ -188,6 +189,19 @@ def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced:
     if not score.is_final and any(one.is_final for one in (*tried, *([sent] if sent is not None else []))):
         return False
     return bool(tried) or score != sent
+
+
+def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bool:
+    """Whether another score may still arrive and replace this one, where the platform shows this one.
+
+    `tried` is in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing
+    replaces this score if its tries all came after those of others, and it was not `sent` before them.
+    """
+    same = [replace(one, activity=score.activity) == score for one in tried]
+    if all(same):
+        return False
+    was_sent = sent is not None and replace(sent, activity=score.activity) == score
+    return was_sent or len(tried) >= TRIED_MAX or not any(same) or not all(same[same.index(True) :])
 
 
 def before(prepared: Prepared, found: PlatformResult) -> Reply | None:

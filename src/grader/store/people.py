@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from sqlalchemy import delete, exists, select
+from sqlalchemy import delete, exists, func, select
 from sqlalchemy.orm import Session
 
 from grader.store.tables import Credential, Member, Submission
@@ -25,6 +25,20 @@ def page(session: Session, course: str, after: str | None, limit: int) -> Sequen
     if after is not None:
         wanted = wanted.where(Member.id > after)
     return session.scalars(wanted.order_by(Member.id).limit(limit)).all()
+
+
+def sharing_email(session: Session, course: str, members: Sequence[Member]) -> dict[str, list[str]]:
+    """For those of the members whose e-mail address others of the course have too: the ids of the others."""
+    asked = {member.id: member.email.lower() for member in members if member.email}
+    if not asked:
+        return {}
+    address = func.lower(Member.email)
+    here = (Member.course == course, Member.removed_at.is_(None), address.in_(set(asked.values())))
+    owners: dict[str, list[str]] = {}
+    for member_id, email in session.execute(select(Member.id, address).where(*here).order_by(Member.id)):
+        owners.setdefault(email, []).append(member_id)
+    others = {one: [other for other in owners.get(email, ()) if other != one] for one, email in asked.items()}
+    return {one: found for one, found in others.items() if found}
 
 
 def everybody(session: Session, course: str) -> Sequence[Member]:

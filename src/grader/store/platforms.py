@@ -228,6 +228,21 @@ def enrol(session: Session, context: int, subject: str, member: str) -> None:
     user.member, user.seen_at = member, now()
 
 
+def courses_of(session: Session, members: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+    """For members who come from platforms: the platform's name and the title of its course, of each course there."""
+    rows = (
+        select(LtiUser.member, PlatformRow.name, Context.title, Context.context_id)
+        .join(Context, Context.id == LtiUser.context)
+        .join(PlatformRow, PlatformRow.id == Context.platform)
+        .where(LtiUser.member.in_(members))
+        .order_by(LtiUser.member, Context.id)
+    )
+    found: dict[str, list[tuple[str, str]]] = {}
+    for member, name, title, context_id in session.execute(rows):
+        found.setdefault(member, []).append((name, title or context_id))
+    return found
+
+
 def forget_member(session: Session, member: str) -> None:
     """Deletes what platforms told of a member."""
     session.execute(delete(LtiUser).where(LtiUser.member == member), execution_options=UNCHANGED)

@@ -10,10 +10,22 @@ from typing import Any
 import httpx
 import pytest
 
+from grader.courses import platforms as rules
 from grader.identity import COOKIE
 from grader.lms.login import FIELD_CHARACTERS_MAX
 from lms.joined import Joined, signed_in
-from lms.platform import CLAIM, INSTITUTION, INSTRUCTOR, KEYS, LEARNER, ROLE, Claims
+from lms.platform import (
+    AGS,
+    AGS_SCOPE,
+    CLAIM,
+    INSTITUTION,
+    INSTRUCTOR,
+    KEYS,
+    LEARNER,
+    ROLE,
+    Claims,
+    running_platform,
+)
 
 API = "/api/v1"
 Forge = Callable[[Joined, Claims], str]
@@ -154,6 +166,10 @@ CASES: dict[str, tuple[Forge, int]] = {
         lambda pair, claims: pair.platform.sign(claims, KEYS[1], kid="key-0", jwk=PUBLIC),
         REFUSED,
     ),
+    "jku injected": (
+        lambda pair, claims: pair.platform.sign(claims, KEYS[1], kid="key-0", jku=f"{pair.platform.origin}/keys"),
+        REFUSED,
+    ),
     "crit": (raw({"alg": "RS256", "kid": "key-0", "crit": ["x"], "x": 1}), REFUSED),
     "body tampered": (tampered, REFUSED),
     # garbage
@@ -183,6 +199,47 @@ def test_a_launch(pair: Joined, name: str) -> None:
         browser, asked, pair.platform.sign(pair.claims(asked))
     )  # what was refused is used up all the same
     assert again.status_code == (ENTERED if expected == 413 else REFUSED)
+
+
+def test_keys_that_a_token_names_are_not_fetched(pair: Joined) -> None:
+    pair.launch(pair.browser())  # now the platform's keys are known
+    fetched = pair.platform.key_fetches
+    pair.platform.published = KEYS
+    for header in ({"jku": f"{pair.platform.origin}/keys"}, {"x5u": f"{pair.platform.origin}/keys"}, {"jwk": PUBLIC}):
+        browser = pair.browser()
+        asked = pair.begin(browser)
+        forged = pair.platform.sign(pair.claims(asked), KEYS[1], kid="key-0", **header)
+        assert pair.post(browser, asked, forged).status_code == REFUSED
+    pair.platform.published = KEYS[:1]
+    assert pair.platform.key_fetches == fetched
+
+
+def test_the_platform_is_that_of_the_state_and_never_that_of_the_token(pair: Joined) -> None:
+    """Another platform, registered and approved too, signs a launch for a login that began at the first one."""
+    with running_platform() as other:
+        with pair.database.write() as session:
+            row = rules.add(session, None, other.registration, other.deployment_id)
+            rules.approve(session, None, row.id)
+        browser = pair.browser()
+        asked = pair.begin(browser)
+        foreign = pair.claims(asked) | {"iss": other.origin, "aud": other.client_id}
+        forged = other.sign(foreign, KEYS[1], kid="key-of-the-other")
+        other.published = [KEYS[1]]
+        assert pair.post(browser, asked, forged).status_code == REFUSED
+        assert (signed_in(browser), other.key_fetches) == (False, 0)
+
+
+def test_who_is_not_named_has_no_grades(pair: Joined) -> None:
+    browser = pair.browser(**{"Sec-Fetch-Site": "same-origin"})
+    asked = pair.begin(browser)
+    services = {"scope": [f"{AGS_SCOPE}score"], "lineitem": f"{pair.platform.origin}/lineitem"}
+    claims = pair.claims(asked, **{AGS: services, f"{CLAIM}custom": {"quiz": "small"}})
+    del claims["sub"]
+    assert pair.post(browser, asked, pair.platform.sign(claims)).status_code == ENTERED
+    body = {"quiz": "small", "question": "q1", "answer": 1}
+    assert browser.post(f"{API}/submissions", json=body).status_code == 201
+    teacher = pair.site.client("tina", "instructor", pair.course)
+    assert teacher.get(f"{API}/deliveries").json()["items"] == []
 
 
 def test_states_are_of_one_browser_and_used_once(pair: Joined) -> None:

@@ -301,6 +301,31 @@ def test_a_roster_is_pulled_page_by_page(pair: Joined) -> None:
     assert other.post(f"{API}/lti/contexts/{context['id']}:roster").status_code == 404
 
 
+def test_who_is_on_two_rosters_is_two_members_and_the_instructor_is_told(pair: Joined) -> None:
+    """An address that two systems tell is no proof of a person: merging would hand over the work of one of them."""
+    pair.platform.roster = [
+        {"user_id": "user-7", "name": "Ada Lovelace", "roles": [LEARNER], "email": "Ada@School.example"},
+        {"user_id": "user-8", "name": "Grace Hopper", "roles": [LEARNER], "email": "no address"},
+    ]
+    teacher = pair.site.client("tina", "instructor", pair.course)
+    csv = "name,email,external_id\nAda L.,ada@school.example,s1815\nBob,bob@school.example,s1816\n"
+    headers = {"Content-Type": "text/csv"}
+    imported = teacher.post(f"{API}/roster:import?namespace=school", content=csv, headers=headers)
+    assert imported.status_code == 200, imported.text
+    pair.launch(pair.browser(), **{NRPS: {"context_memberships_url": f"{pair.platform.origin}/roster/0"}})
+    [context] = get_json(teacher, f"{API}/lti/contexts")["items"]
+    for _ in range(2):
+        assert teacher.post(f"{API}/lti/contexts/{context['id']}:roster").status_code == 200
+    found = {one["name"]: one for one in get_json(teacher, f"{API}/members")["items"]}
+    assert set(found) == {"tina", "Ada L.", "Bob", "Ada Lovelace", "Grace Hopper"}  # each once
+    here, there = found["Ada L."], found["Ada Lovelace"]
+    assert (here["same_email"], there["same_email"]) == ([there["id"]], [here["id"]])
+    assert (here["way_in"], here["learner"], here["platforms"]) == ("lms", {"namespace": "school", "id": "s1815"}, [])
+    assert there["platforms"] == [{"platform": "A platform", "course": "Robotics"}]
+    assert [found[name]["same_email"] for name in ("tina", "Bob", "Grace Hopper")] == [[], [], []]
+    assert found["Grace Hopper"]["email"] is None
+
+
 def test_a_roster_that_leads_elsewhere_is_refused(pair: Joined) -> None:
     teacher = pair.site.client("tina", "instructor", pair.course)
     [context] = get_json(teacher, f"{API}/lti/contexts")["items"]

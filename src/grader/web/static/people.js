@@ -9,9 +9,19 @@ const cursors = {};
 let queue = Promise.resolve();
 const when = (time) => (time ? el("time", { datetime: time }, new Date(time).toLocaleString()) : "never");
 
+const WAYS = { name: "named here", oidc: "signs in", browser: "course link", lti: "a platform" };
+
+// Where a member comes from, and whether somebody else here has the same address.
+function origin(one) {
+  const there = one.platforms.map(({ platform, course }) => `${platform}: ${course}`);
+  const known = one.way_in === "lms" ? `${one.learner.namespace}: ${one.learner.id}` : WAYS[one.way_in];
+  const twin = one.same_email.length ? [el("br"), el("strong", {}, `Another member has ${one.email} too: perhaps the same person`)] : [];
+  return [there.join(", ") || known, ...twin];
+}
+
 const CELLS = {
   invitations: (one) => [one.name, one.role, when(one.created_at), when(one.expires_at), ending("invitations", one, "Revoke")],
-  members: (one) => [one.name, one.role, when(one.created_at), [
+  members: (one) => [one.name, one.role, origin(one), when(one.created_at), [
     action("New link", () => invite({ member: one.id })),
     one.role === "student" ? action("Make instructor", () => change("PATCH", `/members/${one.id}`, { role: "instructor" })) : null,
     ending("members", one, "Remove")]],
