@@ -36,6 +36,12 @@ HEIGHT = (
     "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n    return data.site('tip').xpos[2]\n"
 )
 
+MOVED = """
+import mujoco
+def two(model, data):
+    mujoco.mj_forward(model, data)
+    return data.qpos[0] + 2 * data.qvel[0]
+"""
 ARRAYS: dict[str, Any] = {
     "functions": [{"results": [{"name": "unit", "atol": 1e-9}]}],
     "cases": [

@@ -229,7 +229,10 @@ def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
 def another_number(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence of a mistake that the numbers themselves show."""
     if np.all(student.qpos == student.qpos[0]):
-        return "No step changes the positions."
+        return (
+            "No step changes the positions: your step gives data.qvel no acceleration. Call mujoco.mj_forward at every "
+            "stage, and take data.qacc from it."
+        )
     if departure < FLOAT32 and np.array_equal(student.qpos, student.qpos.astype(np.float32)):
         return "The state went through 32-bit floats: use NumPy's default, float64."
     return None

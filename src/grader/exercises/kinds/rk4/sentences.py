@@ -10,6 +10,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.fits import Combination, Term
 from grader.exercises.kinds.rk4.methods import added_up, from_the_last
+from grader.exercises.kinds.rk4.recorded import Rows as States
 from grader.exercises.kinds.rk4.stages import STAGES, method_sentence, number_word
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, SMOOTH, STALE, Matrix, Reading, plain, same, same_row
 from grader.exercises.trace import Returned
@@ -49,6 +50,11 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
             f"Your function returns its result ({article} {returned[0].type}) and leaves data as it was: write the new "
             "state into data.qpos[:], data.qvel[:], data.act[:] and data.time; nothing need be returned."
         )
+    if reading.calls and any(moves_within(step.qpos) and moves_within(step.qvel) for step in reading.steps):
+        return (
+            "Your stages move data.qpos and data.qvel, but after your step both are as before: the weighted sum of the "
+            "slopes is not added, or its factor is 0. Print that factor; in Python h // 6 is 0, and h / 6 is not."
+        )
     if reading.calls:
         times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"
         return (
@@ -65,6 +71,11 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
         "Your step changes nothing in data, and never asks mj_forward: evaluate the four stages, and write their "
         "weighted sum into data."
     )
+
+
+def moves_within(states: States) -> bool:
+    """Whether some call of mj_forward was asked at another state than the one before the step; rows as in Step."""
+    return any(not np.array_equal(states[0], row) for row in states[1:-1])
 
 
 def borrowed_slopes(reading: Reading) -> str | None:
