@@ -216,13 +216,13 @@ def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if the states are right, but at the wrong time."""
     ours = mujoco_run(run)
     if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
-        return "You are one step behind: the first call does not advance the state."
+        return "You are one step behind: the first call does not advance the state. Advance it once in every call."
     if matches(run, student.first(PREFIX), ours.at(slice(1, PREFIX + 1)), departure):
-        return "You are one step ahead: the first call takes two steps."
+        return "You are one step ahead: the first call takes two steps. Take one in every call."
     for factor in (0.5, 2.0):
         other = stepped(retimed(run, factor * run.timestep_s, PREFIX), classical(run))
         if matches(run, student, other, departure):
-            return f"Every step advances by {factor:g} times model.opt.timestep."
+            return f"Every step advances by {factor:g} times model.opt.timestep: take h = model.opt.timestep itself."
     return None
 
 

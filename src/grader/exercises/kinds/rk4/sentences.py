@@ -58,17 +58,16 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
     if reading.calls:
         times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"
         return (
-            f"mj_forward is asked {times}, but after your step data.qpos and data.qvel are as before: write the new "
-            "state into data.qpos[:] and data.qvel[:]. Without [:], a = gives your own variable another value, not "
-            "data."
+            f"mj_forward is called {times}, but after your step data.qpos and data.qvel are as before: write the new "
+            "state into data.qpos[:] and data.qvel[:]. An assignment without [:] changes your own variable, not data."
         )
     if any(reading.times):
         return (
-            "Your step advances data.time and nothing else: ask mujoco.mj_forward for accelerations, and advance "
+            "Your step advances data.time and nothing else: take accelerations from mujoco.mj_forward, and advance "
             "data.qpos and data.qvel."
         )
     return (
-        "Your step changes nothing in data, and never asks mj_forward: evaluate the four stages, and write their "
+        "Your step changes nothing in data, and never calls mj_forward: evaluate the four stages, and write their "
         "weighted sum into data."
     )
 

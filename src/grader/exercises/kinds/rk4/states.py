@@ -63,7 +63,7 @@ def explain_activations(reading: Reading) -> str | None:
     """Returns the sentence of controls or activations that are wrong; None if they are right, or there are none."""
     if any(np.any(step.ctrl != step.ctrl[0]) for step in reading.steps):
         return (
-            "data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must still be set when "
+            "data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must still be set when "
             "you call mj_forward, so do not reset data."
         )
     rows = plain(reading.activations, "r") if reading.activations else None
