@@ -1,4 +1,4 @@
-# diagnosis: mj_forward is asked four times
+# diagnosis: mj_forward is called four times
 import mujoco
 
 
