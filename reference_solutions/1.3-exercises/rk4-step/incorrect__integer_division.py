@@ -1,4 +1,4 @@
-# diagnosis: or its factor is 0
+# diagnosis: or the factor of the weighted sum is 0
 import mujoco
 import numpy as np
 

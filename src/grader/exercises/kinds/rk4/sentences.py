@@ -52,8 +52,9 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
         )
     if reading.calls and any(moves_within(step.qpos) and moves_within(step.qvel) for step in reading.steps):
         return (
-            "Your stages move data.qpos and data.qvel, but after your step both are as before: the weighted sum of the "
-            "slopes is not added, or its factor is 0. Print that factor; in Python h // 6 is 0, and h / 6 is not."
+            "Your stages move data.qpos and data.qvel, but after your step both are as before: the new values went "
+            "into variables of your own (write data.qpos[:] = ...), or the factor of the weighted sum is 0 (h // 6 is 0 in "
+            "Python, h / 6 is not)."
         )
     if reading.calls:
         times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"

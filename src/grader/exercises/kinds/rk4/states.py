@@ -131,7 +131,7 @@ def agrees_until(reading: Reading) -> str | None:
     for row in range(reading.calls + 1):
         unknown = [name for name, rows in parts.items() if rows[row] is None]
         if unknown:
-            return cut_off(reading) or up_to(row, unknown, reading.calls)
+            return up_to(row, unknown, reading.calls)
     return None
 
 
