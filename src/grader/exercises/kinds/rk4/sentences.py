@@ -53,8 +53,8 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
     if reading.calls and any(moves_within(step.qpos) and moves_within(step.qvel) for step in reading.steps):
         return (
             "Your stages move data.qpos and data.qvel, but after your step both are as before: the new values went "
-            "into variables of your own (write data.qpos[:] = ...), or the factor of the weighted sum is 0 (h // 6 is 0 in "
-            "Python, h / 6 is not)."
+            "into variables of your own (write data.qpos[:] = ...), or the factor of the weighted sum is 0 (in Python "
+            "h // 6 is 0, h / 6 is not)."
         )
     if reading.calls:
         times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"
