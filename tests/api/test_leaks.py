@@ -63,6 +63,12 @@ def a_quiz(name: str, key: dict[str, Any]) -> dict[str, Any]:
     return {"id": name, "title": "Exam", "policy": POLICIES[name], "questions": told}
 
 
+def of_direction(answer: float) -> dict[str, Any]:
+    """A quiz that tells the direction of an error alone."""
+    asked = {"kind": "numeric", "id": "number", "q": "How long?", "answer": answer, "unit": "ms", "reveal": "direction"}
+    return {"id": "direction", "title": "Steps", "questions": [asked | {"explain": "KEYED", "attempts": 9}]}
+
+
 @pytest.fixture(scope="module", params=BACKENDS)
 def pair(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Site]]:
     """The two servers; on PostgreSQL each has a schema of its own."""
@@ -73,6 +79,7 @@ def pair(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
             content = write_content(folder / "content")
             for name in POLICIES:
                 (content / "quizzes" / f"{name}.json").write_text(json.dumps(a_quiz(name, key)))
+            (content / "quizzes" / "direction.json").write_text(json.dumps(of_direction(key["number"])))
             url = stack.enter_context(database_url(request.param, folder))
             sites.append(stack.enter_context(open_site(Settings(content=content, database_url=url, workers=0))))
         yield sites
@@ -236,6 +243,16 @@ def test_before_the_feedback_no_document_depends_on_the_key(
     assert one.keys() == other.keys()
     for path, document in one.items():
         assert document == other[path], path
+    assert "KEYED" not in str(one)
+
+
+def test_where_only_the_direction_is_told_no_document_depends_on_the_key(pair: list[Site]) -> None:
+    """Among the answers are the slips that a sentence would name: sign, factor of two, power of ten, reciprocal."""
+    typed = ["16 ms", "10 ms", "-5 ms", "-8 ms", "2.5 ms", "5 s", "0.8 ms", "200 ms"]
+    one, other = (act(site, "direction", [("number", answer) for answer in typed], []) for site in pair)
+    assert one == other
+    assert "16 ms is too high." in str(one)
+    assert "-5 ms is too low." in str(one)
     assert "KEYED" not in str(one)
 
 

@@ -22,7 +22,7 @@ from grader.courses.policy import (
     late_multiplier,
 )
 from grader.domain.policy import Extension, Late, Policy, Progress
-from grader.domain.quiz import OpenQuestion
+from grader.domain.quiz import NumericQuestion, OpenQuestion
 from grader.domain.verdict import Status
 from properties import patient
 
@@ -344,3 +344,10 @@ def test_policies_that_contradict_themselves_are_refused(keys: dict[str, object]
     (detail,) = error.value.errors()
     assert detail["loc"][-1] == where
     assert why in detail["msg"]
+
+
+@pytest.mark.parametrize(("written", "reveal"), [(None, "size"), ("direction", "direction"), ("value", "value")])
+def test_the_author_chooses_what_the_feedback_reveals(written: str | None, reveal: str) -> None:
+    asked = {"kind": "numeric", "id": "q1", "q": "How long?", "answer": 5.0, "reveal": written}
+    question = NumericQuestion.model_validate(asked)
+    assert decide(Policy(), None, question, Progress(used=1), DUE, role="student").reveal == reveal

@@ -279,7 +279,9 @@ def compiled(source, filename):
 """
 """A recorder that records nothing."""
 
-BATCHES, PAIRS = 3, 16
+BATCHES, PAIRS = 3, 24
+COST_MAX = 1.015
+"""One percent, and half a percent of noise. Measured: 0.3 to 1.1 % at a load of 20 on two cores."""
 
 
 def silent(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Plan:
@@ -304,19 +306,24 @@ def untaped(inputs: Mapping[str, Any]) -> dict[str, Any]:
     [(STEP, "correct__classical"), (FREE, "correct__one_mj_integratepos"), (FREE, "correct__quaternion_derivative")],
     ids=lambda value: getattr(value, "id", value),
 )
-def test_the_trace_costs_at_most_three_percent_of_the_runs_cpu_time(
+def test_the_trace_costs_about_a_percent_of_the_runs_cpu_time(
     exercise: CodeQuestion, program: str, jail: Jail, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Measured: 2.2 %. Runs with and without alternate; the fastest quarter of each counts, so that noise cancels."""
+    """Runs with and without take turns at going first; the median ratio of the pairs counts, so that load cancels."""
     source = (PROGRAMS / exercise.id / f"{program}.py").read_text()
     plan = plan_exercise(exercise, model_xml, 1)
-    jobs = [one.job(source, exercise.limits) for one in (plan, silent(plan, monkeypatch))]
-    ratios = []
+    traced, untraced = (one.job(source, exercise.limits) for one in (plan, silent(plan, monkeypatch)))
+    medians = []
     for _ in range(BATCHES):
-        times = np.array([[jail.run(job).cpu_s for job in jobs] for _ in range(PAIRS)])
-        traced, untraced = np.sort(times, axis=0)[: PAIRS // 4].mean(axis=0)
-        ratios.append(traced / untraced)
-    assert min(ratios) <= 1.03, ratios
+        ratios = []
+        for pair in range(PAIRS):
+            jobs = (traced, untraced) if pair % 2 else (untraced, traced)
+            spent = {id(job): jail.run(job).cpu_s for job in jobs}
+            ratios.append(spent[id(traced)] / spent[id(untraced)])
+        medians.append(float(np.median(ratios)))
+        if medians[-1] <= COST_MAX:
+            return
+    assert min(medians) <= COST_MAX, medians
 
 
 def test_all_traces_of_a_run_are_small(run: Callable[..., RunReport]) -> None:

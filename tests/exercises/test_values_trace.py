@@ -36,6 +36,12 @@ HEIGHT = (
     "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n    return data.site('tip').xpos[2]\n"
 )
 
+MOVED = """
+import mujoco
+def two(model, data):
+    mujoco.mj_forward(model, data)
+    return data.qpos[0] + 2 * data.qvel[0]
+"""
 ARRAYS: dict[str, Any] = {
     "functions": [{"results": [{"name": "unit", "atol": 1e-9}]}],
     "cases": [
@@ -67,12 +73,9 @@ def graded(library: Library, function: Callable[..., object]) -> Verdict:
     recorder.state["left"] = recorder.BYTES_MAX
     for index, trial in enumerate(plan.trials):
         recorder.begin(trial.hidden)
-        recorder.state["returned"] = 0
-        driver.trial(
-            [recorder.traced(function)],
-            trial.inputs,
-            lambda name, value, index=index: results.update({f"t{index}_{name}": np.asarray(value)}),
-        )
+        submitted: dict[str, Any] = {}
+        driver.trial([recorder.traced(function)], trial.inputs, submitted.__setitem__)
+        results |= {f"t{index}_{name}": np.asarray(value) for name, value in submitted.items()}
         results[f"t{index}_trace"] = np.frombuffer(recorder.end(), np.uint8)
     return judge_exercise(asked, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
 

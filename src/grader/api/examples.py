@@ -29,7 +29,8 @@ PROBLEMS: dict[int, dict[str, Any]] = {
 
 FINDING = {
     "id": "number", "title": "Your number", "passed": False, "points": 0.0, "max_points": 1.0,
-    "message": "5000 ms is not right.", "measured": 5000.0, "expected": None,
+    "message": "5000 ms is too high, by more than a factor of ten.", "direction": "5000 ms is too high.",
+    "measured": 5000.0, "expected": None,
 }  # fmt: skip
 VERDICT = {
     "status": "incorrect", "points": 0.0, "max_points": 1.0, "findings": [FINDING],

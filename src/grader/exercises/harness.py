@@ -80,7 +80,8 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
         if ends_the_script(error):
             raise
         submit_result("raised", np.frombuffer(account(error, student, trial["hidden"]), dtype=np.uint8))
-    submit_result("trace", np.frombuffer(RECORDER["end"](), dtype=np.uint8))
+    if trace := RECORDER["end"]():
+        submit_result("trace", np.frombuffer(trace, dtype=np.uint8))
 
 
 def function_of(student: object, name: str) -> Callable[..., Any]:

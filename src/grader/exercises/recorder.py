@@ -61,9 +61,18 @@ def note(name: str, info: Mapping[str, Any] | None = None, numbers: Any = ()) ->
         return False
     text = json.dumps(info).encode() if info else b""
     values = np.asarray(numbers, dtype="<f8").tobytes()
+    return keep(note_of(name, text, values))
+
+
+def note_of(name: str, text: bytes, values: bytes) -> bytes:
+    """Returns the bytes of a note."""
     label = name.encode("ascii")
     head = struct.pack(f"<B{len(label)}sI", len(label), label, len(text))
-    return keep(b"".join((head, text, struct.pack("<I", len(values) // 8), values)))
+    return b"".join((head, text, struct.pack("<I", len(values) // 8), values))
+
+
+NOTHING = note_of("returned", b'{"type": "NoneType"}', b"")
+"""The note of a function that returned None, as the functions of some kinds do in every step."""
 
 
 def keep(raw: bytes) -> bool:
@@ -117,6 +126,9 @@ def traced(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def describe(value: Any) -> None:
     """Notes type, shape and first numbers of a returned value; runs no code of the student's."""
+    if value is None:
+        keep(NOTHING)
+        return
     info: dict[str, Any] = {"type": type(value).__name__[:TEXT_CHARS_MAX]}
     numbers: list[float] = []
     if type(value) in (bool, int, float) or isinstance(value, np.number):

@@ -1,5 +1,7 @@
 """Checks, plans and judges exercises of every kind; the only place that hides hidden cases."""
 
+import __future__
+
 import base64
 import builtins
 import json
@@ -215,8 +217,10 @@ def code_of(source: str) -> str:
     """Returns an expression for the code object of a source.
 
     The jail runs the interpreter of this process, and compiling these sources there would cost every run milliseconds.
+    Annotations are not evaluated there, and docstrings are left out.
     """
-    code = marshal.dumps(compile(source, "<driver>", "exec", dont_inherit=True))
+    lean = __future__.annotations.compiler_flag
+    code = marshal.dumps(compile(source, "<driver>", "exec", lean, dont_inherit=True, optimize=2))
     return f"marshal.loads(base64.b64decode({base64.b64encode(code).decode()!r}))"
 
 

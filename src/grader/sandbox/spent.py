@@ -42,7 +42,7 @@ def where_spent(results: bytes, source: str, *, waits: bool, hidden: bool) -> st
         return f" It was busy {place}{function}."
     called = f" It called {busiest} about {rounded(rate)} times a second." if rate and not hidden else ""
     begins = "" if loop == line else f", in the loop that begins in line {loop}"
-    return f" It was busy {place}{begins}{function}.{called} Check when that loop ends, and what it repeats."
+    return f" It was busy {place}{begins}{function}.{called} Check when that loop ends."
 
 
 def around(source: str, line: int) -> tuple[str, int | None]:

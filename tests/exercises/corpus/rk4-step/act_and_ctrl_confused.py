@@ -1,7 +1,7 @@
 # mistake: ctrl is treated as the state of the actuators and advanced with act_dot, while act stands still.
 # next: Advance data.act with data.act_dot, and leave data.ctrl as it is.
 # status: partial
-# told: data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must
+# told: data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must
 import mujoco
 
 

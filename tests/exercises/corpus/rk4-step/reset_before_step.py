@@ -1,7 +1,7 @@
 # mistake: mj_resetData is called in each step to get a clean state, which also clears ctrl and the forces.
 # next: Do not reset data; set qpos, qvel, act and time yourself.
 # status: partial
-# told: data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must
+# told: data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must
 import mujoco
 
 

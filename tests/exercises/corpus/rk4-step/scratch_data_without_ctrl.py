@@ -1,7 +1,7 @@
 # mistake: The stages run in a second MjData that gets positions, velocities and activations but not ctrl, so actuators see zero.
 # next: Copy data.ctrl into the second MjData, or evaluate the stages in data itself.
 # status: partial
-# told: data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must
+# told: data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must
 import mujoco
 
 _scratch = {}

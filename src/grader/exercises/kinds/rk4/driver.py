@@ -14,6 +14,7 @@ strong force: there the slopes of the stages differ so much that recorded.py and
 
 import contextlib
 import io
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -78,25 +79,31 @@ def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
 
 
 class Tape:
-    """Keeps what mj_forward is asked and what it answers: of each call time, (qpos, qvel, act, ctrl), and the answer
-    (qacc, act_dot, qacc_smooth)."""
+    """Keeps what mj_forward is asked and what it answers, as the bytes of float64: of each call the time, ASKED and
+    ANSWERED."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[float, Row, Row]] = []
+        self.calls: list[bytes] = []
 
     def over(self, forward: Forward, *, bounded: bool = False) -> Forward:
         """Returns `forward`, taped. A call beyond the tape is not kept; where `bounded`, it raises TooMany."""
-        calls, join, data_type = self.calls, np.concatenate, mujoco.MjData
+        calls, join, pack, data_type = self.calls, b"".join, TIME.pack, mujoco.MjData
+        known: Any = None  # views of the last data: making them takes longer than copying what they show
+        asked: list[Row] = []
+        answered: list[Row] = []
 
         def taped(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            nonlocal known, asked, answered
             if bounded and len(calls) > CALLS_MAX:
                 raise TooMany
             if len(calls) > CALLS_MAX or type(data) is not data_type:
                 forward(model, data)
                 return
-            time, asked = data.time, join((data.qpos, data.qvel, data.act, data.ctrl))
+            if data is not known:
+                known, asked, answered = data, views(data, ASKED), views(data, ANSWERED)
+            before = pack(data.time), *[one.tobytes() for one in asked]
             forward(model, data)
-            calls.append((time, asked, join((data.qacc, data.act_dot, data.qacc_smooth))))
+            calls.append(join((*before, *[one.tobytes() for one in answered])))
 
         return taped
 
@@ -104,14 +111,24 @@ class Tape:
         """Takes one step and notes it: whether it is of the probe, the number of calls, the timestep; the state before,
         each call, the state after."""
         self.calls.clear()
-        head = float(probe), model.opt.timestep
-        before = np.concatenate(((data.time,), data.qpos, data.qvel, data.act, data.ctrl, data.qacc))
+        pack, parts = TIME.pack, views(data, (*ASKED, "qacc"))
+        before = pack(model.opt.timestep), pack(data.time), *[one.tobytes() for one in parts]
         entry(model, data)
         if len(self.calls) > CALLS_MAX:
             return
-        calls = [piece for time, asked, answer in self.calls for piece in ((time,), asked, answer)]
-        after = (data.time,), data.qpos, data.qvel, data.act
-        note("step", None, np.concatenate(((len(self.calls), *head), before, *calls, *after)))
+        after = pack(data.time), *[one.tobytes() for one in parts[:3]]
+        numbers = pack(len(self.calls)), pack(probe), *before, *self.calls, *after
+        note("step", None, np.frombuffer(b"".join(numbers)))
+
+
+ASKED = ("qpos", "qvel", "act", "ctrl")
+ANSWERED = ("qacc", "act_dot", "qacc_smooth")
+TIME = struct.Struct("<d")
+
+
+def views(data: mujoco.MjData, names: Sequence[str]) -> list[Row]:
+    """Returns arrays of `data`, which show its present numbers whenever they are read."""
+    return [getattr(data, name) for name in names]
 
 
 class TooMany(BaseException):

@@ -216,20 +216,23 @@ def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if the states are right, but at the wrong time."""
     ours = mujoco_run(run)
     if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
-        return "You are one step behind: the first call does not advance the state."
+        return "You are one step behind: the first call does not advance the state. Advance it once in every call."
     if matches(run, student.first(PREFIX), ours.at(slice(1, PREFIX + 1)), departure):
-        return "You are one step ahead: the first call takes two steps."
+        return "You are one step ahead: the first call takes two steps. Take one in every call."
     for factor in (0.5, 2.0):
         other = stepped(retimed(run, factor * run.timestep_s, PREFIX), classical(run))
         if matches(run, student, other, departure):
-            return f"Every step advances by {factor:g} times model.opt.timestep."
+            return f"Every step advances by {factor:g} times model.opt.timestep: take h = model.opt.timestep itself."
     return None
 
 
 def another_number(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence of a mistake that the numbers themselves show."""
     if np.all(student.qpos == student.qpos[0]):
-        return "No step changes the positions."
+        return (
+            "No step changes the positions: your step gives data.qvel no acceleration. Call mujoco.mj_forward at every "
+            "stage, and take data.qacc from it."
+        )
     if departure < FLOAT32 and np.array_equal(student.qpos, student.qpos.astype(np.float32)):
         return "The state went through 32-bit floats: use NumPy's default, float64."
     return None

@@ -275,9 +275,11 @@ def wrong_address(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *,
             continue
         name = "a joint" if hidden else f"joint {joint}"
         seen = (
-            f"qvel of {name} is read at jnt_qposadr" if other == at else f"The velocity that moves {name} is another's"
+            f"qvel of {name} is read at jnt_qposadr"
+            if other == at
+            else f"{name} is moved by the velocity of another joint"
         )
-        return f"{seen}; its address in data.qvel is jnt_dofadr: behind a quaternion the two differ."
+        return f"{seen}: its place in data.qvel is jnt_dofadr, which differs from jnt_qposadr after a quaternion."
     return None
 
 

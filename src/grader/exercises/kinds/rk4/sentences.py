@@ -10,6 +10,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.fits import Combination, Term
 from grader.exercises.kinds.rk4.methods import added_up, from_the_last
+from grader.exercises.kinds.rk4.recorded import Rows as States
 from grader.exercises.kinds.rk4.stages import STAGES, method_sentence, number_word
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, SMOOTH, STALE, Matrix, Reading, plain, same, same_row
 from grader.exercises.trace import Returned
@@ -49,22 +50,32 @@ def nothing_written(reading: Reading, returned: Sequence[Returned]) -> str | Non
             f"Your function returns its result ({article} {returned[0].type}) and leaves data as it was: write the new "
             "state into data.qpos[:], data.qvel[:], data.act[:] and data.time; nothing need be returned."
         )
+    if reading.calls and any(moves_within(step.qpos) and moves_within(step.qvel) for step in reading.steps):
+        return (
+            "Your stages move data.qpos and data.qvel, but after your step both are as before: the new values went "
+            "into variables of your own (write data.qpos[:] = ...), or the factor of the weighted sum is 0 (in Python "
+            "h // 6 is 0, h / 6 is not)."
+        )
     if reading.calls:
         times = "once" if reading.calls == 1 else f"{number_word(reading.calls)} times"
         return (
-            f"mj_forward is asked {times}, but after your step data.qpos and data.qvel are as before: write the new "
-            "state into data.qpos[:] and data.qvel[:]. Without [:], a = gives your own variable another value, not "
-            "data."
+            f"mj_forward is called {times}, but after your step data.qpos and data.qvel are as before: write the new "
+            "state into data.qpos[:] and data.qvel[:]. An assignment without [:] changes your own variable, not data."
         )
     if any(reading.times):
         return (
-            "Your step advances data.time and nothing else: ask mujoco.mj_forward for accelerations, and advance "
+            "Your step advances data.time and nothing else: take accelerations from mujoco.mj_forward, and advance "
             "data.qpos and data.qvel."
         )
     return (
-        "Your step changes nothing in data, and never asks mj_forward: evaluate the four stages, and write their "
+        "Your step changes nothing in data, and never calls mj_forward: evaluate the four stages, and write their "
         "weighted sum into data."
     )
+
+
+def moves_within(states: States) -> bool:
+    """Whether some call of mj_forward was asked at another state than the one before the step; rows as in Step."""
+    return any(not np.array_equal(states[0], row) for row in states[1:-1])
 
 
 def borrowed_slopes(reading: Reading) -> str | None:

@@ -158,8 +158,8 @@ def stage_sentence(stage: int, row: Row, what: str) -> str:
     right = f"{FRACTIONS[stage]} k{stage - 1}"
     if not used:
         return (
-            f"{subject} is still at the start of the step when mj_forward is asked: write {WRITTEN[what]} before that, "
-            f"moved by {right}."
+            f"{subject} is still at the start of the step when mj_forward is called: write {WRITTEN[what]} before "
+            f"that, moved by {right}."
         )
     if len(used) == 1 and used[0][0] != stage - 1:
         slope = used[0][0]
@@ -187,7 +187,7 @@ WEIGHTS_SAID: Mapping[tuple[float, ...], str] = {
     (1 / 3, 1 / 6, 1 / 6, 1 / 3): (
         "The first and the last slope have the weight 2, the others 1; the classical weights are 1, 2, 2, 1."
     ),
-    (1 / 6, 1 / 3, 1 / 2, 0): "Your k4 is evaluated but not used: k3 counts in its place. Its weight is 1/6.",
+    (1 / 6, 1 / 3, 1 / 2, 0): "Your k4 is evaluated but not used: k3 counts in its place. Give k4 the weight 1/6.",
     (1 / 6, 1 / 3, 1 / 3, 0): "Your k4 is evaluated but not used in the sum: its weight is 1/6.",
     (1 / 6, 2 / 3, 0, 1 / 6): "Your k2 is used twice and k3 not at all: the classical weights are 1, 2, 2, 1 over 6.",
     (1 / 6, 0, 2 / 3, 1 / 6): "Your k3 is used twice and k2 not at all: the classical weights are 1, 2, 2, 1 over 6.",

@@ -11,6 +11,12 @@ from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, Matrix, Reading,
 FRACTIONS_OF_TIME = (0, 1 / 2, 1 / 2, 1, 1)
 """The times of the four stages and of the result, in timesteps from the start of the step."""
 
+CUT_ATOL = 1e-9
+"""Relative difference below which two velocities are the same."""
+
+CUTS_MIN = 2
+"""The fewest velocities that must stand at one size before it counts as a bound."""
+
 SET_TIME = "set it to t, t + h/2, t + h/2 and t + h before the four calls of mj_forward, and to t + h at the end"
 
 
@@ -57,7 +63,7 @@ def explain_activations(reading: Reading) -> str | None:
     """Returns the sentence of controls or activations that are wrong; None if they are right, or there are none."""
     if any(np.any(step.ctrl != step.ctrl[0]) for step in reading.steps):
         return (
-            "data.ctrl is another in your calls of mj_forward than before the step: data.ctrl must still be set when "
+            "data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must still be set when "
             "you call mj_forward, so do not reset data."
         )
     rows = plain(reading.activations, "r") if reading.activations else None
@@ -125,11 +131,37 @@ def agrees_until(reading: Reading) -> str | None:
     for row in range(reading.calls + 1):
         unknown = [name for name, rows in parts.items() if rows[row] is None]
         if unknown:
-            names = " and ".join(unknown)
-            where = f"in your stage {row + 1}" if row < reading.calls else "at the end of your step"
-            until = f" Your stages up to {row} can be read." if row > 1 else ""
-            return (
-                f"The {names} {where} are not those at the start of the step plus multiples of h times your "
-                f"slopes.{until} Print that state, and compare it with the formula by hand."
-            )
+            return up_to(row, unknown, reading.calls)
     return None
+
+
+def up_to(row: int, unknown: Sequence[str], calls: int) -> str:
+    """Returns the sentence of the first state that cannot be read: row `row`, `calls` for the end of the step."""
+    if row == 1 and "velocities" in unknown and calls > 1:
+        return (
+            "The velocities in your stage 2 do not follow from data.qacc, as mj_forward left it in stage 1. Take "
+            "data.qacc as the slope of the velocities, and nothing else."
+        )
+    where = f"in your stage {row + 1}" if row < calls else "at the end of your step"
+    said = f"The {' and '.join(unknown)} {where} are not those at the start of the step plus multiples of h times your"
+    if calls < STAGES:
+        times = "once" if calls == 1 else f"{number_word(calls)} times"
+        return f"{said} slopes. You call mj_forward {times}; use four slopes of this step, and none of the last one."
+    until = f" Your stages up to {row} can be read." if row > 1 else ""
+    return f"{said} slopes.{until} Print that state, and compare it with the formula by hand."
+
+
+def cut_off(reading: Reading) -> str | None:
+    """Returns the sentence of velocities that are those of the classical step, cut off at one size."""
+    bounds: list[float] = []
+    for step in reading.steps:
+        if step.calls != STAGES:
+            return None
+        end = step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:])
+        wrong = np.abs(step.qvel[-1] - end) > CUT_ATOL * (1 + np.abs(end))
+        if np.any(np.abs(step.qvel[-1][wrong]) >= np.abs(end[wrong])):
+            return None
+        bounds += np.abs(step.qvel[-1][wrong]).tolist()
+    if len(bounds) < CUTS_MIN or max(bounds) - min(bounds) > CUT_ATOL * max(bounds):
+        return None
+    return f"Your step cuts velocities off at {bounds[0]:.4g}: MuJoCo does not, so leave data.qvel as it comes out."

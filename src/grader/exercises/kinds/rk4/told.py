@@ -14,7 +14,7 @@ from grader.exercises.kinds.rk4.recorded import read_steps
 from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, linear_axes, rule_of, spins_of, wrong_address
 from grader.exercises.kinds.rk4.sentences import explain, follows_classical
 from grader.exercises.kinds.rk4.stages import STAGES
-from grader.exercises.kinds.rk4.states import agrees_until, explain_activations, explain_idle, explain_time
+from grader.exercises.kinds.rk4.states import agrees_until, cut_off, explain_activations, explain_idle, explain_time
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, same
 from grader.exercises.trace import Trace
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
@@ -65,7 +65,7 @@ def turns_to_nan(trace: Trace) -> bool:
 def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Told:
     """Returns what a reading shows."""
     model = outcome.run.scene().model
-    if sentence := explain_idle(reading, int(model.nv)):
+    if sentence := explain_idle(reading, int(model.nv)) or cut_off(reading):
         return Told(sentence)
     if spins_of(model) and reading.calls:
         sentence = turned_sentence(model, reading, outcome, hidden=judged.trial.hidden)

@@ -341,7 +341,8 @@ METHODS: tuple[WrongMethod, ...] = (
     ),
     WrongMethod(
         "overshoot",
-        "You called an overshoot unstable: the motion first swings out further than it started, but then decays.",
+        "You called an overshoot unstable: the motion first swings out further than it started, but then decays. Count "
+        "a run as unstable where MuJoCo raises a warning.",
         overshoots,
     ),
 )

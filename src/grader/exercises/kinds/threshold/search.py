@@ -27,6 +27,9 @@ CLOSE = 1e-6
 SHORT = 0.7
 """A run of less than this share of the horizon is too short; right scripts run a little less or much more."""
 
+FAR = 5.0
+"""Runs at more than so many times the longest timestep of the search are runs in another unit."""
+
 WORDS = {
     "actuator_gainprm": "the servo's gain",
     "actuator_biasprm": "the servo's bias (kp and kv)",
@@ -93,7 +96,23 @@ def never_stepped(seen: Seen) -> str | None:
     """None was returned without a step."""
     if seen.search.total or seen.search.others or not isinstance(seen.claim, NoLimit):
         return None
-    return "Your function returned None without a single step. Step the model at several timesteps before you answer."
+    return (
+        "Your function returned None without a single step. Step the model with mujoco.mj_step (mj_forward moves "
+        "nothing) at several timesteps before you answer."
+    )
+
+
+def far_beyond(seen: Seen) -> str | None:
+    """The timesteps that were run are no seconds."""
+    longest_s = seen.parameters.search_s[1]
+    lowest = min((run.timestep_s for run in seen.search.runs), default=0.0)
+    if lowest < FAR * longest_s:
+        return None
+    first = f", such as {seen.search.runs[0].timestep_s:.4g} s" if seen.shown else ""
+    return (
+        f"All your runs use timesteps far beyond {1e3 * longest_s:g} ms{first}. model.opt.timestep is in seconds: set "
+        "it to the timestep itself, not to a rate (1 / h) or to milliseconds."
+    )
 
 
 def one_timestep(seen: Seen) -> str | None:
@@ -338,6 +357,7 @@ def ends_untried(seen: Seen) -> str | None:
 CERTAIN: tuple[Rule, ...] = (
     printed_only,
     never_stepped,
+    far_beyond,
     one_timestep,
     never_reset,
     other_integrator,

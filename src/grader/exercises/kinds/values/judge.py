@@ -161,7 +161,7 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     if size <= residual.atol:
         return Comparison(call, answer, None, "")
     detail = f"it is {size:.3g}{unit(residual.unit)}; {residual.atol:g}{unit(residual.unit)} is allowed."
-    return Comparison(call, answer, None, f"{residual.function} does not vanish.", detail)
+    return Comparison(call, answer, None, f"{residual.function}, computed from your results, is not 0.", detail)
 
 
 def residual_of(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:

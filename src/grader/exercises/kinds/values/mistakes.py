@@ -310,5 +310,8 @@ MODELS: tuple[tuple[str, Callable[[mujoco.MjModel], None]], ...] = (
     ("The damping has the wrong sign: it acts against the velocity.", scaled_field("dof_damping", -1.0)),
     ("The springs are missing: add the joint's stiffness (model.jnt_stiffness).", scaled_field("jnt_stiffness", 0.0)),
     ("Gravity is missing: add its torque.", scaled_field("gravity", 0.0)),
-    ("Gravity has the wrong sign: it pulls towards hanging, where the angle is 0.", scaled_field("gravity", -1.0)),
+    (
+        "Gravity has the wrong sign: your results are those of a world in which it pulls upwards.",
+        scaled_field("gravity", -1.0),
+    ),
 )

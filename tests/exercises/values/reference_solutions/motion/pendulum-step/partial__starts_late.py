@@ -1,4 +1,4 @@
-# diagnosis: not_turning_evenly does not vanish
+# diagnosis: not_turning_evenly, computed from your results, is not 0
 import mujoco
 import numpy as np
 
