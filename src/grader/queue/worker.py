@@ -127,12 +127,16 @@ class Worker:
         for thread in self._threads:
             thread.start()
 
+    def wake(self) -> None:
+        """Makes the idle threads look into the queue at once."""
+        for news in self._news.values():
+            news.tell()
+
     def stop(self) -> None:
         """Claims no more jobs, waits `GRACE_S`, and puts unfinished jobs back into the queue."""
         self._listening.close()
         self._stop.set()
-        for news in self._news.values():
-            news.tell()
+        self.wake()
         deadline = time.monotonic() + GRACE_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
