@@ -51,13 +51,14 @@ def to(platform: Platform, container: str) -> ScoreTarget:
 
 
 def send(url: str, origin: str, client_id: str, container: str) -> None:
-    """Delivers until it is killed."""
+    """Delivers until it is killed, or left alone."""
     database = Database(url)
     platform = Platform(1, "https://platform.example", client_id, f"{origin}/login", f"{origin}/token", "")
     delivering = Delivering({SCORES: sender_of(database, to(platform, container))}, PAUSES_S)
     worker = Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), OTHERS)
     worker.start()
-    while True:  # a worker looks for delayed jobs once a second; there are many here, and their pauses are short
+    parent = os.getppid()
+    while os.getppid() == parent:  # a worker looks for delayed jobs once a second, and here are many short pauses
         time.sleep(LOOK_S)
         worker.wake()
 
@@ -74,6 +75,7 @@ def main() -> None:
         if child == 0:
             os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # for the log
             send(*json.loads(line))
+            os._exit(0)  # what started it is gone
         print(child, flush=True)
 
 
