@@ -118,8 +118,9 @@ def test_the_instructor_page_lists_what_was_handed_in(site: Site) -> None:
     expect(page.locator("main")).to_contain_text("this page is for instructors")
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
+    page.goto("/instructor/content")
     expect(page.locator("main")).to_contain_text("1.3-check")
-    page.get_by_role("link", name="Check the answer keys").click()
+    page.get_by_role("link", name="Derive the answer keys again").click()
     expect(page.get_by_role("row").filter(has_text="1.3-check q2").filter(has_text="certified")).to_be_visible()
     page.goto("/instructor/review?which=submissions")
     row = page.get_by_role("row").filter(has_text="learner").filter(has_text="incorrect").first

@@ -5,13 +5,17 @@ import binascii
 from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import urlencode
 
-from fastapi import Query, Response
+from fastapi import Path, Query, Response
 from pydantic import BaseModel, Field
 
 from grader.api.admission import PREFIX
 from grader.errors import Unprocessable
+from grader.store.tables import ROW_ID_MAX
 
 Item = TypeVar("Item")
+
+RowId = Annotated[int, Path(ge=1, le=ROW_ID_MAX)]
+"""The number of a row, in a path."""
 
 LIMIT, LIMIT_MAX = 50, 100
 NO_NUL = r"^[^\x00]*$"

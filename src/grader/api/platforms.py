@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from grader.api.context import AppContext, Context, Instructor
-from grader.api.paging import Page
+from grader.api.paging import Page, RowId
 from grader.api.people import origin_of
 from grader.api.problems import documented
 from grader.courses import platforms as rules
@@ -107,7 +107,7 @@ def add_platform(body: PlatformBody, who: Instructor, context: AppContext) -> di
 
 
 @router.post("/platforms/{platform_id}:approve", response_model=PlatformView, responses=CHANGED)
-def approve_platform(platform_id: int, who: Instructor, context: AppContext) -> dict[str, Any]:
+def approve_platform(platform_id: RowId, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Approves a platform, and its deployments that wait."""
     rules.require_administrator(who)
     with context.database.write() as session:
@@ -115,7 +115,7 @@ def approve_platform(platform_id: int, who: Instructor, context: AppContext) -> 
 
 
 @router.delete("/platforms/{platform_id}", status_code=204, responses=CHANGED)
-def remove_platform(platform_id: int, who: Instructor, context: AppContext) -> None:
+def remove_platform(platform_id: RowId, who: Instructor, context: AppContext) -> None:
     """Removes a platform with all that its launches told. Members and answers stay."""
     rules.require_administrator(who)
     with context.database.write() as session:
@@ -139,7 +139,7 @@ def list_contexts(who: Instructor, context: AppContext) -> dict[str, Any]:
 
 
 @router.put("/contexts/{context_id}/link", status_code=204, responses=CHANGED)
-def link_context(context_id: int, who: Instructor, context: AppContext) -> None:
+def link_context(context_id: RowId, who: Instructor, context: AppContext) -> None:
     """Links a platform's course that asks for it with this course: who teaches there is an instructor here."""
     with context.database.write() as session:
         rules.of_course(session, who, context_id)
@@ -147,7 +147,7 @@ def link_context(context_id: int, who: Instructor, context: AppContext) -> None:
 
 
 @router.delete("/contexts/{context_id}/link", status_code=204, responses=CHANGED)
-def unlink_context(context_id: int, who: Instructor, context: AppContext) -> None:
+def unlink_context(context_id: RowId, who: Instructor, context: AppContext) -> None:
     """Ends or declines a link. Members and answers stay."""
     with context.database.write() as session:
         rules.of_course(session, who, context_id)
@@ -155,7 +155,7 @@ def unlink_context(context_id: int, who: Instructor, context: AppContext) -> Non
 
 
 @router.post("/contexts/{context_id}:roster", response_model=PulledView, responses=CHANGED)
-async def pull_roster(context_id: int, who: Instructor, context: AppContext) -> dict[str, Any]:
+async def pull_roster(context_id: RowId, who: Instructor, context: AppContext) -> dict[str, Any]:
     """Pulls the members of a platform's course into this one."""
     pulled = await administration.pull_roster(context.database, tool_in(context).authorized, who, context_id)
     return vars(pulled)

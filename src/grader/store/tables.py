@@ -88,6 +88,10 @@ class UtcDateTime(TypeDecorator[datetime]):
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
 
 
+ROW_ID_MAX = 2**63 - 1
+"""The largest number that both databases can look for."""
+
+
 class Base(DeclarativeBase):
     """The base of the tables."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 from urllib.parse import parse_qs
 
-from fastapi import Depends, Request
+from fastapi import Depends, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
@@ -19,11 +19,15 @@ from grader.library import Library
 from grader.lms.tool import Tool
 from grader.pipeline import Pipeline
 from grader.store.database import Database
+from grader.store.tables import ROW_ID_MAX
 from grader.store.writer import Writer
 from grader.web.provider import Provider
 from grader.web.sessions import SessionCookies
 
 FIELDS_MAX = 200
+
+RowId = Annotated[int, Path(ge=1, le=ROW_ID_MAX)]
+"""The number of a row, in a path."""
 
 
 @dataclass(frozen=True)

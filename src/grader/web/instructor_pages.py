@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
-from grader.courses import outbox
 from grader.courses.blinding import blinded
 from grader.courses.today import COUNTED_MAX, Today, today_of
 from grader.domain.markup import plain_text
@@ -128,15 +127,6 @@ def platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
         lines = tuple(Line(one, 1, "", "/instructor/lti") for one in asked)
         title = "request of a learning platform" if len(asked) == 1 else "requests of learning platforms"
         yield Task(str(len(asked)), title, lines, "/instructor/lti", "Open")
-
-
-@router.post(f"{PAGE}/deliveries/{{delivery_id}}/replay")
-def replay(delivery_id: int, pages: Pages, who: Visitor) -> Response:
-    """Sends a result again that did not arrive. Raises Unauthorized, Forbidden, NotFound, Conflict."""
-    who = instructor(who)
-    with pages.database.write() as session:
-        outbox.replay(session, who, delivery_id, who.course)
-    return RedirectResponse(PAGE, 303)
 
 
 WHICH = {

@@ -16,7 +16,7 @@ from grader.errors import CallerError
 from grader.identity import DEFAULT_COURSE, Identity
 from grader.lms import administration
 from grader.lms.tool import MISSING, addresses
-from grader.web.context import Form, PageContext, Pages, Visitor, instructor
+from grader.web.context import Form, PageContext, Pages, RowId, Visitor, instructor
 from grader.web.frames import PRIVATE, LtiTool
 from grader.web.rendering import page
 
@@ -62,7 +62,7 @@ def add(request: Request, pages: Pages, who: Visitor, form: Form) -> Response:
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/approve")
-def approve(platform_id: int, pages: Pages, who: Visitor) -> Response:
+def approve(platform_id: RowId, pages: Pages, who: Visitor) -> Response:
     """Approves a platform and the deployments that wait. Raises Unauthorized, Forbidden, NotFound."""
     who = instructor(who)
     rules.require_administrator(who)
@@ -71,7 +71,7 @@ def approve(platform_id: int, pages: Pages, who: Visitor) -> Response:
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/remove")
-def remove(platform_id: int, pages: Pages, who: Visitor) -> Response:
+def remove(platform_id: RowId, pages: Pages, who: Visitor) -> Response:
     """Removes a platform. Raises Unauthorized, Forbidden, NotFound."""
     who = instructor(who)
     rules.require_administrator(who)
@@ -90,7 +90,7 @@ def registration(request: Request, pages: Pages, who: Visitor, _tool: LtiTool) -
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/link")
-def link(context_id: int, pages: Pages, who: Visitor) -> Response:
+def link(context_id: RowId, pages: Pages, who: Visitor) -> Response:
     """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
     who = instructor(who)
 
@@ -103,7 +103,7 @@ def link(context_id: int, pages: Pages, who: Visitor) -> Response:
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
-def unlink(context_id: int, pages: Pages, who: Visitor) -> Response:
+def unlink(context_id: RowId, pages: Pages, who: Visitor) -> Response:
     """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
     who = instructor(who)
 
@@ -116,7 +116,7 @@ def unlink(context_id: int, pages: Pages, who: Visitor) -> Response:
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/roster")
-async def roster(request: Request, context_id: int, pages: Pages, who: Visitor, tool: LtiTool) -> Response:
+async def roster(request: Request, context_id: RowId, pages: Pages, who: Visitor, tool: LtiTool) -> Response:
     """Pulls the members of a platform's course into the own one, and tells how many. Raises Forbidden, NotFound."""
     who = instructor(who)
     try:

@@ -11,7 +11,7 @@ from grader.identity import Identity
 from grader.queue import jobs
 from grader.store import outbox as stored
 from grader.store.outbox import DEAD, Delivery
-from grader.web.context import Pages, Visitor, instructor
+from grader.web.context import Pages, RowId, Visitor, instructor
 from grader.web.figures import span
 from grader.web.rendering import page
 from grader.web.student_pages import sign_in_page
@@ -59,7 +59,7 @@ def dead_of(session: Session, who: Identity) -> list[tuple[Delivery, str]]:
 
 
 @router.post(f"{PAGE}/deliveries/{{delivery_id}}/replay")
-def replay(delivery_id: int, pages: Pages, who: Visitor) -> Response:
+def replay(delivery_id: RowId, pages: Pages, who: Visitor) -> Response:
     """Sends a result again that did not arrive. Raises Unauthorized, Forbidden, NotFound, Conflict."""
     who = instructor(who)
     with pages.database.write() as session:

@@ -1,7 +1,7 @@
 # mistake: Positions are clipped to the joint range after the step, although the limit acts as a soft force in data.qacc.
 # next: Remove the clipping; mj_forward already contains the limit.
 # status: partial
-# told: At a joint limit you go wrong: every stage needs data.qacc of its own mj_forward, which
+# told: Your step sets a velocity to 0 that is not: MuJoCo does not, since a joint limit is a force
 import mujoco
 import numpy as np
 

@@ -164,4 +164,9 @@ def cut_off(reading: Reading) -> str | None:
         bounds += np.abs(step.qvel[-1][wrong]).tolist()
     if len(bounds) < CUTS_MIN or max(bounds) - min(bounds) > CUT_ATOL * max(bounds):
         return None
+    if max(bounds) == 0:
+        return (
+            "Your step sets a velocity to 0 that is not: MuJoCo does not, since a joint limit is a force in data.qacc. "
+            "Leave data.qpos and data.qvel as the formula gives them."
+        )
     return f"Your step cuts velocities off at {bounds[0]:.4g}: MuJoCo does not, so leave data.qvel as it comes out."
