@@ -189,7 +189,7 @@ def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture
 def course(database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Course]:
-    monkeypatch.setattr(regrading, "LOOK_S", 1e-6)
+    monkeypatch.setattr(regrading, "LOOK_S", 0.0)
     yield Course(database, tmp_path / "content")
     with database.write() as session:  # jobs are shared by all courses of the database
         session.execute(delete(jobs.JobRow))
@@ -598,7 +598,7 @@ class Term(RuleBasedStateMachine):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_term_of_regrades(backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regrading, "LOOK_S", 1e-6)
+    monkeypatch.setattr(regrading, "LOOK_S", 0.0)
     with database_url(backend, tmp_path) as url:
         Term.database, Term.folder = Database(url), tmp_path
         Term.database.migrate()
