@@ -14,6 +14,8 @@ from grader.courses import handing_in
 from grader.store.tables import Event, IdempotencyKey, Result, ResultRevision, Submission, VerdictRow
 from sites import Site
 
+pytestmark = pytest.mark.slow
+
 SUBMISSIONS = "/api/v1/submissions"
 
 

@@ -17,6 +17,8 @@ from grader.settings import Settings
 from servers import serving
 from sites import write_content
 
+pytestmark = pytest.mark.slow
+
 HEAD = b"POST /api/v1/submissions HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n"
 HALVES = {
     "nothing": b"",

@@ -42,6 +42,8 @@ from lms.sending import sender_of, sign
 from lms.working import database_of, work
 from sites import QUIZ, open_site, write_content
 
+pytestmark = pytest.mark.slow
+
 
 class Course(Class):
     """A class whose scores go to one platform; `change` alters where."""

@@ -30,6 +30,8 @@ from lms.receivers import HERE, Answer, Asked, receiving
 from lms.working import database_of, work
 from sites import Site
 
+pytestmark = pytest.mark.slow
+
 API = "/api/v1"
 SENDERS = {WEBHOOK: Webhooks(Outgoing([HERE]))}
 ROOT = Path(__file__).parents[2]
