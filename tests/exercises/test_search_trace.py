@@ -50,8 +50,11 @@ def run(
     return [model, h, integrator, 0.0, start, 0.0, stood, ctrl, end, raised, h if last is None else last]
 
 
-def trace_of(*runs: list[float], others: tuple[str, ...] = (), differs: tuple[list[str], ...] = ([],)) -> Trace:
-    info = {"total": len(runs), "models": list(differs), "given": 0, "set_s": 0.002, "others": list(others)}
+def trace_of(
+    *runs: list[float], others: tuple[str, ...] = (), differs: tuple[list[str], ...] = ([],), created: int = 0
+) -> Trace:
+    info = {"total": len(runs), "created": created, "models": list(differs), "given": 0, "set_s": 0.002}
+    info["others"] = list(others)
     return Trace((Note("search", info, np.array(runs, dtype=np.float64).reshape(-1)),))
 
 
@@ -74,6 +77,7 @@ HIGH = Bracket(0.03, 0.0304)
     ("claim", "trace", "said"),
     [
         (NoLimit(), trace_of(), "without a single step"),
+        (NoLimit(), trace_of(created=1), "mj_step is never called"),
         (HIGH, trace_of(), "Nothing was simulated"),
         (HIGH, trace_of(others=("mjd_transitionFD",)), ""),
         (NoLimit(), trace_of(run(0.002), run(0.002)), "timestep of 2 ms"),
@@ -94,6 +98,7 @@ HIGH = Bracket(0.03, 0.0304)
             "within 0.4 s, where you ended it",
         ),
         (LOW, trace_of(run(0.0048), run(0.0055, raised=BADQACC)), "never ran it"),
+        (Bracket(0.005, 5.4), trace_of(run(0.005), run(0.0054, raised=BADQACC)), "it is in milliseconds"),
         (LOW, trace_of(run(0.005), run(0.0054, raised=BADQACC, stood=BADQACC)), "still stood"),
         (NoLimit(), trace_of(run(0.001, start=0.0), run(0.05, start=0.0)), "Start with hinge at 1 rad"),
         (LOW, trace_of(run(0.001), run(0.005, start=0.3), run(0.0054, raised=BADQACC)), "Only your first run"),

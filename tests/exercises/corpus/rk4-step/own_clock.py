@@ -1,7 +1,7 @@
 # mistake: The time is counted in a variable of the module, which goes on counting from one run to the next instead of starting at data.time.
 # next: Take the time of the start from data.time.
 # status: partial
-# told: Your data.time does not move by fractions of model.opt.timestep: set it to t, t + h/2, t
+# told: In your first stage data.time is not the time at which the step began, but that of a clock
 import mujoco
 
 steps_done = 0

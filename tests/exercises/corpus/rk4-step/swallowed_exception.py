@@ -1,7 +1,7 @@
 # mistake: A bare except hides an error: act and act_dot are addressed by joint, the error is swallowed, and the activations never move.
 # next: Remove the try, and advance the whole of data.act with data.act_dot.
 # status: partial
-# told: Where an actuator has an activation you go wrong: data.act is a state as well, with
+# told: Some activations never change, while others do: data.act has model.na entries
 import mujoco
 
 

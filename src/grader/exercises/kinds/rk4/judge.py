@@ -23,6 +23,9 @@ Rows = NDArray[np.float64]
 TIME_ROUNDING_S = 1e-9
 """A sum of a few thousand timesteps in double precision drifts by less than this."""
 
+TIMESTEP_RTOL = 1e-3
+"""Relative difference below which a step took the timestep it was given: far more than round-off of data.time."""
+
 OTHER_METHODS = 1e-4
 """The largest distance of a right trajectory of another method from MuJoCo's [rad/s, m/s].
 
@@ -308,7 +311,8 @@ class OrderOutcome:
     """The errors on the first case at every timestep, and the order that they show.
 
     `ignores_timestep`: the states after each step were the same at every timestep. `follows_mujoco`: the run at the
-    largest timestep agrees with MuJoCo's method, and such a run may count.
+    largest timestep agrees with MuJoCo's method, and such a run may count. `other_timestep`: a timestep [s] and what
+    the step took in its place, though it takes others as they are.
     """
 
     check: OrderCheck
@@ -317,6 +321,7 @@ class OrderOutcome:
     follows_mujoco: bool
     coarsest: Run
     truth: Truth
+    other_timestep: tuple[float, float] | None = None
 
     @cached_property
     def finite(self) -> bool:
@@ -412,7 +417,9 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
     agrees = problem.accepts_other_methods and (
         difference(coarsest, student, mujoco_run(coarsest)).worst <= problem.case.tolerance
     )
-    outcome = OrderOutcome(problem.order, errors, ignore_timestep(students), agrees, coarsest, truth)
+    outcome = OrderOutcome(
+        problem.order, errors, ignore_timestep(students), agrees, coarsest, truth, other_timestep(runs, students)
+    )
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
         message=order_message(outcome),
@@ -428,6 +435,17 @@ def ignore_timestep(students: Sequence[Trajectory]) -> bool:
     rows = min(map(len, students))
     one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
     return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)
+
+
+def other_timestep(runs: Sequence[Run], students: Sequence[Trajectory]) -> tuple[float, float] | None:
+    """Returns the first timestep [s] at which steps advance the time by another one [s]; None if none or all do."""
+    taken = [
+        (run.timestep_s, float(student.time[1] - student.time[0]))
+        for run, student in zip(runs, students, strict=True)
+        if len(student) > 1
+    ]
+    wrong = [pair for pair in taken if abs(pair[1] / pair[0] - 1) > TIMESTEP_RTOL]
+    return wrong[0] if 0 < len(wrong) < len(taken) else None
 
 
 def order_message(order: OrderOutcome) -> str:
@@ -450,6 +468,12 @@ def order_complaint(order: OrderOutcome) -> str:
     """Returns what is wrong with an order."""
     if order.ignores_timestep:
         return "The state after each step is the same at every timestep: use model.opt.timestep, not a fixed number."
+    if order.other_timestep is not None:
+        asked_ms, taken_ms = (1e3 * one for one in order.other_timestep)
+        return (
+            f"At a timestep of {asked_ms:g} ms your step advances data.time by {taken_ms:.4g} ms, although it is right "
+            "at other timesteps: use model.opt.timestep as it is, without rounding."
+        )
     if order.slope is None:
         why = "it is round-off at some timesteps, large at others" if order.finite else "a run did not stay finite"
         return f"The error against the exact motion shows no order: {why}."

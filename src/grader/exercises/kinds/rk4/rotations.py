@@ -236,6 +236,21 @@ def rule_of(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str |
     return next((name for name, rule in rules.items() if fits(rule, every, rows)), None)
 
 
+def ends_elsewhere(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+    """Returns the sentence of quaternions that are turned rightly in every stage, and otherwise at the end."""
+    every = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
+    stages = range(1, len(rows))
+    if not all(alike(one.quats[row], in_the_body(one, rows, row)) for one in every for row in stages):
+        return None
+    if all(alike(one.quats[-1], in_the_body(one, rows, len(rows))) for one in every):
+        return None
+    return (
+        "Your stages turn the orientations as mj_integratePos does; the end of your step is not reached by such a turn "
+        "of the start. Add up velocities, not quaternions or positions, and move the start of the step by their "
+        "weighted mean."
+    )
+
+
 def linear_axes(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
     """Returns the sentence of a free joint whose linear velocity is turned by the orientation though it must not be."""
     for kind, at, dof in zip(

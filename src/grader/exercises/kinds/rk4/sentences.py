@@ -152,10 +152,16 @@ def asked_too_early(reading: Reading) -> str | None:
     calls = range(2, reading.calls + 1)
     at_start = [stage for stage in calls if reading.positions[stage - 1] == {} and reading.velocities[stage - 1] == {}]
     if at_start and len(at_start) == len(calls):
+        every = "Both" if reading.calls == 2 else f"All {number_word(reading.calls)}"
+        if any(reading.times[1 : reading.calls]):
+            return (
+                f"{every} calls of mj_forward find the state at the start of the step, although data.time moves: no "
+                "slope reaches data.qpos and data.qvel. Print what you add to the start in stage 2: it should be h/2 "
+                "k1, and the sum should go into data.qpos[:] and data.qvel[:]."
+            )
         return (
-            f"{'Both' if reading.calls == 2 else 'All ' + number_word(reading.calls)} calls of mj_forward find the "
-            "state at the start of the step: write a stage's positions and velocities into data.qpos[:] and "
-            "data.qvel[:] before you call it."
+            f"{every} calls of mj_forward find the state at the start of the step: write a stage's positions and "
+            "velocities into data.qpos[:] and data.qvel[:] before you call it."
         )
     last = reading.velocities[reading.calls - 1]
     if at_start[:1] == [2] and reading.calls == STAGES and last and abs(sum(last.values()) - 1 / 2) <= SAME:

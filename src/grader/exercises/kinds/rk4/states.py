@@ -17,6 +17,9 @@ CUT_ATOL = 1e-9
 CUTS_MIN = 2
 """The fewest velocities that must stand at one size before it counts as a bound."""
 
+CLOCK_ATOL = 1e-6
+"""Difference in timesteps below which two times are the same: a time of many seconds has lost digits."""
+
 SET_TIME = "set it to t, t + h/2, t + h/2 and t + h before the four calls of mj_forward, and to t + h at the end"
 
 
@@ -27,9 +30,23 @@ def explain_time(reading: Reading) -> str | None:
         return None
     if any(row and Term("t", 0, 0) in row for row in reading.times):
         return f"Your data.time is counted from 0 in every step, not from the step's start: {SET_TIME}."
+    if own_clock(reading):
+        return (
+            "In your first stage data.time is not the time at which the step began, but that of a clock or counter of "
+            "your own, which goes on from one simulation to the next: begin every step with t = data.time."
+        )
     if len(times) != len(reading.times):
         return f"Your data.time does not move by fractions of model.opt.timestep: {SET_TIME}."
     return time_sentence(times[:-1], times[-1])
+
+
+def own_clock(reading: Reading) -> bool:
+    """Whether times move as they should within each step, but do not all begin at data.time."""
+    offsets = [step.time[1] - step.time[0] for step in reading.steps]
+    shares = [(step.time[1:] - step.time[1]) / step.timestep_s for step in reading.steps]
+    return any(abs(offset) > CUT_ATOL for offset in offsets) and all(
+        np.allclose(share, FRACTIONS_OF_TIME, rtol=0, atol=CLOCK_ATOL) for share in shares
+    )
 
 
 def time_sentence(stages: Sequence[float], result: float) -> str | None:
@@ -64,12 +81,35 @@ def explain_activations(reading: Reading) -> str | None:
     if any(np.any(step.ctrl != step.ctrl[0]) for step in reading.steps):
         return (
             "data.ctrl differs in your calls of mj_forward from before the step: data.ctrl must still be set when "
-            "you call mj_forward, so do not reset data."
+            "you call mj_forward. Do not reset data; if you step a data of your own, copy ctrl into it."
         )
-    rows = plain(reading.activations, "r") if reading.activations else None
-    if rows is None or same(rows, CLASSICAL) or len(rows) != STAGES + 1:
+    if not reading.activations:
+        return None
+    rows = plain(reading.activations, "r")
+    if rows is None:
+        return odd_activations(reading)
+    if same(rows, CLASSICAL) or len(rows) != STAGES + 1:
         return None
     return still_activations(rows) or stage_of_activations(rows)
+
+
+def odd_activations(reading: Reading) -> str | None:
+    """Returns the sentence of the first activations that are no combination of act_dot; None if all are."""
+    unknown = next((row for row, found in enumerate(reading.activations) if found is None), None)
+    if unknown is None:
+        return None
+    moves = np.any([np.any(step.act != step.act[0], axis=0) for step in reading.steps], axis=0)
+    should = np.any([np.any(step.rate, axis=0) for step in reading.steps], axis=0)
+    if np.any(moves) and np.any(should & ~moves):
+        return (
+            "Some activations never change, while others do: data.act has model.na entries, which is not the number of "
+            "joints. Advance the whole of data.act[:] with data.act_dot[:]."
+        )
+    where = f"In your stage {unknown + 1}" if unknown < reading.calls else "At the end of your step"
+    return (
+        f"{where} data.act is not its value at the start of the step plus multiples of h times data.act_dot: take its "
+        "slope from data.act_dot, as mj_forward leaves it, and change data.act in no other way."
+    )
 
 
 def still_activations(rows: Matrix) -> str | None:
@@ -120,6 +160,11 @@ def explain_idle(reading: Reading, dofs: int) -> str | None:
         return (
             f"Some velocities do not change: only the first {move}, and a model may have more joints than you move. "
             "Advance all of data.qpos and data.qvel."
+        )
+    if not idle and reading.steps[0].qpos.shape[1] > dofs:
+        return (
+            "The position of a hinge or slide never changes, although its velocity does: after a quaternion its place "
+            "in data.qpos is neither the joint's number nor its jnt_dofadr. Write it at model.jnt_qposadr[joint]."
         )
     what = "velocities" if idle else "positions"
     return f"Some {what} do not change, while others do: advance all of data.qpos and data.qvel."

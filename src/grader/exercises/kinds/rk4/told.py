@@ -11,7 +11,15 @@ from grader.exercises.kind import Judged
 from grader.exercises.kinds.rk4.judge import RunOutcome
 from grader.exercises.kinds.rk4.methods import name_of, order_of
 from grader.exercises.kinds.rk4.recorded import read_steps
-from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, linear_axes, rule_of, spins_of, wrong_address
+from grader.exercises.kinds.rk4.rotations import (
+    BODY,
+    RIGHT,
+    ends_elsewhere,
+    linear_axes,
+    rule_of,
+    spins_of,
+    wrong_address,
+)
 from grader.exercises.kinds.rk4.sentences import explain, follows_classical
 from grader.exercises.kinds.rk4.stages import STAGES
 from grader.exercises.kinds.rk4.states import agrees_until, cut_off, explain_activations, explain_idle, explain_time
@@ -72,7 +80,15 @@ def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Tol
     else:
         sentence = explain(reading, judged.trace.returned)
     sentence = sentence or (explain_rest(reading, outcome) if follows_classical(reading) else None)
-    return Told(sentence, agrees_until(reading))
+    return Told(sentence, agrees_until(reading) or odd_end(model, reading))
+
+
+def odd_end(model: mujoco.MjModel, reading: Reading) -> str | None:
+    """Returns the sentence of a step whose quaternions go wrong at its end alone."""
+    velocities = plain(reading.velocities, "a")
+    if velocities is None or not reading.calls or not spins_of(model):
+        return None
+    return ends_elsewhere(model, reading.steps, velocities)
 
 
 def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome, *, hidden: bool) -> str | None:

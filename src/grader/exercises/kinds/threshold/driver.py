@@ -48,6 +48,7 @@ class Search:
         self.models_max = 1 if hidden else MODELS_MAX
         self.runs: list[list[float]] = []
         self.total = 0
+        self.created = 0
         self.others: set[str] = set()
         self.models: list[Any] = []
         self.differs: list[list[str]] = []
@@ -85,6 +86,7 @@ class Search:
         given = next((i for i, known in enumerate(self.models) if known is model), None)
         info = {
             "total": self.total,
+            "created": self.created,
             "models": self.differs,
             "given": given,
             "set_s": float(model.opt.timestep),
@@ -136,6 +138,7 @@ def before_import() -> None:
         setattr(place, name, call)
 
     mujoco.MjData.__init__ = created
+    mujoco.mj_step = first_step  # for scripts that import the name itself
     for name in ("mj_resetData", "mj_resetDataKeyframe"):
         setattr(mujoco, name, reset(name))
     for name in OTHER_STEPS:
@@ -146,13 +149,14 @@ def before_import() -> None:
 
 def between_runs() -> None:
     """Ends the run in progress, and waits for the first step of the next one."""
+    search.created += 1
     with contextlib.suppress(Exception):  # a data that the script has broken: the trace ends here
         search.finish()
     mujoco.mj_step = first_step
 
 
 def first_step(*arguments: Any, **named: Any) -> Any:
-    """In place of mj_step until a run has begun; a script that imported the name itself keeps it."""
+    """In place of mj_step until a run has begun; a script that imported the name itself calls it in every step."""
     if search.waiting:
         with contextlib.suppress(Exception):  # wrong arguments, which mj_step refuses below
             search.begin(arguments[0] if arguments else named["m"], arguments[1] if len(arguments) > 1 else named["d"])

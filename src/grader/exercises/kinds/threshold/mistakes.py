@@ -10,6 +10,7 @@ import numpy as np
 from grader.exercises.kind import Judged, Trial
 from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim, span_of, warns
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.exercises.kinds.threshold.recorded import read_search
 from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
@@ -18,6 +19,11 @@ from grader.numerics.servo import Servo
 
 SAME_EVERYWHERE = (
     "The function gave the same answer for every model, although their limits differ. Measure the model you were given."
+)
+
+KEPT = (
+    "The function gave the same answer for every model, although their limits differ: in later calls it simulated "
+    "nothing, and returned what an earlier call had found. Keep no results between calls, or keep them by model too."
 )
 
 FORMULA_TOLERANCE = 5e-4
@@ -351,7 +357,7 @@ METHODS: tuple[WrongMethod, ...] = (
 def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
     """Returns the sentence of the first method that explains every wrong claim, or None."""
     if same_everywhere(judged):
-        return SAME_EVERYWHERE
+        return KEPT if kept_results(judged) else SAME_EVERYWHERE
     first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
     claims = [
         (Asked(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
@@ -378,6 +384,16 @@ def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
     answers = list(by_case.values())
     passed = {one.judgement.passed for one in judged if isinstance(one.judgement.outcome, Bracket)}
     return len(answers) > 1 and passed == {True, False} and all(answer == answers[0] for answer in answers)
+
+
+def kept_results(judged: Sequence[Judged[Cell, Claim]]) -> bool:
+    """Whether the first case was simulated, and no other one."""
+    first, *others = dict.fromkeys(one.trial.problem.case for one in judged)
+    searches = [(one.trial.problem.case, read_search(one.trace)) for one in judged]
+    if any(search is None or search.others for _, search in searches):
+        return False
+    stepped = {case for case, search in searches if search and search.total}
+    return stepped == {first} and bool(others)
 
 
 def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> dict[str, str]:

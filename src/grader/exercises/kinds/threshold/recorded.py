@@ -44,10 +44,14 @@ class Run:
 
 @dataclass(frozen=True)
 class Search:
-    """The runs of one trial: `differs` names for each model the fields in which it is not the given one."""
+    """The runs of one trial: `differs` names for each model the fields in which it is not the given one.
+
+    `created` counts how often a data was created or reset.
+    """
 
     runs: tuple[Run, ...]
     total: int
+    created: int
     differs: tuple[tuple[str, ...], ...]
     given: int | None
     set_s: float
@@ -60,12 +64,13 @@ def read_search(trace: Trace) -> Search | None:
     if note is None or len(note.numbers) % COLUMNS:
         return None
     rows = [row for row in note.numbers.reshape(-1, COLUMNS).tolist() if all(map(isfinite, row[:4] + row[6:]))]
-    total, given, set_s = (note.info.get(key) for key in ("total", "given", "set_s"))
+    total, created, given, set_s = (note.info.get(key) for key in ("total", "created", "given", "set_s"))
     return Search(
         runs=tuple(
             read_run(row) for row in rows if 0 < row[1] < 1e3 and all(0 <= row[i] < 2**31 for i in (0, 2, 6, 9))
         ),
         total=total if isinstance(total, int) else len(rows),
+        created=created if isinstance(created, int) else 0,
         differs=tuple(map(texts_of, found)) if isinstance(found := note.info.get("models"), list) else (),
         given=given if isinstance(given, int) else None,
         set_s=set_s if isinstance(set_s, float) else 0.0,

@@ -96,6 +96,11 @@ def never_stepped(seen: Seen) -> str | None:
     """None was returned without a step."""
     if seen.search.total or seen.search.others or not isinstance(seen.claim, NoLimit):
         return None
+    if seen.search.created:
+        return (
+            "Your function returned None without a single step: it makes a data, but mj_step is never called. Print "
+            "how many steps your loop takes (a run's length divided by the timestep); mj_forward moves nothing."
+        )
     return (
         "Your function returned None without a single step. Step the model with mujoco.mj_step (mj_forward moves "
         "nothing) at several timesteps before you answer."
@@ -259,7 +264,8 @@ def overlooked(seen: Seen) -> str | None:
     kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.warned >> bit & 1)
     return (
         f"{seen.at(missed.timestep_s)} MuJoCo raised {kinds} and reset the state, and your answer calls that "
-        "timestep stable. Look at BADQPOS, BADQVEL and BADQACC in data.warning, or at data.time falling back."
+        "timestep stable. Look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or at data.time falling "
+        "back."
     )
 
 
@@ -346,6 +352,11 @@ def ends_untried(seen: Seen) -> str | None:
     tried = [run.timestep_s for run in seen.search.runs]
     for what, end in (("stable", seen.claim.low), ("unstable", seen.claim.high)):
         if not any(abs(h - end) <= 1e-3 * end for h in tried):
+            if any(abs(1e3 * h - end) <= 1e-3 * end for h in tried):
+                return (
+                    f"The {what} end of your bracket is a thousand times one of your timesteps: it is in milliseconds. "
+                    "Return both ends in seconds."
+                )
             place = f"{1e3 * end:.4g} ms" if seen.shown else "a timestep"
             return (
                 f"You report {place} as {what}, but never ran it. "
