@@ -1,6 +1,7 @@
 """Largest stable timestep of the servo-held pendulum, by bisection.
 
-What is here runs, but finds nothing: it only looks at both ends of the search. The comments say what is missing.
+What is here runs, but finds nothing: it only looks at both ends of the search.
+The comments say what is missing.
 Try it on your own machine first:  python servo_threshold.py
 """
 

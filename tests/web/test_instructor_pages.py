@@ -105,7 +105,7 @@ def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site
     assert re.search(
         r"off by a power of ten .* 2 Wrong number that several gave first Learners 7.005 ms 2 50 ms 2", told
     )
-    assert "Nobody has answered What then?, Why? yet." in told  # what waits for a person has no points yet
+    assert "No decided answer yet to: What then?; Why?" in told  # what waits for a person has no points yet
     assert browser(site, "ann").get("/instructor/statistics").status_code == 403
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from grader.domain.quiz import Quiz
 from grader.library import Library
+from grader.web.exercise_page import following_of
 from grader.web.page import page_of, paragraphs, worth
 
 QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry": "f", "check": {"kind": "none"}}
@@ -60,3 +61,11 @@ def test_an_exercise_says_what_a_script_may_use_and_shows_its_starter() -> None:
     assert shown["starter"] == "def f(): ..."
     assert shown["path"] == "/quizzes/quiz/f"
     assert card()["starter"] is None
+
+
+def test_after_an_exercise_comes_the_quizs_next_question_on_its_own_page_or_in_the_lesson() -> None:
+    code = {"id": "rk4", "kind": "code", "short": "Your own step", "path": "/quizzes/q/rk4"}
+    text = {"id": "why", "kind": "open", "short": "Why?", "path": "/quizzes/q/why"}
+    assert following_of("q", "1.3", [code, text]) == {"short": "Your own step", "path": "/quizzes/q/rk4"}
+    assert following_of("q", "1.3", [text]) == {"short": "Why?", "path": "/lessons/1.3#q--why"}
+    assert following_of("q", "1.3", []) is None

@@ -99,7 +99,7 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
     expect(form.get_by_label("Points")).to_have_attribute("placeholder", "3")
     form.get_by_label("Comment for the learner").fill("Which bound?")
     form.get_by_role("button", name="Save the comment above").click()
-    expect(form.get_by_label("Saved for")).to_contain_text("Which bound?")
+    expect(form.get_by_label("Saved comments")).to_contain_text("Which bound?")
     form.get_by_label("Comment for the learner").press("Control+Enter")
     expect(tina.locator("[data-one] pre").first).to_have_text("bob says.")  # the next one
     expect(form.get_by_label("Names the damping")).not_to_be_checked()

@@ -78,6 +78,15 @@ def test_a_sentence_that_many_cells_say_is_said_once() -> None:
     assert shown.notes == ("x, y: No timestep is unstable: return None.",)
 
 
+def test_a_note_names_its_cases_where_others_of_the_column_failed_otherwise() -> None:
+    none = "No timestep is unstable: return None."
+    shown = card({"status": "incorrect", "findings": [
+        finding("one, x", False, "Too low: by far."), finding("one, y", False, none),
+        finding("two, x", False, none), finding("two, y", False, none),
+    ]})  # fmt: skip
+    assert shown.notes == (f"y, x (Two): {none}",)
+
+
 def test_the_line_that_raised_is_shown_with_its_neighbours() -> None:
     source = "\n".join(f"line {number}" for number in range(1, 9))
     lines = excerpt_of(source, "ValueError: no, in line 7 of your script.")

@@ -1,7 +1,7 @@
 """The page of one exercise: the statement; the editor, the attempts, the newest verdict and what is under way."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +32,9 @@ def exercise_page(
     chosen: str | None = None, typed: Typed | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
-    view = next(view for view in page_of(library, quiz)["questions"] if view["id"] == question_id)
+    views = page_of(library, quiz)["questions"]
+    at = next(index for index, view in enumerate(views) if view["id"] == question_id)
+    view = views[at]
     here = asked(view, library.question(quiz.id, question_id), quiz.id, work, typed)
     running = attempts[0] if attempts and attempts[0].verdict is None else None
     shown = attempt_to_show(attempts, chosen)
@@ -45,10 +47,20 @@ def exercise_page(
         "facts": facts | {"points": points_here(here)},
         "attempts": attempts,
         "shown": shown,
+        "following": following_of(quiz.id, lesson, views[at + 1 :]),
         "running": running,
         "card": None if shown is None else card_of(shown),
         "source": source_of(here, shown, chosen, typed),
     }
+
+
+def following_of(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -> dict[str, str] | None:
+    """The name and the address of the quiz's next question; None after the last."""
+    if not later:
+        return None
+    view = later[0]
+    on_lesson = f"/lessons/{lesson}#{quiz}--{view['id']}"
+    return {"short": view["short"], "path": view["path"] if view["kind"] == "code" else on_lesson}
 
 
 def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | None:

@@ -87,7 +87,7 @@ def facts_of(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
     counts = dict.fromkeys(counting(quiz.policy) for quiz in with_questions)
-    facts = {"points": f"{points(got)} of {points(of)}", "counts": ", ".join(counts)}
+    facts = {"points": f"{points(got)} of {points(of)}", "what counts": ", ".join(counts)}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
     dues = [place.due for place in places if place.due is not None]
     coming = [due for due in dues if due > work.standing.at]

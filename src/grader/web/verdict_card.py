@@ -159,14 +159,21 @@ def matrix_of(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], t
 
 
 def notes_of(columns: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
-    """What the failed cells of a matrix say beyond their word, each sentence once with the columns it holds for."""
-    told: dict[str, list[str]] = {}
+    """What the failed cells of a matrix say beyond their word, each sentence once with the columns it holds for.
+
+    Where other cells of a column failed otherwise, the cases are named too.
+    """
+    told: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for column, cell in zip(columns, row.cells, strict=True):
-            if cell.told == FAILED and cell.message and column not in told.setdefault(cell.message, []):
-                told[cell.message].append(column)
+            if cell.told == FAILED and cell.message:
+                told.setdefault(cell.message, {}).setdefault(column, []).append(row.title)
+    wrong = {column: sum(not row.cells[at].passed for row in rows) for at, column in enumerate(columns)}
     for message, where in told.items():
-        yield f"{', '.join(where)}: {message}"
+        held = (
+            name if len(titles) == wrong[name] else f"{name} ({', '.join(titles)})" for name, titles in where.items()
+        )
+        yield f"{', '.join(held)}: {message}"
 
 
 def cell_of(finding: Mapping[str, Any]) -> Cell:

@@ -39,7 +39,7 @@ function row(submission) {
   const when = new Date(submission.created_at);
   const open = el("button", { type: "button", class: "link", onclick: () => show(submission.id, submission) }, `${submission.quiz} ${submission.question}`);
   return el("tr", {},
-    el("td", {}, el("time", { datetime: submission.created_at }, when.toLocaleString())),
+    el("td", {}, el("time", { datetime: submission.created_at }, when.toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" }))),
     el("td", {}, submission.user),
     el("td", {}, open),
     el("td", {}, verdict ? el("span", { class: `mark ${TONES[verdict.status] ?? "no"}` }, verdict.status.replaceAll("_", " ")) : submission.status),

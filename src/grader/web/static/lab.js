@@ -152,7 +152,8 @@ class SceneLab {
     const who = this.integrator ?? "This integrator";
     const step = limit && run.controls[limit.control];
     const isAbove = limit?.timestep_s && step > limit.timestep_s;
-    const bound = limit && (limit.timestep_s ? `${who} is stable up to ${number(1000 * limit.timestep_s, 3)} ms here${isAbove ? `; you step ${number(1000 * step)} ms` : ""}.`
+    const digits = isAbove && number(1000 * limit.timestep_s, 3) === number(1000 * step) ? 5 : 3; // 19.98 is not 20
+    const bound = limit && (limit.timestep_s ? `${who} is stable up to ${number(1000 * limit.timestep_s, digits)} ms here${isAbove ? `; you step ${number(1000 * step)} ms` : ""}.`
       : `${who} is stable in the whole range of this timestep.`);
     if (!warning) {
       const calm = isAbove ? `Grows; no warning within ${number(run.seconds)} s.` : `No warning within ${number(run.seconds)} s.`;

@@ -7,7 +7,7 @@ const find = (name) => document.querySelector(`[data-${name}]`);
 const status = find("status");
 const cursors = {};
 let queue = Promise.resolve();
-const when = (time) => (time ? el("time", { datetime: time }, new Date(time).toLocaleString()) : "never");
+const when = (time) => (time ? el("time", { datetime: time }, new Date(time).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })) : "never");
 
 const WAYS = { name: "named here", oidc: "signs in", browser: "course link", lti: "a platform" };
 
@@ -24,7 +24,7 @@ const CELLS = {
   members: (one) => [one.name, one.role, origin(one), when(one.created_at), [
     action("New link", () => invite({ member: one.id })),
     one.role === "student" ? action("Make instructor", () => change("PATCH", `/members/${one.id}`, { role: "instructor" })) : null,
-    ending("members", one, "Remove")]],
+    action("Remove", () => confirm(`Remove ${one.name} from the course?`) && change("DELETE", `/members/${one.id}`))]],
   tokens: (one) => [one.name, one.role, one.scopes ? one.scopes.join(" ") : "all", when(one.expires_at), when(one.last_used_at), ending("tokens", one, "Revoke")],
   audit: (one) => [when(one.at), one.name, one.action, one.subject, ""],
 };
@@ -56,7 +56,8 @@ function told(work) {
 
 async function show() {
   const { join_url: url } = await get("/course");
-  find("course-link").replaceChildren(url ? secret("Course link", url) : "The course is closed: there is no link.");
+  find("course-link").replaceChildren(url ? secret("Course link", url) : "There is no link now.");
+  find("close").hidden = !url;
   await Promise.all(Object.keys(CELLS).map((name) => list(name, true)));
 }
 
@@ -66,6 +67,7 @@ async function list(name, afresh) {
   const rows = document.querySelector(`[data-list=${name}]`);
   if (afresh) rows.replaceChildren();
   rows.append(...page.items.map((one) => el("tr", {}, CELLS[name](one).map((cell) => el("td", {}, cell)))));
+  if (!rows.children.length) rows.append(el("tr", {}, el("td", { colspan: 6 }, "None.")));
   cursors[name] = page.next_cursor;
   document.querySelector(`[data-more=${name}]`).hidden = !page.next_cursor;
 }

@@ -44,7 +44,7 @@ export async function openReview(submission, listed, second, onDecided) {
   form.hidden = false;
 }
 
-const yours = (claim) => `Yours until ${new Date(claim.expires_at).toLocaleTimeString()}.`;
+const yours = (claim) => `Yours until ${new Date(claim.expires_at).toLocaleTimeString(undefined, { timeStyle: "short" })}: nobody else can decide meanwhile.`;
 
 async function heartbeat() {
   try {
