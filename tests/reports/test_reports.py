@@ -169,8 +169,8 @@ SHAPE: dict[str, tuple[dict[str, bool], list[str]]] = {
 }
 """Every attribute and child of each element that we write, but for the reruns of Surefire.
 
-Source: junit-10.xsd of Jenkins' xUnit plug-in as of November 2025. It leaves the order of children open; they stand here
-in the order that Apache Ant's schema asks for.
+Source: junit-10.xsd of Jenkins' xUnit plug-in as of November 2025. It leaves the order of children
+open; they stand here in the order that Apache Ant's schema asks for.
 """
 WITH_TEXT = {"failure", "error", "skipped", "system-out", "system-err"}
 SUITE_TIME = re.compile(r"[0-9]*(\.[0-9]*)?")
