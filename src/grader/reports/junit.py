@@ -70,7 +70,7 @@ def document(suite: ElementTree.Element, seconds: str) -> str:
         counts[plural] = str(len(suite.findall(f"testcase/{kind}")))
     suite.attrib.update(counts)
     del counts["skipped"]
-    root = ElementTree.Element("testsuites", name="grader", time=seconds, **counts)
+    root = ElementTree.Element("testsuites", {"name": "grader", "time": seconds, **counts})
     root.append(suite)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}'
