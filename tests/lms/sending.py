@@ -22,7 +22,6 @@ from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store.database import Database
 from grader.store.outbox import SCORES
-from grader.worker import OTHERS
 from lms.profiles import Place
 from lms.receivers import HERE
 
@@ -50,12 +49,12 @@ def to(platform: Platform, container: str) -> ScoreTarget:
     return target
 
 
-def send(url: str, origin: str, client_id: str, container: str) -> None:
-    """Delivers until it is killed, or left alone."""
+def send(url: str, origin: str, client_id: str, container: str, threads: int) -> None:
+    """Delivers with so many threads until it is killed, or left alone."""
     database = Database(url)
     platform = Platform(1, "https://platform.example", client_id, f"{origin}/login", f"{origin}/token", "")
     delivering = Delivering({SCORES: sender_of(database, to(platform, container))}, PAUSES_S)
-    worker = Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), OTHERS)
+    worker = Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), threads)
     worker.start()
     parent = os.getppid()
     while os.getppid() == parent:  # a worker looks for delayed jobs once a second, and here are many short pauses

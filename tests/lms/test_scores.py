@@ -158,6 +158,7 @@ def test_real_points_of_the_real_maximum(make: MakeCourse, profile: Profile) -> 
     assert course.row().state == "sent"
 
 
+@both
 def test_open_answers_wait_as_pending_and_are_final_once(make: MakeCourse) -> None:
     course = make(CANVAS_LMS)
     (ann,) = course.learners
@@ -289,6 +290,7 @@ def test_a_platform_whose_clock_is_ahead_gets_a_later_score(make: MakeCourse) ->
     assert course.row().state == "sent"
 
 
+@both
 def test_timestamps_are_at_least_a_second_apart_and_never_ahead(make: MakeCourse) -> None:
     course = make()
     (ann,) = course.learners
@@ -320,6 +322,7 @@ def test_a_score_whose_answer_got_lost_is_not_sent_twice(make: MakeCourse) -> No
     assert (course.row().state, course.row().tried) == ("sent", None)
 
 
+@both
 @pytest.mark.parametrize("lands", ["after the reading", "after the score"])
 def test_a_score_in_flight_at_a_kill_never_replaces_a_later_one(make: MakeCourse, lands: str) -> None:
     """The sender is gone, its request is not: a proxy or the platform's own queue hands it on much later."""
@@ -530,6 +533,7 @@ def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body
     assert not isinstance(reply, Again) or reply.after_s == 7.0
 
 
+@both
 def test_another_refusal_is_a_dead_letter_at_once(make: MakeCourse) -> None:
     course = make(line_items_url=None)
     course.platform.items["linked"] = {}
@@ -540,6 +544,7 @@ def test_another_refusal_is_a_dead_letter_at_once(make: MakeCourse) -> None:
     assert (course.row().state, course.row().attempts) == ("dead", 0)
 
 
+@both
 def test_a_score_is_held_until_the_learner_may_see_it(make: MakeCourse) -> None:
     course = make(policy={"feedback": "after_publish"})
     (ann,) = course.learners

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sysconfig
@@ -18,6 +19,8 @@ from typing import Any
 
 import jsonschema_rs
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.library import load
@@ -253,6 +256,25 @@ def test_a_kind_of_another_package_comes_along(tmp_path: Path, monkeypatch: pyte
         assert "exact_text.py" in wheel.namelist()
     assert len([name for name in packed if name.endswith(".whl")]) == 2
     assert len([one for one in wheels("threshold") if one.path.endswith(".whl")]) == 1
+
+
+def test_the_wheel_pins_the_versions_that_are_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With another MuJoCo than the pinned one, as `make test MUJOCO=` has it, wheel and constraints still agree."""
+    notes = tmp_path / "mujoco-4.5.6.dist-info"
+    notes.mkdir()
+    (notes / "METADATA").write_text("Metadata-Version: 2.1\nName: mujoco\nVersion: 4.5.6\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    packed = {one.path: one.data.decode(errors="ignore") for one in wheels("threshold")}
+    with zipfile.ZipFile(write_wheel(distribution("mujoco-grader"), "grader", tmp_path)) as wheel:
+        [name] = [one for one in wheel.namelist() if one.endswith("/METADATA")]
+        metadata = wheel.read(name).decode()
+    assert "Requires-Dist: mujoco==4.5.6\n" in metadata
+    required = [Requirement(line) for line in re.findall(r"^Requires-Dist: (.*)$", metadata, re.MULTILINE)]
+    pairs = (line.split("==") for line in packed["constraints.txt"].splitlines())
+    versions = {canonicalize_name(name): version for name, version in pairs}
+    assert versions[canonicalize_name("mujoco")] == "4.5.6"
+    for one in required:
+        assert one.marker is not None or versions[canonicalize_name(one.name)] in one.specifier
 
 
 def test_the_versions_are_those_that_are_installed_here_and_needed() -> None:

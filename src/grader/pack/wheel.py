@@ -24,6 +24,9 @@ LEFT_OUT = ("__pycache__", "material")
 REQUIREMENT = re.compile(r"([A-Za-z0-9][A-Za-z0-9._-]*)\s*(?:\[([^\]]*)\])?")
 """Name and extras of a requirement. Source: packaging.python.org, "Dependency specifiers"."""
 
+PINNED = re.compile(r"^(Requires-Dist: *([A-Za-z0-9._-]+) *== *)([^;\s]+)", re.MULTILINE)
+"""A requirement of one version alone: up to the version, the name, the version."""
+
 
 class Needed(NamedTuple):
     """A distribution that is required, with these extras."""
@@ -69,11 +72,22 @@ def files_of(module: str) -> Iterator[tuple[str, bytes]]:
 
 def notes_of(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
     """What installers read in a wheel. Source: packaging.python.org, "Binary distribution format"."""
-    metadata = found.read_text("METADATA") or found.read_text("PKG-INFO") or ""
+    metadata = PINNED.sub(as_installed, found.read_text("METADATA") or found.read_text("PKG-INFO") or "")
     points = found.read_text("entry_points.txt") or ""
     wheel = "Wheel-Version: 1.0\nGenerator: grader pack\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
     for name, text in (("METADATA", metadata), ("WHEEL", wheel), ("entry_points.txt", points)):
         yield f"{folder}/{name}", text.encode()
+
+
+def as_installed(pinned: re.Match[str]) -> str:
+    """A pinned requirement with the version that is installed here, since that is what grades here.
+
+    The grader may run with another MuJoCo than the one that it pins; `constraints` names the installed one.
+    """
+    try:
+        return f"{pinned[1]}{distribution(pinned[2]).version}"
+    except PackageNotFoundError:  # of an extra that is not installed
+        return pinned[0]
 
 
 def constraints(names: list[str]) -> str:

@@ -171,6 +171,7 @@ CASES: dict[str, tuple[Forge, int]] = {
         REFUSED,
     ),
     "crit": (raw({"alg": "RS256", "kid": "key-0", "crit": ["x"], "x": 1}), REFUSED),
+    "a header of the platform's own": (lambda pair, claims: pair.platform.sign(claims, x_vendor="1"), ENTERED),
     "body tampered": (tampered, REFUSED),
     # garbage
     "no token": (lambda *_: "", REFUSED),
