@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import nbformat
 import pytest
 import yaml  # type: ignore[import-untyped]
 
@@ -112,11 +113,12 @@ def cell(kind: str, source: str | list[str], grade_id: str | None = None) -> dic
 
 
 def notebook(path: Path, *cells: dict[str, Any]) -> Path:
-    """Writes a notebook of format 4.5, the cells with ids."""
+    """Writes a notebook of format 4.5, the cells with ids, which fits the published schema."""
     numbered = [{**one, "id": f"cell-{number}"} for number, one in enumerate(cells)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
     document = {"cells": numbered, "metadata": metadata, "nbformat": 4, "nbformat_minor": 5}
+    nbformat.validate(document)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(document))
     return path
