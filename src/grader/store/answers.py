@@ -37,7 +37,6 @@ from grader.store.tables import (
     values_of,
 )
 
-
 PARTS = 6
 """The most texts of an item that a statement can name."""
 
