@@ -44,11 +44,11 @@ MIGRATION_LOCK = 7_105_114_101
 ANALYZED_AT = (100, 1_000, 10_000)
 """Numbers of stored answers after which PostgreSQL gathers statistics at once."""
 
-LOCK_ALL = text(
+LOCK_ALL = (
     "SELECT pg_advisory_xact_lock(key), set_config('enable_seqscan', 'off', true), "
     "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true) "
     "FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
-    "FROM json_array_elements_text(CAST(:names AS json)) AS name ORDER BY key) AS keys"
+    "FROM json_array_elements_text(CAST(%(names)s AS json)) AS name ORDER BY key) AS keys"
 )
 
 
@@ -118,7 +118,7 @@ class Database:
         """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
-            session.connection().execute(LOCK_ALL, {"names": names})
+            session.connection().exec_driver_sql(LOCK_ALL, {"names": names})
 
     def tell_planner(self, session: Session, stored: int) -> None:
         """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
