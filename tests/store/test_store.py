@@ -4,7 +4,9 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
+import psycopg
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
@@ -16,6 +18,7 @@ from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
 from grader.store import contents, courses, line_items, outbox, regrades, submissions
+from grader.store import database as store_database
 from grader.store.database import Database
 from grader.store.installation import hidden_case_secret
 from grader.store.submissions import SubmissionFilter
@@ -105,6 +108,37 @@ def test_only_a_hasty_commit_does_not_wait_for_the_disk(database: Database, hast
 def test_postgresql_compiles_no_plans(database: Database) -> None:
     with database.read() as session:
         assert database.is_sqlite or session.scalar(text("SHOW jit")) == "off"
+
+
+@pytest.mark.postgres
+def test_a_pooled_connection_is_asked_only_after_a_pause_or_news(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with database_url("postgresql", tmp_path) as url:
+        database = Database(url)
+        ping, asked = database.engine.dialect.do_ping, list[Any]()
+
+        def counted(connection: Any) -> bool:
+            asked.append(connection)
+            return ping(connection)
+
+        def session_id() -> int:
+            with database.read() as session:
+                return int(session.scalar(text("SELECT pg_backend_pid()")) or 0)
+
+        monkeypatch.setattr(database.engine.dialect, "do_ping", counted)
+
+        first = session_id()
+        asked.clear()
+        monkeypatch.setattr(store_database, "IDLE_S", 3600.0)
+        assert (session_id(), asked) == (first, [])
+        monkeypatch.setattr(store_database, "IDLE_S", 0.0)
+        assert (session_id(), len(asked)) == (first, 1)
+        monkeypatch.setattr(store_database, "IDLE_S", 3600.0)
+        with psycopg.connect(url, autocommit=True) as other:
+            other.execute("SELECT pg_terminate_backend(%s, 10000)", (first,))
+        assert session_id() != first
+        database.close()
 
 
 def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:

@@ -37,6 +37,9 @@ from grader.store.tables import (
     values_of,
 )
 
+PARTS = 6
+"""The most texts of an item that a statement can name."""
+
 
 class Given(FunctionElement[Any]):
     """The items of a JSON list of lists of texts, as rows: one parameter, however many they are."""
@@ -76,7 +79,10 @@ def _given_in_sqlite(element: Given, compiler: Any, **kw: Any) -> str:
 
 @compiles(Given, "postgresql")
 def _given_in_postgresql(element: Given, compiler: Any, **kw: Any) -> str:
-    return f"json_array_elements(CAST({compiler.process(element.clauses, **kw)} AS json))"
+    # Taken apart once: `->>` reads the whole text again, and would do so for every row that it is compared with.
+    parts = ", ".join(f"item ->> {place} AS value{place}" for place in range(PARTS))
+    items = f"json_array_elements(CAST({compiler.process(element.clauses, **kw)} AS json)) AS item"
+    return f"(SELECT {parts} FROM {items} OFFSET 0)"  # noqa: S608  no values; without OFFSET the parts are put back
 
 
 @compiles(Part, "sqlite")
@@ -88,7 +94,7 @@ def _part_in_sqlite(element: Part, compiler: Any, **kw: Any) -> str:
 @compiles(Part, "postgresql")
 def _part_in_postgresql(element: Part, compiler: Any, **kw: Any) -> str:
     item, place = element.clauses
-    return f"({compiler.process(item, **kw)} ->> {place.value})"
+    return f"{compiler.process(item, **kw)}{place.value}"
 
 
 GIVEN = Given(bindparam("given", type_=String)).table_valued("value", name="given")

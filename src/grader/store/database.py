@@ -2,16 +2,19 @@
 
 import json
 import os
+import select
 import shutil
 import sqlite3
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from math import inf
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import DBAPIError, InterfaceError, InvalidatePoolError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
@@ -24,6 +27,9 @@ BUSY_S = 30.0
 
 AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
 """What SQLAlchemy raises while a database is away, locked, full or read-only."""
+
+IDLE_S = 1.0
+"""After so long without use a pooled connection of PostgreSQL is asked whether it still works [s]."""
 
 READ_ONLY = "25006"
 """The code of PostgreSQL's error read_only_sql_transaction."""
@@ -38,11 +44,11 @@ MIGRATION_LOCK = 7_105_114_101
 ANALYZED_AT = (100, 1_000, 10_000)
 """Numbers of stored answers after which PostgreSQL gathers statistics at once."""
 
-LOCK_ALL = text(
+LOCK_ALL = (
     "SELECT pg_advisory_xact_lock(key), set_config('enable_seqscan', 'off', true), "
     "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true) "
     "FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
-    "FROM json_array_elements_text(CAST(:names AS json)) AS name ORDER BY key) AS keys"
+    "FROM json_array_elements_text(CAST(%(names)s AS json)) AS name ORDER BY key) AS keys"
 )
 
 
@@ -57,8 +63,9 @@ class Database:
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         if self.is_sqlite and parsed.database:
             _create_private(Path(parsed.database))
+        # Last in, first out: few connections are in use, and those have prepared their statements.
         self.engine = create_engine(
-            parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_pre_ping=not self.is_sqlite,
+            parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_use_lifo=True,
             connect_args=patience_with(parsed), hide_parameters=True,
         )  # fmt: skip
         if self.is_sqlite:
@@ -111,7 +118,7 @@ class Database:
         """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
-            session.connection().execute(LOCK_ALL, {"names": names})
+            session.connection().exec_driver_sql(LOCK_ALL, {"names": names})
 
     def tell_planner(self, session: Session, stored: int) -> None:
         """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
@@ -209,17 +216,43 @@ def _create_private(path: Path) -> None:
 
 
 def _set_up_postgresql(engine: Engine) -> None:
-    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds."""
+    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds.
+
+    A pooled connection is asked whether it still works only if it was idle, or if its socket has something to read,
+    such as the news that the server has ended it: to ask every time is one more round trip in every transaction.
+    """
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:
         connection.execute("SET jit = off")
         connection.commit()
 
+    @event.listens_for(engine, "checkin")
+    def on_checkin(_connection: Any, record: Any) -> None:
+        record.info["used"] = time.monotonic()
+
+    @event.listens_for(engine, "checkout")
+    def on_checkout(connection: Any, record: Any, _fairy: Any) -> None:
+        idle_s = time.monotonic() - record.info.get("used", -inf)
+        if idle_s > IDLE_S or _has_news(connection):
+            try:
+                engine.dialect.do_ping(connection)
+            except connection.Error as error:
+                raise InvalidatePoolError from error
+
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:
         if connection.get_execution_options().get("hasty", False):
             connection.exec_driver_sql("SET LOCAL synchronous_commit = off")
+
+
+def _has_news(connection: Any) -> bool:
+    """Whether an idle connection of PostgreSQL was closed, or has something to read."""
+    if connection.closed:
+        return True
+    socket = select.poll()
+    socket.register(connection.fileno(), select.POLLIN)
+    return bool(socket.poll(0))
 
 
 def _set_up_sqlite(engine: Engine) -> None:

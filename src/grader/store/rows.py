@@ -12,7 +12,7 @@ from operator import itemgetter
 from typing import Any
 
 from pydantic_core import to_json
-from sqlalchemy import Connection, Executable, Table, text
+from sqlalchemy import Connection, Table
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.orm import Session
 
@@ -71,7 +71,7 @@ def insert_waiting(session: Session) -> None:
 
 def _insert_in_postgresql(session: Session, rows: dict[_Kind, Any]) -> None:
     values = {f"rows{place}": _as_json(kind, several) for place, (kind, several) in enumerate(rows.items())}
-    session.connection().execute(_statement(tuple(rows)), values)
+    session.connection().exec_driver_sql(_statement(tuple(rows)), values)
 
 
 def _as_json(kind: _Kind, rows: Sequence[dict[str, Any]]) -> str:
@@ -98,11 +98,11 @@ def _made_by(default: Any) -> Any:
 
 
 @cache
-def _statement(kinds: tuple[_Kind, ...]) -> Executable:
+def _statement(kinds: tuple[_Kind, ...]) -> str:
     """Inserts rows of several tables at once. Foreign keys are checked at the end of a statement, so in any order."""
-    inserts = [_insert_of(kind, f":rows{place}") for place, kind in enumerate(kinds)]
+    inserts = [_insert_of(kind, f"%(rows{place})s") for place, kind in enumerate(kinds)]
     first = ", ".join(f"insert{place} AS ({insert})" for place, insert in enumerate(inserts[:-1]))
-    return text(f"WITH {first} {inserts[-1]}" if first else inserts[-1])
+    return f"WITH {first} {inserts[-1]}" if first else inserts[-1]
 
 
 def _insert_of(kind: _Kind, given: str) -> str:
