@@ -144,6 +144,25 @@ def test_returned_handled_and_printed_are_noted(run: Run) -> None:
     assert hidden.printed == ""
 
 
+IMPORTED = """
+import mujoco
+from mujoco import mj_step as step
+
+def largest_stable_timestep(model, integrator):
+    data = mujoco.MjData(model)
+    before = step
+    step(model, data)
+    return [before.__name__ == "first_step", step is before]
+"""
+
+
+def test_a_run_steps_by_mujocos_own_function_however_the_script_named_it(run: Run) -> None:
+    visible, *_ = traces_of(run, IMPORTED)
+    assert visible.returned[0].numbers[:2] == (1.0, 0.0)
+    (note,) = (note for note in visible.notes if note.name == "search")
+    assert note.info["total"] == 1
+
+
 @pytest.mark.parametrize(
     ("body", "type_", "shape"),
     [

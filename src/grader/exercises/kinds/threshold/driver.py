@@ -9,6 +9,7 @@ the script.
 """
 
 import contextlib
+import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -55,6 +56,9 @@ class Search:
         self.given: dict[str, bytes] = {}
         self.waiting = True
         self.open: tuple[Any, Any, list[float]] | None = None
+        self.scope: dict[str, Any] = {}
+        self.names: list[str] = []
+        """By which of its global names, if any, the script itself calls mj_step."""
 
     def begin(self, model: Any, data: Any) -> None:
         """Notes how a run begins."""
@@ -152,15 +156,22 @@ def between_runs() -> None:
     search.created += 1
     with contextlib.suppress(Exception):  # a data that the script has broken: the trace ends here
         search.finish()
-    mujoco.mj_step = first_step
+    step_by(first_step)
+
+
+def step_by(function: Callable[..., Any]) -> None:
+    """Puts a function in the place of mj_step, also where the script imported the name itself."""
+    mujoco.mj_step = function
+    for name in search.names:
+        search.scope[name] = function
 
 
 def first_step(*arguments: Any, **named: Any) -> Any:
-    """In place of mj_step until a run has begun; a script that imported the name itself calls it in every step."""
+    """In place of mj_step until a run has begun; a script that keeps it in a local name calls it in every step."""
     if search.waiting:
         with contextlib.suppress(Exception):  # wrong arguments, which mj_step refuses below
             search.begin(arguments[0] if arguments else named["m"], arguments[1] if len(arguments) > 1 else named["d"])
-        mujoco.mj_step = plain["mj_step"]
+        step_by(plain["mj_step"])
     return plain["mj_step"](*arguments, **named)
 
 
@@ -172,7 +183,10 @@ def trial(
     model = mujoco.MjModel.from_xml_string(inputs["model"])
     search.restart(hidden=bool(globals().get("hidden")))
     search.given = values_of(model)
-    mujoco.mj_step = first_step
+    search.scope = getattr(inspect.unwrap(entry), "__globals__", {})
+    steps = (first_step, plain["mj_step"])
+    search.names = [name for name, value in search.scope.items() if any(value is step for step in steps)]
+    step_by(first_step)
     try:
         claim = entry(model, inputs["integrator"])
     finally:
