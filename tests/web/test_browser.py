@@ -155,7 +155,7 @@ def test_an_instructor_reviews_an_open_answer_and_its_learner_sees_it(site: Site
     form = desk.get_by_role("form", name="Review")
     expect(form).to_contain_text("Yours until")
     form.get_by_label("Points").fill("0.5")
-    form.get_by_label("Comment").fill("And what about stability?")
+    form.get_by_role("textbox", name="Comment").fill("And what about stability?")
     form.get_by_role("button", name="Decide", exact=True).click()
     expect(form).to_contain_text("Decided")
     expect(rows).to_have_count(waiting - 1)
