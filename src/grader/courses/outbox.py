@@ -43,7 +43,7 @@ def release(database: Database, session: Session, course: str, quiz: str, learne
     }  # fmt: skip
     if not unsent:
         return
-    database.lock_learners(session, unsent)  # first, as whoever notes results does
+    database.lock_learners(session, unsent)  # before the rows: results are stored in that order
     rows = outbox.release_held(session, course, quiz, [who for _, who in unsent])
     jobs.hurry(session, jobs.DELIVER, [str(row.id) for row in rows if row.has_job])
     queue(session, [row for row in rows if not row.has_job])

@@ -38,7 +38,7 @@ class Registration:
 class Person:
     """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role.
 
-    `email` is the address on the platform's roster, if it tells one: it is shown, and identifies nobody.
+    `email` is the address on the platform's roster, if it has one; it is shown, and never identifies a member.
     """
 
     issuer: str

@@ -299,8 +299,8 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
 def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
     """The feedback of a verdict, without the solution, as far as `reveal` goes.
 
-    Where only the direction is told, neither messages nor diagnosis nor measured distances are: what stands in for them
-    is the `direction` of finding and verdict. A reviewer's finding is told as it was written.
+    With "direction", the `direction` of findings and verdict takes the place of messages and diagnosis, and measured
+    distances are left out. A reviewer's finding is told as it was written.
     """
     if reveal == "direction":
         findings = tuple(directed(finding) for finding in verdict.findings)
@@ -317,7 +317,7 @@ def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
 
 
 def directed(finding: Finding) -> Finding:
-    """A finding of which only the direction is told."""
+    """A finding that tells the direction of an error alone."""
     measured = finding.measured if finding.id == REVIEW else None
     told = fields_of(finding, DIRECTION_FINDING_FIELDS)
     return Finding(**told, message=finding.direction or "", measured=measured)
