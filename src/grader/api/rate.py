@@ -117,7 +117,7 @@ class SharedBuckets:
         return -math.inf if self._names[place] == EMPTY else self._full_at[place]
 
     def _name(self, who: Hashable) -> int:
-        """A number that stands for a bucket, the same in every process."""
+        """The number of a bucket, the same in every process."""
         digest = blake2b(repr((self._limit, who)).encode(), digest_size=8).digest()
         return int.from_bytes(digest, "big") or 1
 

@@ -27,7 +27,6 @@ from grader.numerics.stepping import STEPS_MAX
 SCENES = {"double_pendulum": 1.024, "stiff_servo": 1.024, "joint_limits": 1.024, "pile": 0.128}
 """Each scene and its simulated time [s]; timesteps and samples divide it."""
 
-PILE = "pile"
 SAMPLES = 8
 TIMESTEPS_S = tuple(0.016 / 2**k for k in range(8))
 METHODS: tuple[Method, ...] = ("LSODA", "DOP853", "Radau")

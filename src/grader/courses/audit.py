@@ -50,7 +50,6 @@ class Action(StrEnum):
     PLATFORM_ADDED = "platform added"
     PLATFORM_APPROVED = "platform approved"
     PLATFORM_REMOVED = "platform removed"
-    KEYS_ROTATED = "platform keys rotated"
     CONTEXT_WANTED = "platform course asks for a link"
     CONTEXT_LINKED = "platform course linked"
     CONTEXT_UNLINKED = "platform course unlinked"

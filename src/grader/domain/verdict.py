@@ -44,7 +44,7 @@ class Status(StrEnum):
 class Finding(BaseModel):
     """The outcome of one criterion; `passed` is None if it is undecided.
 
-    `direction` is the message where only the direction of an error may be told; None: nothing is told there.
+    With "reveal": "direction", `direction` takes the place of `message`; None: no message there.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -63,7 +63,7 @@ class Finding(BaseModel):
 class Verdict(BaseModel):
     """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one.
 
-    `direction` is the diagnosis where only the direction of an error may be told; None: nothing is told there.
+    With "reveal": "direction", `direction` takes the place of `diagnosis`; None: no diagnosis there.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

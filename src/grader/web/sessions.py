@@ -7,8 +7,7 @@ from typing import TypeVar
 from sqlalchemy.orm import Session
 
 from grader.courses.sign_in import BrowserSession, end_session
-from grader.errors import Unauthorized
-from grader.identity import COOKIE, SECURE_COOKIE, Identity, authenticate
+from grader.identity import COOKIE, SECURE_COOKIE
 from grader.store.database import Database
 
 Result = TypeVar("Result")
@@ -53,13 +52,6 @@ class SessionCookies:
         """Calls `change` in a transaction for writing."""
         with self.database.write() as session:
             return change(session)
-
-    def identify(self, cookies: Mapping[str, str]) -> Identity | None:
-        """The user of a browser; None without a valid session."""
-        try:
-            return authenticate(self.database, None, cookies)
-        except Unauthorized:
-            return None
 
     def end(self, cookies: Mapping[str, str]) -> None:
         """Ends the browser's session."""

@@ -20,9 +20,6 @@ function fill(node, attributes, children) {
   return node;
 }
 
-let made = 0;
-export const freshId = (stem) => `${stem}-${++made}`;
-
 export function number(value, digits = 4) {
   if (typeof value !== "number") return String(value);
   if (!Number.isFinite(value)) return value > 0 ? "∞" : value < 0 ? "−∞" : "not a number";

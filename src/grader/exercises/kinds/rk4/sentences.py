@@ -113,7 +113,7 @@ def powers_of_h(reading: Reading) -> str | None:
 
 
 def fixed_step(rows: Rows, slope: str) -> float | None:
-    """Returns the number [s] that stands for h in every row; None if there is none."""
+    """Returns the number [s] that every row has in the place of h; None if there is none."""
     weights = {term: value for term, value in (rows[-1] or {}).items() if term.slope == slope}
     if not weights or any(term.power for row in rows if row for term in row if term.slope == slope):
         return None

@@ -15,7 +15,7 @@ CUT_ATOL = 1e-9
 """Relative difference below which two velocities are the same."""
 
 CUTS_MIN = 2
-"""The fewest velocities that must stand at one size before it counts as a bound."""
+"""The fewest velocities of equal size that count as cut off."""
 
 CLOCK_ATOL = 1e-6
 """Difference in timesteps below which two times are the same: a time of many seconds has lost digits."""
