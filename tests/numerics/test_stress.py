@@ -5,7 +5,7 @@ from math import inf, isfinite, nan, sqrt
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grader.numerics.bisection import Found, find_threshold
@@ -44,7 +44,7 @@ def closed_form(integrator: int, kp: float, kv: float, mass_ratio: float = 1.0) 
 
 log_uniform = st.floats(0.0, 1.0)
 integrators = st.sampled_from([EULER, RK4, IMPLICIT, IMPLICITFAST])
-thorough = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+thorough = settings(max_examples=60)
 
 
 @thorough

@@ -225,8 +225,10 @@ def _compiled(xml: str, key: int | str | None) -> Scene:
 
 
 def _scene_of(model: mujoco.MjModel, needs: tuple[proofs.Need, ...], stock: Stock, digest: str) -> Scene:
-    data = mujoco.MjData(model)
-    return Scene(model, _full_state(model, data), state_of(data), needs, stock, digest)
+    workspace = stock.take(skip=False)  # kept for the first run: an MjData takes as long to make as a model
+    start_vector, start = _full_state(model, workspace.data), state_of(workspace.data)
+    stock.give_back(workspace, 0)
+    return Scene(model, start_vector, start, needs, stock, digest)
 
 
 def _full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:

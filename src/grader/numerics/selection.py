@@ -424,6 +424,11 @@ class _Survey:
     def passes(self, candidate: Candidate) -> bool:
         return candidate.error + self.doubt <= self.tolerance
 
+    def by_accident(self, candidate: Candidate) -> bool:
+        """Whether a smaller timestep of the same integrator does not pass."""
+        own = (one for one in self.measured.values() if one.integrator is candidate.integrator)
+        return any(one.timestep_s < candidate.timestep_s and not self.passes(one) for one in own)
+
     def best(self) -> Candidate | None:
         """The cheapest confirmed setting."""
         return min(filter(None, map(self.confirmed, self.offered)), key=_by_cost, default=None)
@@ -442,6 +447,8 @@ class _Survey:
             margin = self.tolerance / best.error if best.error else inf
             reason = f"{named(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {best.cost:g}"
             reason += " evaluations a second"
+            if lucky := [named(c) for c in candidates if c.cost < best.cost and self.passes(c) and self.by_accident(c)]:
+                reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
         told = self.doubt / REFERENCE_SHARE
         return Selection(
             best, margin, reason + late, self.doubt, candidates, front_of(candidates), self.measured[own], told

@@ -58,23 +58,25 @@ def advance_coarsely(workspace: Workspace, steps: int) -> int:
 def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int:
     """Step `steps` times, or until a step warns or time does not advance; return the number of completed steps.
 
-    A chunk that warned is taken again from its start, in chunks a GROWTH-th as long and at last step by step.
+    The state is saved every CHUNK_MAX steps or more. A chunk that warned is taken again from its start, which is
+    reached from the last saved state, in chunks a GROWTH-th as long and at last step by step.
     """
     model, data = workspace.model, workspace.data
     known, workspace.known = workspace.known, None
-    done, time_s = 0, data.time
+    done, saved_at, time_s = 0, 0, data.time
     while done < steps:
         chunk = min(chunk, steps - done)
-        if chunk > 1 and (done or known is None):
-            known = workspace.saved
+        if known is None or done - saved_at >= CHUNK_MAX:
+            known, saved_at = workspace.saved, done
             mujoco.mj_getState(model, data, known, FULL_STATE)
         before, time_s = time_s, _time_after(workspace, chunk)
         if not time_s > before:
             if chunk == 1:
                 return done
-            assert known is not None
             mujoco.mj_resetData(model, data)
             mujoco.mj_setState(model, data, known, FULL_STATE)
+            if done > saved_at:
+                mujoco.mj_step(model, data, done - saved_at)
             return done + advance_exactly(workspace, chunk, max(1, chunk // GROWTH))
         done += chunk
         chunk = min(GROWTH * chunk, CHUNK_MAX)
