@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from grader.answers.grade import TEXT_CHARACTERS_MAX, grade_answer, read_answer
 from grader.domain.quiz import ChoiceQuestion, NumericQuestion, OpenQuestion, PredictQuestion, Question
@@ -49,6 +50,18 @@ def test_a_wrong_choice_is_not_told_the_right_one() -> None:
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
     assert [finding.expected for finding in verdict.findings] == [None]
     assert "Position" not in verdict.model_dump_json(exclude={"explain"})
+
+
+def test_a_choice_is_told_why_where_the_author_says_so() -> None:
+    question = CHOICE.model_copy(update={"whys": ("Forces come <i>later</i>.", "", "A bound of the integrator.", "")})
+    told = [grade_answer(question, index).findings[0].message for index in range(3)]
+    assert told == ["Forces come later.", "This option is right.", "A bound of the integrator."]
+    assert grade_answer(CHOICE, 0).findings[0].message == "This option is not right."
+
+
+def test_a_why_belongs_to_every_option_or_to_none() -> None:
+    with pytest.raises(ValidationError, match="there are 1 sentences for 4 options"):
+        ChoiceQuestion.model_validate({**CHOICE.model_dump(), "whys": ["Only one."]})
 
 
 def test_predict_is_graded_as_a_choice() -> None:
@@ -123,7 +136,7 @@ def test_reading_raises_what_grading_diagnoses(question: Question) -> None:
     assert grade_answer(question, None).diagnosis == str(error.value)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(json_values, st.sampled_from([CHOICE, PREDICT, NUMERIC, OPEN]))
 def test_any_json_value_gets_a_verdict_that_can_be_sent(answer: Any, question: Question) -> None:
     verdict = grade_answer(question, answer)

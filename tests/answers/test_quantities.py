@@ -218,7 +218,7 @@ def test_every_way_to_write_a_power_of_ten(mantissa: int, power: int) -> None:
         assert read_number(text).value == float(f"{mantissa}e{power}")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.text(st.characters(exclude_categories=()), max_size=120)
     | st.text("0123456789.,'eE+-−×·*^/() πpimskNrad°%½²⁻", max_size=30)

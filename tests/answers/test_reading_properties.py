@@ -47,21 +47,19 @@ FRAMES = [
 SCRIPTS = ["0123456789", "٠١٢٣٤٥٦٧٨٩", "۰۱۲۳۴۵۶۷۸۹", "०१२३४५६७८९", "０１２３４５６７８９", "০১২৩৪৫৬৭৮৯", "๐๑๒๓๔๕๖๗๘๙"]
 
 
-@settings(deadline=None)
 @given(finite, st.sampled_from(UNITS), st.sampled_from(FRAMES))
 def test_what_is_printed_is_read_back(value: float, unit: str, frame: str) -> None:
     shown = str(Quantity(value, value, None, spelling.without_markup(unit)))
     assert read_quantity(frame.format(shown), unit).value == pytest.approx(value, rel=1e-11)
 
 
-@settings(deadline=None)
 @given(finite, st.sampled_from(SCRIPTS), st.sampled_from(["ms", "N m/rad", None]))
 def test_the_digits_of_every_script_are_read(value: float, script: str, unit: str | None) -> None:
     typed = f"{value!r} {unit or ''}".translate(str.maketrans("0123456789", script))
     assert read_quantity(typed, unit).value == value
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(finite, PAIRS, st.data(), st.sampled_from(FRAMES))
 def test_another_dimension_is_never_accepted(value: float, pair: tuple[str, str], data: Any, frame: str) -> None:
     typed, wanted = (data.draw(st.sampled_from(UNITS_BY_DIMENSION[name])) for name in pair)
@@ -73,7 +71,6 @@ def test_another_dimension_is_never_accepted(value: float, pair: tuple[str, str]
             read_quantity(answer, wanted)
 
 
-@settings(deadline=None)
 @given(finite, finite)
 def test_two_values_are_one_answer_only_where_they_agree(first: float, second: float) -> None:
     text = f"{first!r} ms = {second!r} ms"

@@ -76,7 +76,8 @@ def read_text(answer: Any) -> str:
 
 def _grade_choice(question: ChoiceQuestion | PredictQuestion, index: int, read_as: str) -> Verdict:
     passed = index == question.answer
-    message = "This is the right option." if passed else "This is not the right option."
+    why = option_text(question.whys[index]) if question.whys else ""
+    message = why or ("This option is right." if passed else "This option is not right.")
     finding = _finding(question, "choice", "Your choice", passed=passed, message=message, measured=read_as)
     return verdict_of((finding,), evidence={"option": index})
 

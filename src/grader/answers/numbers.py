@@ -22,8 +22,8 @@ NUMBER = re.compile(
           | (?:\ ?[*xX]\ ?|\ )(?P<open>\()?10\ ?(?:\^|\*\*)\ ?(?P<s>\()?(?P<scale>[+-]?[0-9]+)(?(s)\))(?(open)\))
         )?
     )?
-    (?:\ ?\*?\ ?(?:(?:np|numpy|math)\.)?(?P<pi>pi|Pi|PI|π)(?![A-Za-z]))?
-    (?:\ ?/\ ?(?P<over>[0-9]+(?:\.[0-9]+)?)(?![0-9.,]))?
+    (?:\ ?\*?\ ?(?:(?:np|numpy|[Mm]ath)\.|M_)?(?P<pi>pi|Pi|PI|π)(?![A-Za-z]))?
+    (?:\ ?/\ ?(?P<over>[0-9]+(?:\.[0-9]*)?)(?![0-9.,]))?
     """,
     re.VERBOSE,
 )
@@ -37,7 +37,17 @@ COMMA_GROUPS = re.compile(r"[1-9][0-9]{0,2}(?:(?:,[0-9]{3})+\.[0-9]*|(?:,[0-9]{3
 DOT_GROUPS = re.compile(r"[1-9][0-9]{0,2}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})")
 
 NOT_FINITE = re.compile(r"[+-]? ?(?:nan|inf|infinity|∞)(?![a-z])", re.IGNORECASE)
-BOUND = re.compile(r"(?:less|more|fewer|at most|at least|below|above|under|over|up to|greater|smaller|between)\b", re.I)
+BOUND = re.compile(
+    r"(?:less|more|fewer|at most|at least|below|above|under|over|up to|greater|smaller|between|max|maximum|minimum"
+    r"|no more|not more|no less|not less)\b",
+    re.I,
+)
+BOUND_AFTER = re.compile(
+    r"[\w%°] ?\b(?:(?:or|and) (?:less|lower|below|under|smaller|shorter|more|higher|above|over|greater|larger|longer)"
+    r"|or so|max|maximum|at most|at least)[.,;!? ]*$",
+    re.I,
+)
+"""The end of `5 ms or less`."""
 UNCERTAIN = re.compile(r"±|\+/?-")
 LOST_POWER = re.compile(r"[0-9] ?[*xX] ?10-?[0-9]")
 CALCULATION = re.compile(
@@ -61,7 +71,7 @@ def read_number(text: str) -> TypedNumber:
         raise InvalidAnswer("The answer is empty: type a number.")
     if NOT_FINITE.match(text):
         raise InvalidAnswer(f"{quoted(text)} is not a finite number: type a finite number.")
-    if BOUND.match(text) or UNCERTAIN.search(text):
+    if BOUND.match(text) or BOUND_AFTER.search(text) or UNCERTAIN.search(text):
         raise not_one_number(text)
     if found := IN_PARENTHESES.match(text):
         inner = read_number(found[2].strip())
@@ -123,6 +133,8 @@ def read_digits(digits: str, text: str) -> str:
 
     Raises InvalidAnswer, which quotes `text`, the answer around the digits.
     """
+    if "." in digits[:-1]:
+        digits = digits.removesuffix(".")  # the full stop of a sentence
     if PLAIN.fullmatch(digits):
         return digits
     if AMBIGUOUS.fullmatch(digits):

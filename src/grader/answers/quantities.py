@@ -22,10 +22,13 @@ EQUAL = frozenset("=≈~")
 BELOW = frozenset({"<", "<=", "=<", "≤", ":", ":="})
 NAME = re.compile(
     r"(?!(?:not|pi|π)\b)(?:(?:the|a|my|max|maximum|min|minimum|largest|smallest|time|step|Δ|d|delta) ){0,3}"
-    r"[^\W\d]\w{0,15}(?: [0-9])?",
+    r"[^\W\d]\w{0,15}(?: [0-9]|\^?\*|')?",
     re.IGNORECASE,
 )
 """Names that may precede the sign in `h < 5 ms`; other words could change the meaning, as in `log h = 5`."""
+
+IS = re.compile(r" (?:is|equals|ist) ", re.I)
+"""Reads `h is 5 ms` as `h = 5 ms`."""
 
 HEDGE = re.compile(
     r"(?:about|around|approximately|approx\.?|roughly|exactly|circa|ca\.?|etwa|ungefähr)(?: |(?<=\.)|(?=[0-9]))", re.I
@@ -34,6 +37,9 @@ WRAPPINGS = {"(": ")", "[": "]", '"': '"', "'": "'", "`": "`", "*": "*"}
 WRAPPINGS_MAX = 4
 FULL_STOPS = ".,;!? "
 """Punctuation that may follow a unit; after a bare number it could change the value: `5!` is 120."""
+
+SET_OFF = re.compile(r"\[([^][]+)\]|-([A-Za-zμ].*)")
+"""The unit of `5 [ms]` and `5-ms`."""
 
 AGREEMENT = 1e-3
 """Relative difference up to which both sides of `1/3 = 0.3333` are the same answer."""
@@ -84,7 +90,9 @@ def _read_text(answer: str, shown: str) -> Quantity:
 
 def sides(text: str) -> list[str]:
     """Split `h < 0.005 s = 5 ms` at its signs and drop the names. Raises InvalidAnswer for a bound or a range."""
-    pieces = [piece.strip() for piece in RELATION.split(unwrapped(text))]  # value, sign, value, sign, ..., value
+    pieces = [piece.strip() for piece in RELATION.split(IS.sub("=", unwrapped(text)))]  # value, sign, ..., value
+    if len(pieces) > 1 and pieces[0] and not pieces[-1]:
+        raise InvalidAnswer(f"{quoted(text)} ends with a sign: type one number.")
     first = 0
     while first + 1 < len(pieces) and (not pieces[first] or NAME.fullmatch(pieces[first])):
         sign = pieces[first + 1]
@@ -133,6 +141,8 @@ def _read_side(text: str, shown: str) -> Quantity:
     if not number.rest or _same_label(number.rest, shown):
         return Quantity(number.value, number.value, None, shown)
     name = number.rest.rstrip(FULL_STOPS) or number.rest
+    if found := SET_OFF.fullmatch(name):
+        name = found[1] or found[2]
     try:
         typed = read_unit(name)
         if not shown:

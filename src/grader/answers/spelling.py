@@ -32,11 +32,12 @@ TAGS_WITH_A_MEANING = (("<sup>", "^"), ("<sub>", "_"), ("<", " <"))
 
 TEX_FRACTION = re.compile(r"\\[dt]?frac ?\{([^{}]*)\} ?\{([^{}]*)\}")
 TEX_COMMAND = re.compile(r"\\([A-Za-z]+|.)")
-TEX_RAISED = re.compile(r"([_^])\{([^{}]*)\}")
+TEX_RAISED = re.compile(r"([_^])\{ *([^{}]*?) *\}")
 MICRO = re.compile("μ +")
 TEX_COMMANDS: Mapping[str, str] = {
     **dict.fromkeys([*",;:! ()[]", "quad", "qquad", "left", "right"], " "),
     **dict.fromkeys(["mathrm", "mathit", "mathbf", "mathsf", "text", "textrm", "mbox", "rm", "operatorname"], " "),
+    **dict.fromkeys(["SI", "si", "qty", "num", "unit"], " "),
     **dict.fromkeys(["circ", "degree"], "°"),
     **dict.fromkeys(["le", "leq", "leqslant"], "≤"),
     **dict.fromkeys(["ge", "geq", "geqslant"], "≥"),

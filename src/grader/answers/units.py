@@ -31,6 +31,11 @@ FACTOR = re.compile(
 )
 """One factor of a product of units and the sign before it; every part after the name is optional."""
 
+POWERS = {"square": 2, "sq": 2, "cubic": 3}
+POWER_BEFORE = re.compile(r"\b(square|sq|cubic) ([A-Za-z]+)")
+PREFIX_APART = re.compile(r"\b(micro|milli|centi|kilo|mega)[ -](?=[A-Za-z])")
+"""`square meters` and `milli seconds`."""
+
 SPELLINGS: Mapping[str, str] = {
     "°": "degree",
     "°C": "degree_Celsius",
@@ -52,6 +57,10 @@ IN_ANY_CASE: Mapping[str, str] = {
     "hz": "hertz",
     "khz": "kilohertz",
     "rpm": "revolutions_per_minute",
+    "pct": "percent",
+    **dict.fromkeys(["sek", "sekunde", "sekunden"], "second"),
+    **dict.fromkeys(["millisekunde", "millisekunden"], "millisecond"),
+    **dict.fromkeys(["mikrosekunde", "mikrosekunden"], "microsecond"),
 }
 """Short names that mean the same in any case."""
 
@@ -172,7 +181,8 @@ def _build_registry() -> "pint.UnitRegistry[Any]":
 @lru_cache(maxsize=1024)
 def read_unit(text: str) -> Unit:
     """Read a product of units and their powers: `N m/rad`, `kg·m²`, `1/s`, `m s^-1`. Raises InvalidAnswer."""
-    folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3")
+    folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3").replace("per cent", "percent")
+    folded = PREFIX_APART.sub(r"\1", POWER_BEFORE.sub(lambda found: f"{found[2]}^{POWERS[found[1]]}", folded))
     if len(folded) > CHARACTERS_MAX:
         raise InvalidAnswer(f"{quoted(text)} is too long to be a unit")
     powers: dict[str, int] = {}

@@ -24,6 +24,17 @@ def _index_of_option(answer: int, info: ValidationInfo) -> int:
     return answer
 
 
+def _one_for_each_option(whys: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    options = info.data.get("options")
+    if whys and options is not None and len(whys) != len(options):
+        counts = {"whys": len(whys), "options": len(options)}
+        raise PydanticCustomError("whys", "there are {whys} sentences for {options} options: give each its own", counts)
+    return whys
+
+
+Whys = Annotated[tuple[str, ...], AfterValidator(_one_for_each_option)]
+"""A sentence on each of the `options`, a field that must be declared before it: why it is right or wrong."""
+
 Reveal = Literal["direction", "size", "value"]
 """What the feedback on a wrong answer gives away, before the solution may be seen; each level includes the ones before.
 
@@ -57,6 +68,7 @@ class ChoiceQuestion(QuestionPart):
     kind: Literal["mcq", "debug"]
     options: tuple[str, ...] = Field(min_length=2)
     answer: OptionIndex
+    whys: Whys = ()
 
 
 class PredictQuestion(QuestionPart):
@@ -65,6 +77,7 @@ class PredictQuestion(QuestionPart):
     kind: Literal["predict"]
     options: tuple[str, ...] = Field(min_length=2)
     answer: OptionIndex
+    whys: Whys = ()
     sim: LabConfig | None = None
 
 
@@ -125,16 +138,27 @@ Question = Annotated[
 ]
 
 
+class LessonHead(BaseModel):
+    """What the page of a lesson says of it: its name without the number, and a sentence."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title: str = Field(min_length=1)
+    summary: str | None = None
+
+
 class Quiz(BaseModel):
     """One file of questions and labs.
 
-    `anonymous` keeps the learners' names from their reviewers; `second_marking` has answers marked a second time.
+    `lesson` is about the lesson that the quiz is of. `anonymous` keeps the learners' names from their reviewers;
+    `second_marking` has answers marked a second time.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str
+    lesson: LessonHead | None = None
     policy: Policy = Policy()
     anonymous: bool = True
     second_marking: SecondMarking | None = None

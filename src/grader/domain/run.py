@@ -1,6 +1,6 @@
 """Job and RunReport: the input and the output of a run in the jail."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 SOURCE_BYTES_MAX = 256 * 1024
+
+
+def ignore(*_: object) -> None:
+    """Listens to nothing."""
 
 
 class Limits(BaseModel):
@@ -39,6 +43,9 @@ class Job:
     the inputs reach it. Nothing steps a model from there on; the report counts the attempts. Where the jail
     `keeps_integrators` they stay. Models compile as before, except those with muscles, whose length range MuJoCo
     simulates: the driver must compile these at its top level, before the import.
+
+    `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives;
+    both in the thread of the run.
     """
 
     source: str
@@ -48,6 +55,8 @@ class Job:
     filename: str = "submission.py"
     without_integrators: bool = False
     hidden_inputs: Mapping[str, Any] = field(default_factory=dict)
+    sent: Callable[[], object] = ignore
+    heard: Callable[[str], object] = ignore
 
 
 class RunStatus(StrEnum):

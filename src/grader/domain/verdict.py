@@ -19,6 +19,9 @@ GRADED_AS = "graded_as"
 REVIEW = "review"
 """The id of the finding of a reviewer."""
 
+NO_COMMENT = "An instructor has decided."
+"""What this finding tells where the reviewer wrote no comment."""
+
 
 class Status(StrEnum):
     """The outcome of a submission."""
@@ -102,7 +105,7 @@ def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
     if not 0 <= points <= verdict.max_points:
         raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
     status = status_of(points, verdict.max_points)
-    message = comment or "An instructor has decided."
+    message = comment or NO_COMMENT
     review = Finding(
         id=REVIEW,
         title="review",
