@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from grader.sandbox.inside import kernel, lockdown
 from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[2]
@@ -51,6 +52,11 @@ def jail(content: Content) -> Iterator[Jail]:
             yield jail
 
 
+def landlock_abi() -> int:
+    """What this kernel's Landlock can do: 4 refuses TCP (Linux 6.7), 6 scopes signals and sockets (Linux 6.12)."""
+    return kernel.syscall(kernel.LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), lockdown.LANDLOCK_VERSION_FLAG)
+
+
 @dataclass(frozen=True, order=True)
 class Census:
     """What this process holds: its descendants, its descriptors, the mounts it sees."""
@@ -77,15 +83,33 @@ def settled(expected: Census, patience_s: float = 10.0) -> Census:
 
 
 def at_rest_with(processes: int, patience_s: float = 20.0) -> Census:
-    """The census once there are so many processes and the descriptors no longer change."""
+    """The census once the jails hold so many processes and the descriptors no longer change."""
     deadline, before = time.monotonic() + patience_s, census()
     while time.monotonic() < deadline:
         time.sleep(0.1)
         now = census()
-        if now == before and now.processes == processes:
+        if now == before and len(jailed()) == processes:
             return now
         before = now
-    raise AssertionError(f"no rest: {before}")
+    raise AssertionError(f"no rest: {len(jailed())} processes in jails, {before}")
+
+
+def jailed() -> set[int]:
+    """The processes of our jails: bubblewrap and what it started.
+
+    Other tests may have left a process with the interpreter, as multiprocessing does with its resource tracker.
+    """
+    return {
+        pid for child in descendants(os.getpid()) if command(child) == "bwrap" for pid in {child} | descendants(child)
+    }
+
+
+def command(pid: int) -> str:
+    """The name of a process, empty once it has ended."""
+    try:
+        return Path(f"/proc/{pid}/comm").read_text().strip()
+    except OSError:
+        return ""
 
 
 def descendants(pid: int) -> set[int]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from grader.domain.run import Job, RunStatus
 from grader.sandbox.jail import Jail
-from sandbox.conftest import at_rest_with, descendants, resident_kb
+from sandbox.conftest import at_rest_with, jailed, resident_kb
 
 MODELS = Path(__file__).parents[2] / "models"
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [inputs['n']])\n"
@@ -22,7 +22,7 @@ AT_REST = 3 + 2 * WORKERS
 def figures(label: str) -> None:
     """One line: what this process and the jail hold at rest."""
     census = at_rest_with(AT_REST, patience_s=60)
-    jail_kb = sum(resident_kb(pid) for pid in descendants(os.getpid()))
+    jail_kb = sum(map(resident_kb, jailed()))
     mounts = len(Path("/proc/mounts").read_text().splitlines())
     shown = f"resident {resident_kb(os.getpid()) / 1024:.1f} MB, jail's processes {jail_kb / 1024:.1f} MB"
     print(f"{label:>7}: {census}, mounts of the machine {mounts}, {shown}", flush=True)

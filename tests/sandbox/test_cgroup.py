@@ -4,13 +4,27 @@ The rules of the files are the kernel's (cgroup v2); here a folder stands in for
 memory controller cannot be had everywhere the suite runs.
 """
 
+import os
+import signal
 from pathlib import Path
 
 import pytest
 
+from grader.domain.run import Job, Limits, RunStatus
+from grader.errors import JailFault
 from grader.sandbox import cgroup
 from grader.sandbox.cgroup import Group, delegated
+from grader.sandbox.jail import Jail, Tier
 from grader.sandbox.policy import CGROUP_MEMORY_EXTRA, MB, THREADS_MAX
+from sandbox.conftest import Content
+
+WAITS = """
+import time
+
+def run(student, inputs, submit):
+    submit("ready", [1.0])
+    time.sleep(60)
+"""
 
 
 def hierarchy(root: Path, controllers: str = "cpu memory pids", inhabitants: str = "") -> Path:
@@ -69,3 +83,44 @@ def test_removing_waits_for_the_dead_but_not_for_ever(tmp_path: Path, monkeypatc
     (group.path / "cgroup.kill").unlink()
     group.path.rmdir()
     group.remove()
+
+
+@pytest.fixture
+def groups(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a group for each child, named for its process; it stands in for the kernel's."""
+
+    def make(pid: int) -> Group:
+        group = Group(tmp_path / str(pid))
+        group.path.mkdir()
+        (group.path / "memory.events").write_text("oom_kill 0\n")
+        return group
+
+    monkeypatch.setattr(cgroup, "GONE_S_MAX", 0.0)
+    monkeypatch.setattr(cgroup, "delegated", lambda: make)
+    return tmp_path
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_script_that_is_killed_ran_out_of_memory_if_its_group_counts_it(
+    counted: bool, groups: Path, content: Content
+) -> None:
+    """As at the group's limit: SIGKILL, which no limit of the supervisor's own explains."""
+    limits = Limits(memory_mb=300)
+
+    def end(_result: str) -> None:
+        (limit,) = groups.glob("*/memory.max")
+        assert limit.read_text() == str(300 * MB + CGROUP_MEMORY_EXTRA)
+        if counted:
+            (limit.parent / "memory.events").write_text("oom_kill 1\n")
+        os.kill(int(limit.parent.name), signal.SIGKILL)
+
+    with Jail(content.models, workers=1) as jail:
+        assert jail.tier is Tier.T0
+        for old in groups.glob("*/memory.max"):  # of the self-test
+            old.unlink()
+        job = Job("", WAITS, {}, limits, heard=end)
+        if counted:
+            assert jail.run(job).status is RunStatus.OUT_OF_MEMORY
+        else:
+            with pytest.raises(JailFault, match="killed from outside"):
+                jail.run(job)

@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailRefused
 from grader.sandbox.jail import Jail, Tier
+from grader.sandbox.usage import Usage
+from grader.sandbox.watch import POLL_S_MIN
 from sandbox.conftest import MODELS
 
 DRIVER = """
@@ -245,6 +248,22 @@ def test_more_jobs_than_workers_wait_their_turn(jail: Jail) -> None:
     with ThreadPoolExecutor(8) as pool:
         reports = list(pool.map(lambda n: run(jail, source, n=n), range(40)))
     assert [value(report) for report in reports] == [[n * 2.0] for n in range(40)]
+
+
+def test_limits_are_not_checked_at_every_message(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check reads several files of /proc; a run that sends hundreds of results would pay for each."""
+    checks, refresh = count(), Usage.refresh
+
+    def counted(usage: Usage) -> None:
+        next(checks)
+        refresh(usage)
+
+    monkeypatch.setattr(Usage, "refresh", counted)
+    driver = "import time\ndef run(_student, _inputs, submit):\n"
+    driver += "    for n in range(300):\n        submit(f'r{n}', [1.0])\n        time.sleep(0.0005)\n"
+    report = run(jail, "", driver)
+    assert (report.status, len(report.results)) == (RunStatus.RETURNED, 300)
+    assert next(checks) <= report.wall_s / POLL_S_MIN + 2
 
 
 def test_a_missing_model_folder_is_refused(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
 from grader.sandbox.jail import Jail
-from sandbox.conftest import MODELS, at_rest_with, census, descendants, settled
+from sandbox.conftest import MODELS, at_rest_with, census, command, descendants, jailed, settled
 
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
 TRIVIAL = Job("print('hi')", DRIVER, {})
@@ -24,13 +24,6 @@ def zygotes() -> list[int]:
     """Interpreters whose parent is bubblewrap."""
     ours = descendants(os.getpid())
     return [pid for pid in ours if command(pid).startswith("python") and command(parent(pid)) == "bwrap"]
-
-
-def command(pid: int) -> str:
-    try:
-        return Path(f"/proc/{pid}/comm").read_text().strip()
-    except OSError:
-        return ""
 
 
 def parent(pid: int) -> int:
@@ -79,6 +72,22 @@ def test_spares_that_were_killed_are_not_handed_out() -> None:
         assert {report.status for report in reports} == {RunStatus.RETURNED}
 
 
+def test_the_next_child_is_made_once_a_script_has_ended() -> None:
+    """What is prepared for the verdict meanwhile, from when the script is sent, would have to share a core with it."""
+    seen: list[tuple[str, int]] = []
+
+    def note(what: str) -> None:
+        seen.append((what, len(jailed())))
+
+    with Jail(MODELS, workers=1) as jail:
+        at_rest = at_rest_with(processes=5)  # bubblewrap, its pid 1 and the zygote; a keeper and a child
+        job = Job("import time\ntime.sleep(0.3)", DRIVER, {}, sent=lambda: note("sent"), heard=note)
+        assert jail.run(job).status is RunStatus.RETURNED
+        assert [what for what, _ in seen] == ["sent", "answer"]
+        assert max(processes for _, processes in seen) == 5
+        assert settled(at_rest) == at_rest
+
+
 def test_zygotes_are_recycled_while_jobs_run() -> None:
     before = census()
     with Jail(MODELS, workers=2, recycle_after=20) as jail, ThreadPoolExecutor(2) as pool:
@@ -119,7 +128,7 @@ def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytes
     monkeypatch.setenv("GRADER_TEST_SECRET", "canary-of-the-environment")
     with Jail(MODELS, workers=1):
         at_rest_with(processes=5)
-        for pid in descendants(os.getpid()):
+        for pid in jailed():
             assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), command(pid)
 
 

@@ -38,14 +38,49 @@ def test_the_line_and_its_loop_are_told(jail: Jail) -> None:
     assert report.reason.endswith(" times a second. Check when that loop ends.")
 
 
+NEVER_MOVES = """import mujoco
+
+def simulate(model):
+    data = mujoco.MjData(model)
+    while data.time < 20:
+        mujoco.mj_step(model, data)
+
+def main():
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    low, high = 0.001, 0.05
+    while high - low > 1e-4:
+        if simulate(model):
+            low = (low + high) / 2
+"""
+
+
+def test_a_loop_that_never_ends_is_told_and_not_the_one_within_that_ends_each_time(jail: Jail) -> None:
+    report = jail.run(Job(NEVER_MOVES, DRIVER, {}, Limits(cpu_s=0.5)))
+    assert report.status is RunStatus.TIMED_OUT
+    assert "in line 6 of your script (mujoco.mj_step(model, data)), in simulate(). The loop " in report.reason
+    assert (
+        "that begins in line 11, in main(), goes on all the time, and leads there again and again. It" in report.reason
+    )
+    assert report.reason.endswith("Check when that loop ends.")
+
+
+def test_of_two_loops_in_one_function_neither_is_blamed(jail: Jail) -> None:
+    inlined = "def main():\n    while True:\n        for i in range(1000):\n            i * i\n"
+    report = jail.run(Job(inlined, DRIVER, {}, Limits(cpu_s=0.5)))
+    assert "in the loops that begin in lines 2 and 3, in main(). Check when each of them ends." in report.reason
+
+
 def test_what_a_script_waits_for_is_told(jail: Jail) -> None:
     report = jail.run(Job(SLEEPS, DRIVER, {}, Limits(wall_s=1)))
     assert report.status is RunStatus.TIMED_OUT
     assert report.reason.endswith("It waited in line 3 of your script (time.sleep(60)), in main(): remove that.")
 
 
-def sample(line: Any = 5, times: Any = 9, samples: Any = 10, rates: Any = None, name: str = "where0") -> bytes:
+def sample(
+    line: Any = 5, times: Any = 9, samples: Any = 10, rates: Any = None, stays: Any = None, name: str = "where0"
+) -> bytes:
     told = {"lines": [[line, times]], "samples": samples, "rates": {"mj_step": 5.2e5} if rates is None else rates}
+    told["stays"] = stays
     return encode({name: np.frombuffer(json.dumps(told).encode(), np.uint8)})[:-4]
 
 
@@ -80,6 +115,10 @@ JSON = st.recursive(
 )
 
 
-@given(st.builds(sample, JSON, JSON, JSON, JSON) | st.binary(max_size=80), st.booleans(), st.booleans())
+@given(
+    st.builds(sample, JSON, JSON, JSON, JSON, JSON | st.integers(0, 12)) | st.binary(max_size=80),
+    st.booleans(),
+    st.booleans(),
+)
 def test_forged_samples_never_raise(results: bytes, waits: bool, hidden: bool) -> None:
     assert isinstance(told(results, waits=waits, hidden=hidden), str)

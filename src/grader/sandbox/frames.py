@@ -13,7 +13,7 @@ arrived.
 
 import math
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -68,11 +68,12 @@ class _Reader:
 
 
 class Wants:
-    """Counts the wants in a message that is still arriving."""
+    """Counts the wants in a message that is still arriving; calls `heard` with the name of each array in it."""
 
-    def __init__(self) -> None:
+    def __init__(self, heard: Callable[[str], object]) -> None:
         self.count = 0
         self._at = 0
+        self._heard = heard
 
     def scan(self, data: bytes | bytearray) -> int:
         """Read on in `data`, all that has arrived so far; returns how many whole want frames it holds."""
@@ -80,7 +81,11 @@ class Wants:
             size = _frame_size(data, self._at)
             if size is None or self._at + size > len(data):
                 break
-            self.count += data[self._at] == WANT[0]
+            if data[self._at] == WANT[0]:
+                self.count += 1
+            else:
+                name = self._at + 2
+                self._heard(data[name : name + data[name - 1]].decode("ascii", "replace"))
             self._at += size
         return self.count
 

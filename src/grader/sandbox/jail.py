@@ -37,9 +37,9 @@ class Tier(StrEnum):
 class Jail:
     """Runs students' scripts, `workers` at a time (default: one for each core); thread-safe; the rest wait in a queue.
 
-    `models`: the folder of MJCF files that scripts may read. `spares`: children kept ready (default: as `workers`).
-    `allow_t2`: accept a machine without user namespaces. `recycle_after`: children that one zygote makes.
-    `inside`: the folder of the code that runs in the cell; another one only in tests.
+    `models`: the folder of MJCF files that scripts may read. `allow_t2`: accept a machine without user namespaces.
+    `recycle_after`: children that one zygote makes. `inside`: the folder of the code that runs in the cell; another one
+    only in tests.
 
     Raises:
         JailRefused: this machine does not allow the jail, or the self-test found a hole.
@@ -53,7 +53,6 @@ class Jail:
         models: Path,
         workers: int | None = None,
         *,
-        spares: int | None = None,
         allow_t2: bool = False,
         recycle_after: int = RECYCLE_AFTER,
         inside: Path = cell.INSIDE,
@@ -69,7 +68,7 @@ class Jail:
             tries.append((Tier.T2, partial(Zygote, models, inside, alone=True)))
         faults = []
         for self.tier, start in tries:
-            self._pool = Pool(start, spares or self.workers, recycle_after)
+            self._pool = Pool(start, self.workers, recycle_after)
             try:
                 self.self_test = selftest.run(self.run, lambda: self.keeps_integrators)
                 return
@@ -78,7 +77,7 @@ class Jail:
                 raise
             except JailFault as fault:
                 self.close()
-                faults.append(f"{self.tier}: {fault}.")
+                faults.append(f"{self.tier}: {str(fault).rstrip('.')}.")
         raise JailRefused(f"The jail cannot be set up on this machine. {' '.join(faults)} {CURE}")
 
     def run(self, job: Job) -> RunReport:
@@ -109,7 +108,7 @@ class Jail:
         child = self._limited_child(job.limits)
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
-            watch = Watch(child, job.limits, parts, without_integrators=removes)
+            watch = Watch(child, job, parts, without_integrators=removes)
             return report(watch.run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error

@@ -75,7 +75,7 @@ PRELOAD: Final = _words("""
 mujoco mujoco.rollout mujoco.viewer numpy.random numpy.fft numpy.polynomial numpy.ma numpy.linalg
 json math cmath time datetime dataclasses collections functools itertools operator threading typing pathlib tempfile
 concurrent.futures concurrent.futures.thread queue random statistics fractions decimal enum abc copy io re string
-textwrap contextlib warnings traceback logging argparse inspect pprint bisect heapq struct timeit csv
+textwrap difflib contextlib warnings traceback logging argparse inspect pprint bisect heapq struct timeit csv
 encodings.idna encodings.ascii encodings.latin_1
 """)
 

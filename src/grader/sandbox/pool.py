@@ -1,4 +1,7 @@
-"""Keeps children ready: one thread owns the zygote, makes its children, and replaces it when it is worn out or dead."""
+"""Keeps children ready: one thread owns the zygote, makes its children, and replaces it when it is worn out or dead.
+
+A child is made when one has ended, not when one begins: what is prepared for the verdict has the other core meanwhile.
+"""
 
 import threading
 import time
@@ -13,14 +16,16 @@ RETRIES = 3
 
 
 class Pool:
-    """Holds a zygote and its spare children. They belong to one long-lived thread, as the cell dies with its thread.
+    """Holds a zygote and `places` children, which are ready, or run a job between `take` and `give_back`.
+
+    They belong to one long-lived thread, as the cell dies with its thread.
 
     Raises:
         JailFault: the first zygote does not start.
     """
 
-    def __init__(self, start: Callable[[], Zygote], spares: int, recycle_after: int) -> None:
-        self._start, self._spares, self._recycle_after = start, max(1, spares), recycle_after
+    def __init__(self, start: Callable[[], Zygote], places: int, recycle_after: int) -> None:
+        self._start, self._free, self._recycle_after = start, places, recycle_after
         self._ready: deque[Child] = deque()
         self._change = threading.Condition()
         self._closing = False
@@ -47,6 +52,7 @@ class Pool:
                     child = self._ready.popleft()
                     self._change.notify_all()
                     if child.alive():
+                        self._free -= 1
                         return child
                     child.close()
                 if self._fault is not None:
@@ -58,6 +64,7 @@ class Pool:
         """Close a dead child whose pipes have been read."""
         child.close()
         with self._change:
+            self._free += 1
             self._change.notify_all()
 
     def close(self) -> None:
@@ -95,7 +102,7 @@ class Pool:
         return self._closing or self._lacking() or dead or any(not zygote.children for zygote in self._retired)
 
     def _lacking(self) -> bool:
-        return len(self._ready) < self._spares
+        return len(self._ready) < self._free
 
     def _living(self) -> Zygote:
         """Return the zygote in use; start a new one when it has died or has made enough children."""

@@ -6,6 +6,7 @@ The samples are a claim, which only explains. Of a claim that was made with hidd
 import ast
 import json
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from grader.sandbox.frames import arrays_of
@@ -17,6 +18,7 @@ CLEAR_SHARE = 0.5
 CODE_CHARS_MAX = 60
 COUNTED = ("mj_step", "mj_forward")
 RATE_MAX = 1e9
+WHICH_ENDS = "Check when each of them ends."
 
 
 def where_spent(results: bytes, source: str, *, waits: bool, hidden: bool) -> str:
@@ -31,35 +33,65 @@ def where_spent(results: bytes, source: str, *, waits: bool, hidden: bool) -> st
         lines = source.splitlines()
         if type(line) is not int or not 1 <= line <= len(lines) or not times / samples >= CLEAR_SHARE:
             return ""
-        function, loop = around(source, line)
+        place = sentence_of(source, line, told.get("stays"), waits=waits)
         rate, busiest = max((rate_of(rates, name), name) for name in COUNTED)
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, MemoryError):
         return ""
-    place = f"in line {line} of your script ({shortened(lines[line - 1].strip())})"
-    if waits:
-        return f" It waited {place}{function}: remove that."
-    if loop is None:
-        return f" It was busy {place}{function}."
     called = f" It called {busiest} about {rounded(rate)} times a second." if rate and not hidden else ""
-    begins = "" if loop == line else f", in the loop that begins in line {loop}"
-    return f" It was busy {place}{begins}{function}.{called} Check when that loop ends."
+    return place.format(called=called)
 
 
-def around(source: str, line: int) -> tuple[str, int | None]:
-    """Return the function around a line, to end a sentence, and the line in which the innermost loop begins."""
-    function, loop = "", None
+def sentence_of(source: str, line: int, stays: Any, *, waits: bool) -> str:
+    """Return the sentences of a line, with a field `called`; `stays` is where its innermost lasting call was."""
+    tree = ast.parse(source)
+    text = shortened(source.splitlines()[line - 1].strip()).replace("{", "{{").replace("}", "}}")
+    seen, here = f"in line {line} of your script ({text})", around(tree, line)
+    if waits:
+        return f" It waited {seen}{here.text}: remove that."
+    outer = around(tree, stays) if type(stays) is int else here
+    if outer.loops and outer.function is not here.function:
+        return (
+            f" It was busy {seen}{here.text}. The loop that begins in line {outer.loops[-1]}{outer.text}, goes on all "
+            "the time, and leads there again and again.{called} Check when that loop ends."
+        )
+    if not here.loops:
+        return f" It was busy {seen}{here.text}."
+    if len(here.loops) > 1:
+        begins = " and ".join(map(str, here.loops))
+        return f" It was busy {seen}, in the loops that begin in lines {begins}{here.text}.{{called}} {WHICH_ENDS}"
+    begins = "" if here.loops[0] == line else f", in the loop that begins in line {here.loops[0]}"
+    return f" It was busy {seen}{begins}{here.text}.{{called}} Check when that loop ends."
+
+
+@dataclass(frozen=True)
+class Place:
+    """The function around a line, and the lines in which the loops around it begin, within the function."""
+
+    function: ast.AST | None
+    loops: list[int]
+
+    @property
+    def text(self) -> str:
+        """The function, to end a sentence."""
+        name = getattr(self.function, "name", "")
+        return f", in {shortened(name)}()" if name else ""
+
+
+def around(tree: ast.AST, line: int) -> Place:
+    """Return where a line lies."""
     nodes = [
         node
-        for node in ast.walk(ast.parse(source))
+        for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.For | ast.While)
         and node.lineno <= line <= (node.end_lineno or node.lineno)
     ]
+    place = Place(None, [])
     for node in sorted(nodes, key=lambda node: node.lineno):
         if isinstance(node, ast.For | ast.While):
-            loop = node.lineno
+            place.loops.append(node.lineno)
         else:
-            function, loop = f", in {shortened(node.name)}()", None
-    return function, loop
+            place = Place(node, [])
+    return place
 
 
 def rate_of(rates: Any, name: str) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from grader.domain.run import Limits
+from grader.domain.run import Job, ignore
 from grader.errors import JailFault
 from grader.sandbox.frames import WANTS_MAX, Wants
 from grader.sandbox.policy import KB, MB, RESIDENT_EXTRA, RESULT_BYTES_MAX
@@ -62,19 +62,19 @@ class Watch:
     output after that is dropped, as it may reveal them.
     """
 
-    def __init__(self, child: Child, limits: Limits, parts: Sequence[bytes], *, without_integrators: bool) -> None:
-        self._child, self._limits = child, limits
-        job, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
-        self._unsent = memoryview(job)
-        self._wants, self._answered = Wants(), 0
+    def __init__(self, child: Child, job: Job, parts: Sequence[bytes], *, without_integrators: bool) -> None:
+        self._child, self._limits, self._sent = child, job.limits, job.sent
+        first, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
+        self._unsent = memoryview(first)
+        self._wants, self._answered = Wants(job.heard), 0
         self._without_integrators = without_integrators
         self._late = {child.stdout: bytearray(), child.stderr: bytearray()}
         self._hidden_sent = False
         self._last = b""
         self._read = {child.stdout: bytearray(), child.stderr: bytearray(), child.results: bytearray()}
         self._caps = {
-            child.stdout: (limits.output_kb * KB, Cause.OUTPUT),
-            child.stderr: (limits.output_kb * KB, Cause.OUTPUT),
+            child.stdout: (job.limits.output_kb * KB, Cause.OUTPUT),
+            child.stderr: (job.limits.output_kb * KB, Cause.OUTPUT),
             child.results: (RESULT_BYTES_MAX, Cause.RESULTS),
         }
         self._cause: Cause | None = None
@@ -109,9 +109,12 @@ class Watch:
 
     def _until_dead(self) -> None:
         killed_at: float | None = None
+        check_at = 0.0
         while True:
-            if self._cause is None:
+            # Not at every message of the child: a check reads several files of /proc.
+            if self._cause is None and time.monotonic() >= check_at:
                 self._check_limits()
+                check_at = time.monotonic() + POLL_S_MIN
             if self._cause is not None and killed_at is None:
                 self._child.kill()
                 killed_at = time.monotonic()
@@ -156,6 +159,8 @@ class Watch:
             self._selector.unregister(self._child.job)
             if not self._withheld:
                 self._child.hang_up()
+            sent, self._sent = self._sent, ignore
+            sent()
 
     def _send_next(self) -> None:
         """Send the next part that was withheld."""

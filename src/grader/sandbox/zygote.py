@@ -212,8 +212,7 @@ class Zygote:
         """The last line that bubblewrap or the zygote wrote before it ended."""
         self._process.kill()
         assert self._process.stderr is not None
-        lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "no message"
+        return _last_line(self._process.stderr.read())
 
     @property
     def pid(self) -> int:
@@ -283,7 +282,13 @@ def _first_line(child: Child) -> bytes:
             raise JailFault("A child of the jail did not lock itself down in time.")
         read = os.read(child.results, PACKET_BYTES_MAX)
         if not read:
-            complaint = os.read(child.stderr, PACKET_BYTES_MAX).decode(errors="replace").strip()
+            complaint = _last_line(os.read(child.stderr, PACKET_BYTES_MAX))
             raise JailFault(f"A child of the jail did not lock itself down: {complaint}")
         line += read
     return line
+
+
+def _last_line(written: bytes) -> str:
+    """The last line that a process wrote; of a traceback it is the error."""
+    lines = written.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "no message"

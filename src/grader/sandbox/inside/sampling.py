@@ -1,8 +1,9 @@
 """Samples where a script spends its time, once half of its limit is used up: a script that is in time pays nothing.
 
 A timer of CPU time, and one of wall time for scripts that wait, raise a signal some tens of times; its handler counts
-the innermost line of the student's file. During one interval mj_step and mj_forward are counted as well. What was
-seen is sent twice before the end, as the array `where` of JSON text: a claim, like all that this process sends.
+the innermost line of the student's file, and sees which calls go on all the time. During one interval mj_step and
+mj_forward are counted as well. What was seen is sent twice before the end, as the array `where` of JSON text: a claim,
+like all that this process sends.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import Any
 
@@ -31,6 +32,7 @@ class Sampler:
     def __init__(self, filename: str, send: Callable[[str, bytes], None]) -> None:
         self.filename, self.send = filename, send
         self.lines: Counter[int] = Counter()
+        self.stays: int | None = None
         self.ticks: Counter[int] = Counter()
         self.sent = 0
         self.rates: dict[str, float] = {}
@@ -47,10 +49,10 @@ class Sampler:
     def sample(self, number: int, frame: FrameType | None) -> None:
         """Counts the line that is running; called by the signal, between two instructions of the script."""
         with contextlib.suppress(Exception):
-            while frame is not None and frame.f_code.co_filename != self.filename:
-                frame = frame.f_back
-            if frame is not None:
-                self.lines[frame.f_lineno] += 1
+            own = list(self.own_frames(frame))
+            if own:
+                self.lines[own[0].f_lineno] += 1
+                self.stays = staying(own)
             self.ticks[number] += 1
             if number == signal.SIGPROF and self.ticks[number] == 1:
                 self.begin_counting()
@@ -58,6 +60,13 @@ class Sampler:
                 self.end_counting()
             if self.ticks[number] in SEND_AT:
                 self.tell()
+
+    def own_frames(self, frame: FrameType | None) -> Iterator[FrameType]:
+        """Yields the frames of the student's file, the innermost first."""
+        while frame is not None:
+            if frame.f_code.co_filename == self.filename:
+                yield frame
+            frame = frame.f_back
 
     def begin_counting(self) -> None:
         """Counts calls of MuJoCo's functions from here to the next sample."""
@@ -87,5 +96,24 @@ class Sampler:
     def tell(self) -> None:
         """Sends what was seen so far."""
         told = {"lines": self.lines.most_common(TOLD_MAX), "samples": self.lines.total(), "rates": self.rates}
-        self.send(f"where{self.sent}", json.dumps(told).encode())
+        self.send(f"where{self.sent}", json.dumps(told | {"stays": self.stays}).encode())
         self.sent += 1
+
+
+def staying(own: Sequence[FrameType]) -> int | None:
+    """Returns the line of the innermost call that has gone on since the first sample; None at the first sample.
+
+    Where all calls of that time have ended, a new first sample begins. A frame is marked by its local trace function,
+    which nothing calls unless the script traces itself.
+    """
+    for frame in own:
+        if frame.f_trace is mark:
+            return frame.f_lineno
+    for frame in own:
+        frame.f_trace = mark
+    return None
+
+
+def mark(*_: object) -> Any:
+    """Marks a frame."""
+    return mark

@@ -36,6 +36,7 @@ PACKET_BYTES_MAX = 1 << 18
 STDIO_UNBUFFERED = 2
 THREAD_ATTRIBUTES_BYTES = 256  # more than sizeof(pthread_attr_t) anywhere
 ABOVE_ALL_TARGETS = 100
+BURY_S = 1.0  # so long an ended keeper may stay a zombie, where its signal came at a bad moment
 
 
 def main() -> None:
@@ -47,6 +48,8 @@ def main() -> None:
     for name in config["preload"]:
         with contextlib.suppress(ImportError):  # such as the viewer, where no graphics library is installed
             importlib.import_module(name)
+    if "mujoco" not in sys.modules:
+        sys.exit(f"MuJoCo cannot be imported by user {os.getuid()}: let this user read the Python packages.")
     guest.prepare(config["models"], config["directory"])
     if lockdown.no_writable_code():
         guest.refuse_callbacks()
@@ -54,20 +57,31 @@ def main() -> None:
     _quiet_mujoco()
     _unbuffer_c_stdio()
     _shrink_thread_stacks(config["thread_stack"])
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    signal.signal(signal.SIGCHLD, _bury)
     gc.collect()
     gc.freeze()
     myself = os.pidfd_open(os.getpid())
     socket.send_fds(control, [json.dumps({"keeps_integrators": why_not}).encode()], [myself])
     os.close(myself)
+    control.settimeout(BURY_S)
     while True:
-        message, descriptors, _, _ = socket.recv_fds(control, 16, 5)
+        try:
+            message, descriptors, _, _ = socket.recv_fds(control, 16, 5)
+        except TimeoutError:
+            continue  # here Python handles a signal that came just before the wait, and so did not end it
         if not message:
             os._exit(0)
         if os.fork() == 0:
             _keep(config, control, descriptors, pages)
         for descriptor in descriptors:
             os.close(descriptor)
+
+
+def _bury(_number: int, _frame: object) -> None:
+    """Wait for keepers that have ended; if SIGCHLD were ignored, their CPU time would be counted nowhere."""
+    with contextlib.suppress(ChildProcessError):  # none is left
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
 
 
 def _find_integrators() -> tuple[integrators.Pages | None, str]:
