@@ -12,12 +12,16 @@ from grader.domain.verdict import Status
 PROGRAMS = sorted((ROOT / "reference_solutions" / "1.3-exercises").glob("*/*.py"))
 
 
-def seeds(path: Path) -> tuple[int, int]:
+ONCE_MISTOLD = {"incorrect__missing_parentheses": 3297233161, "partial__wraps_angles": 1422266014}
+"""Draws under which a program was once told something else."""
+
+
+def seeds(path: Path) -> list[int]:
     """Two draws for each program, one of them its own: the programs of an exercise together see dozens.
 
     `make verdicts` grades every program under sixty.
     """
-    return 1, 100 + PROGRAMS.index(path)
+    return [1, 100 + PROGRAMS.index(path), *(seed for name, seed in ONCE_MISTOLD.items() if path.stem == name)]
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from inspect import getsource
 from typing import Any
 
@@ -16,13 +17,21 @@ from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport
 from grader.exercises import Plan, installed_kinds, judge_exercise, plan_exercise, recorder, runner
 from grader.exercises.kinds.rk4 import driver
-from grader.exercises.kinds.rk4.fits import as_text
+from grader.exercises.kinds.rk4.fits import System, Term, as_text
 from grader.exercises.kinds.rk4.methods import GILL, NAMED, RALSTON, order_of, repeated
 from grader.exercises.kinds.rk4.parameters import Problem
 from grader.exercises.kinds.rk4.recorded import read_steps
 from grader.exercises.kinds.rk4.sentences import explain
-from grader.exercises.kinds.rk4.states import agrees_until
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, tableau_picture
+from grader.exercises.kinds.rk4.states import agrees_until, other_data, without_slope
+from grader.exercises.kinds.rk4.tableau import (
+    CLASSICAL,
+    Matrix,
+    Reading,
+    plain,
+    read_row,
+    read_tableau,
+    tableau_picture,
+)
 from grader.exercises.trace import Note, Trace, read_trace
 from grader.sandbox.jail import Jail
 
@@ -43,7 +52,7 @@ def problem_of(seed: int = 1) -> Problem:
 @pytest.fixture(scope="module")
 def read() -> Iterator[Read]:
     """Reads a step of this process, taped as in the jail, with two steps of the run."""
-    original = mujoco.mj_forward
+    originals = mujoco.mj_forward, mujoco.mj_forwardSkip
     problem = problem_of()
     inputs = problem.inputs() | {"runs": [{"timestep_s": problem.run.timestep_s, "steps": 2}]}
     driver.before_import()
@@ -57,7 +66,7 @@ def read() -> Iterator[Read]:
         return read_tableau(problem.run.scene().model, read_steps(trace, problem.run))
 
     yield read
-    mujoco.mj_forward, driver.note = original, plain_note
+    mujoco.mj_forward, mujoco.mj_forwardSkip, driver.note = *originals, plain_note
 
 
 def step_of(rows: Matrix, positions: Matrix | None = None) -> StepFunction:
@@ -98,7 +107,7 @@ def row_of(size: int, numbers: st.SearchStrategy[float]) -> st.SearchStrategy[li
     return st.lists(numbers, min_size=size, max_size=size)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(tableaus())
 def test_any_tableau_is_read_off(read: Read, rows: Matrix) -> None:
     reading = read(step_of(rows))
@@ -111,7 +120,7 @@ def test_any_tableau_is_read_off(read: Read, rows: Matrix) -> None:
         np.testing.assert_allclose(other[: len(given_row)], given_row, atol=1e-7)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(tableaus(), st.data())
 def test_positions_are_read_apart_from_velocities(read: Read, rows: Matrix, data: st.DataObject) -> None:
     own = [*rows[:-1], data.draw(row_of(len(rows) - 1, SIGNED))]
@@ -127,6 +136,66 @@ def test_a_named_method_is_named(name: str, read: Read) -> None:
     reading = read(step_of(NAMED[name]))
     assert reading
     assert name in (explain(reading, ()) or "")
+
+
+def test_a_multiple_of_h_without_its_slope_is_named(read: Read) -> None:
+    def step(model: mujoco.MjModel, data: mujoco.MjData, number: float) -> None:
+        h, q, v = model.opt.timestep, data.qpos.copy(), data.qvel.copy()
+        slopes = list[Vector]()
+        velocities = list[Vector]()
+        for c in (0, 1 / 2, 1 / 2, 1):
+            first = len(slopes) == 1
+            data.qpos[:] = q + c * h * (number if first else velocities[-1] if slopes else 0)
+            data.qvel[:] = v + c * h * (slopes[-1] if slopes else 0)
+            mujoco.mj_forward(model, data)
+            slopes.append(data.qacc.copy())
+            velocities.append(data.qvel.copy())
+        data.qpos[:] = q + h * (velocities[0] + 2 * velocities[1] + 2 * velocities[2] + velocities[3]) / 6
+        data.qvel[:] = v + h * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3]) / 6
+
+    model = problem_of().run.scene().model
+    reading = read(partial(step, number=1))
+    assert reading
+    assert "Your stage 2 adds the same number, h/2, to every position" in (without_slope(reading, model) or "")
+    for rows in (CLASSICAL, [*CLASSICAL[:-1], (1 / 4,) * 4]):  # near misses: right, and other weights
+        other = read(step_of(rows))
+        assert other
+        assert without_slope(other, model) is None
+    resting = read(partial(step, number=0))
+    assert resting
+    assert without_slope(resting, model) is None
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        ((0.167, 0.333, 0.333, 0.167), "Your weights are 0.167, 0.333, 0.333, 0.167, which is 1/6 and 1/3 rounded"),
+        ((6, 12, 12, 6), "are multiplied by 6, not divided by 6"),
+        ((1 / 8, 1 / 4, 1 / 4, 1 / 8), "are divided by 8, not by 6"),
+        ((1 / 6, 1 / 3, 1 / 4, 1 / 4), "Your weights are 1/6, 1/3, 1/4, 1/4;"),
+    ],
+)
+def test_wrong_weights_are_told_apart(weights: tuple[float, ...], said: str, read: Read) -> None:
+    reading = read(step_of([*CLASSICAL[:-1], weights]))
+    assert reading
+    assert said in (explain(reading, ()) or "")
+
+
+def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Read) -> None:
+    def elsewhere(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        mine = mujoco.MjData(model)
+        for _ in range(4):
+            mujoco.mj_forward(model, mine)
+        data.qvel[:] += model.opt.timestep * mine.qacc
+        data.qpos[:] += model.opt.timestep * data.qvel
+
+    found = read(elsewhere)
+    assert found
+    assert "you pass it another data" in (other_data(found) or "")
+    for step in (step_of(CLASSICAL), step_of([[], [0.0], [1 / 2, 1 / 2]])):  # near misses: right, state never written
+        other = read(step)
+        assert other
+        assert other_data(other) is None
 
 
 def test_the_order_of_a_tableau_is_that_of_the_books() -> None:
@@ -167,6 +236,19 @@ def test_coefficients_are_written_as_fractions(value: float, text: str) -> None:
     assert as_text(value) == text
 
 
+@pytest.mark.parametrize("power", [0, 2])
+def test_a_power_of_h_is_told_by_the_fewest_terms(power: int) -> None:
+    """Steps of two lengths: h and 1 give whatever h and h * h give, and the round-off of slopes that diverge."""
+    rng = np.random.default_rng(5)
+    h = np.repeat([0.002, 0.0025, 0.002, 0.0025], 4)
+    slopes = rng.normal(size=(4, len(h))) * np.array([[1e1], [1e3], [1e5], [1e7]])
+    weights = {Term("a", 1): 1 / 6} | {Term("a", stage, power): float(stage) for stage in (2, 3, 4)}
+    change = np.sum([value * h**term.power * slopes[term.stage - 1] for term, value in weights.items()], axis=0)
+    terms = {Term("a", stage, p): h**p * slopes[stage - 1] for stage in (1, 2, 3, 4) for p in (0, 1, 2)}
+    system = System(change, np.full(len(h), 1e-12 * np.max(np.abs(change))), terms)
+    assert read_row(system, "a", 5, 4, ()) == pytest.approx(weights, rel=1e-4)
+
+
 def test_a_state_of_no_known_form_is_said_to_be_one(read: Read) -> None:
     def odd(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         step_of(CLASSICAL)(model, data)
@@ -181,7 +263,7 @@ def test_a_state_of_no_known_form_is_said_to_be_one(read: Read) -> None:
 NUMBERS = st.sampled_from([0.0, 1.0, -1.0, 0.002, 1e8, 1e-300, np.nan, np.inf]) | st.floats()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(0, 5), st.lists(NUMBERS, min_size=1, max_size=12), st.floats(), st.booleans())
 def test_forged_steps_never_raise(calls: int, numbers: Sequence[float], timestep: float, probe: bool) -> None:
     plan = plan_exercise(STEP, model_xml, 1)
@@ -251,6 +333,15 @@ RAISES = (
 )
 
 
+UNUSED = f"import scipy.integrate\n{CLASSICAL_STEP.rstrip()}\n    data.qvel[:] += 1e-3 * data.qpos**2\n"
+
+
+def test_scipy_that_is_imported_and_takes_no_step_is_not_blamed(grade: Grade) -> None:
+    verdict = grade(STEP, UNUSED)
+    assert verdict.status == "incorrect"
+    assert "scipy" not in (verdict.diagnosis or "")
+
+
 def test_what_is_raised_in_the_probe_does_not_count(grade: Grade) -> None:
     verdict = grade(STEP, RAISES)
     assert verdict.status == "correct"
@@ -272,16 +363,15 @@ def end():
 
 def traced(function):
     return function
-
-
-def compiled(source, filename):
-    return compile(source, filename, "exec", dont_inherit=True)
 """
 """A recorder that records nothing."""
 
-BATCHES, PAIRS = 3, 24
-COST_MAX = 1.03
-"""One percent is the aim. Measured: 1.0 % of a step on hinges, 1.5 to 2.1 % of one on free joints."""
+BATCHES, PAIRS, STEPS = 6, 40, 18
+"""`STEPS`: of the shortened runs, in which every step that a whole run notes is noted too."""
+COST_MAX = 0.01
+"""Measured: 0.5 to 0.9 %. Loading the recorder takes 0.2 ms, a trial 20 to 40 us, the probe 0.2 to 0.3 ms."""
+CERTAIN = 3.0
+"""Standard deviations."""
 
 
 def silent(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Plan:
@@ -300,35 +390,73 @@ def untaped(inputs: Mapping[str, Any]) -> dict[str, Any]:
     return {**inputs, "trials": trials}
 
 
+def shortened(inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """The same inputs with short runs, and none where no step is noted: the trace costs as much, and stands out."""
+    trials = [{**one, "inputs": {**one["inputs"]}} for one in inputs["trials"]]
+    for one in trials:
+        runs = one["inputs"]["runs"] if len(one["inputs"]["runs"]) == 1 else []
+        one["inputs"]["runs"] = [run | {"steps": min(run["steps"], STEPS)} for run in runs]
+    return {**inputs, "trials": trials}
+
+
+def shortly(plan: Plan) -> Plan:
+    return replace(plan, inputs=shortened(plan.inputs), hidden_inputs=shortened(plan.hidden_inputs))
+
+
+def centre(differences: Sequence[float]) -> tuple[float, float]:
+    """Bounds of the centre of symmetric differences, whatever their distribution: means of pairs, of middle rank.
+
+    Source: Hodges and Lehmann (1963). A few disturbed runs do not move them, and many make them wide.
+    """
+    d, n = np.array(differences), len(differences)
+    means = np.sort(((d[:, None] + d) / 2)[np.triu_indices(n)])
+    rank = int(n * (n + 1) / 4 - CERTAIN * np.sqrt(n * (n + 1) * (2 * n + 1) / 24))
+    return float(means[rank]), float(means[-1 - rank])
+
+
+def test_the_bounds_hold_the_centre_and_heed_no_outliers() -> None:
+    rng = np.random.default_rng(0)
+    noise = 0.3 + rng.normal(scale=1, size=240)
+    low, high = centre(list(noise))
+    assert low < 0.3 < high < low + 0.6
+    for outlier in (1e3, -1e3):
+        assert np.abs(np.subtract(centre([*noise, *[outlier] * 5]), (low, high))).max() < 0.15
+
+
 @pytest.mark.cost
 @pytest.mark.parametrize(
     ("exercise", "program"),
     [(STEP, "correct__classical"), (FREE, "correct__one_mj_integratepos"), (FREE, "correct__quaternion_derivative")],
     ids=lambda value: getattr(value, "id", value),
 )
-def test_the_trace_costs_about_a_percent_of_the_runs_cpu_time(
+def test_the_trace_costs_at_most_a_hundredth_of_the_runs_cpu_time(
     exercise: CodeQuestion, program: str, jail: Jail, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Runs with and without take turns at going first; the median ratio of the pairs counts, so that load cancels."""
+    """Short runs with and without take turns at going first; their differences count, beside whole runs without.
+
+    A difference of whole runs would drown in the noise of a busy machine, which grows with their length. All pairs
+    count, and more are made until it is certain on which side of the bound their centre lies.
+    """
     source = (PROGRAMS / exercise.id / f"{program}.py").read_text()
     plan = plan_exercise(exercise, model_xml, 1)
-    traced, untraced = (one.job(source, exercise.limits) for one in (plan, silent(plan, monkeypatch)))
-    medians = []
+    quiet = silent(plan, monkeypatch)
+    traced, untraced, whole = (one.job(source, exercise.limits) for one in (shortly(plan), shortly(quiet), quiet))
+    differences, wholes = list[float](), list[float]()
     for _ in range(BATCHES):
-        ratios = []
         for pair in range(PAIRS):
             jobs = (traced, untraced) if pair % 2 else (untraced, traced)
             spent = {id(job): jail.run(job).cpu_s for job in jobs}
-            ratios.append(spent[id(traced)] / spent[id(untraced)])
-        medians.append(float(np.median(ratios)))
-        if medians[-1] <= COST_MAX:
-            return
-    assert min(medians) <= COST_MAX, medians
+            differences.append(spent[id(traced)] - spent[id(untraced)])
+            if pair % 8 == 0:
+                wholes.append(jail.run(whole).cpu_s)
+        low, high = (bound / float(np.median(wholes)) for bound in centre(differences))
+        if high <= COST_MAX or low > COST_MAX:
+            break
+    assert low <= COST_MAX, (low, high)
 
 
 def test_all_traces_of_a_run_are_small(run: Callable[..., RunReport]) -> None:
     for exercise, program in ((STEP, "correct__classical"), (FREE, "correct__rotation_vector")):
         report = run(exercise, (PROGRAMS / exercise.id / f"{program}.py").read_text())
-        results = {**report.results, **report.hidden_results}
-        sizes = [values.nbytes for name, values in results.items() if name.endswith("_trace")]
+        sizes = [report.results["traces"].nbytes, report.hidden_results["hidden_traces"].nbytes]
         assert sum(sizes) < recorder.BYTES_MAX / 4

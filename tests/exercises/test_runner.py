@@ -153,7 +153,7 @@ VALUES: Any = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(EXERCISES), st.dictionaries(st.tuples(st.integers(0, 12), ARRAYS), VALUES, max_size=12))
 def test_no_result_makes_the_judge_fail(id_: str, results: dict[tuple[int, str], Any]) -> None:
     plan = plan_exercise(question(id_), model_xml, SEED)

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from exercises.conftest import ROOT, model_xml, question
 from grader.domain.run import RunReport, RunStatus
-from grader.exercises import judge_exercise, plan_exercise, recorder
-from grader.exercises.runner import results_of
-from grader.exercises.trace import NO_TRACE, Handled, Returned, Trace, read_trace
+from grader.exercises import catching, judge_exercise, plan_exercise, recorder
+from grader.exercises.trace import NO_TRACE, Handled, Returned, Trace, read_trace, read_traces
 
 Run = Callable[..., RunReport]
 
@@ -123,8 +122,9 @@ def traces_of(run: Run, source: str) -> list[Trace]:
     report = run(SERVO, source)
     assert report.status is RunStatus.RETURNED, report.reason
     trials = plan_exercise(SERVO, model_xml, 1).trials
-    held = [results_of(report.hidden_results if one.hidden else report.results, i) for i, one in enumerate(trials)]
-    return [read_trace(one.get("trace")) for one in held]
+    visible, hidden = read_traces(report.results["traces"]), read_traces(report.hidden_results["hidden_traces"])
+    assert {*visible, *hidden} == {*range(len(trials))}
+    return [(hidden if one.hidden else visible)[index] for index, one in enumerate(trials)]
 
 
 def test_returned_handled_and_printed_are_noted(run: Run) -> None:
@@ -198,11 +198,11 @@ def largest_stable_timestep(model, integrator):
 
 def test_a_trace_is_bounded_and_survives_a_crash(run: Run) -> None:
     report = run(SERVO, LOUD)
-    sizes = [len(value) for name, value in {**report.results, **report.hidden_results}.items() if "trace" in name]
-    assert len(sizes) == len(plan_exercise(SERVO, model_xml, 1).trials)
-    assert max(sizes) <= recorder.TRIAL_BYTES_MAX
-    trace = read_trace(report.results["t0_trace"])
-    assert len(trace.handled) == recorder.HANDLED_MAX
+    visible, hidden = read_traces(report.results["traces"]), read_traces(report.hidden_results["hidden_traces"])
+    assert {*visible, *hidden} == {*range(len(plan_exercise(SERVO, model_xml, 1).trials))}
+    assert len(report.hidden_results["hidden_traces"]) <= len(hidden) * recorder.TRIAL_BYTES_MAX
+    trace = visible[0]
+    assert len(trace.handled) == catching.HANDLED_MAX
     assert trace.printed is not None
     assert len(trace.printed) == recorder.PRINTED_CHARS_MAX
 
@@ -224,11 +224,11 @@ def test_notes_beyond_the_limits_are_dropped_and_said(monkeypatch: pytest.Monkey
 
 def test_a_script_is_compiled_as_python_compiles_it() -> None:
     with pytest.raises(SyntaxError, match="invalid syntax"):
-        recorder.compiled("try:\n  x = = 1\nexcept ValueError: pass", "a.py")
+        catching.compiled("try:\n  x = = 1\nexcept ValueError: pass", "a.py")
     with pytest.raises(SyntaxError, match="'return' outside function"):
-        recorder.compiled("try:\n  return\nexcept ValueError: pass", "a.py")
+        catching.compiled("try:\n  return\nexcept ValueError: pass", "a.py")
     scope: dict[str, Any] = {}
-    exec(recorder.compiled("try:\n  1 / 0\nexcept ZeroDivisionError:\n  'a'\nelse:\n  x = 1\n", "a.py"), scope)
+    exec(catching.compiled("try:\n  1 / 0\nexcept ZeroDivisionError:\n  'a'\nelse:\n  x = 1\n", "a.py"), scope)
     assert "x" not in scope
 
 
@@ -267,4 +267,6 @@ def test_a_forged_trace_decides_nothing(id_: str, program: str, run: Run) -> Non
 
 def with_trace(results: Any, raw: bytes) -> dict[str, Any]:
     """Every trial's trace replaced."""
-    return {name: as_result(raw) if name.endswith("_trace") else value for name, value in results.items()}
+    (name,) = (name for name in results if name.endswith("traces"))
+    traces = b"".join(struct.pack("<II", index, len(raw)) + raw for index in read_traces(results[name]))
+    return {**results, name: as_result(traces)}

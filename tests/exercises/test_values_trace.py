@@ -1,6 +1,7 @@
 """What the trace of a `values` trial shows, and what a wrong function is told by it: in this process, without jail."""
 
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -70,16 +71,20 @@ def graded(library: Library, function: Callable[..., object]) -> Verdict:
     asked: Any = library.question("q", "two")
     plan = plan_exercise(asked, library.model_xml, 1, library.text)
     results: dict[str, Any] = {}
+    traces = b""
     recorder.state["left"] = recorder.BYTES_MAX
     for index, trial in enumerate(plan.trials):
         recorder.begin(trial.hidden)
         submitted: dict[str, Any] = {}
         driver.trial([recorder.traced(function)], trial.inputs, submitted.__setitem__)
         results |= {f"t{index}_{name}": np.asarray(value) for name, value in submitted.items()}
-        results[f"t{index}_trace"] = np.frombuffer(recorder.end(), np.uint8)
+        trace = recorder.end()
+        traces += struct.pack("<II", index, len(trace)) + trace
+    results["traces"] = results["hidden_traces"] = np.frombuffer(traces, np.uint8)
     return judge_exercise(asked, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
 
 
+OFF = "import numpy as np\ndef two(v):\n    w = v / np.linalg.norm(v) + v / 10\n    return {}\n"
 RETURNS = "def two(v):\n    return {}\n"
 TOLD = [
     (MOVED, MODEL, MOVED.replace("mj_forward(", "mj_step("), "calls mj_step, which advances data by a timestep"),
@@ -92,6 +97,9 @@ TOLD = [
     (UNIT, ARRAYS, RETURNS.format("{'x': v}"), "returns a dict with other keys"),
     (UNIT, ARRAYS, RETURNS.format("v * float('nan')"), "Your result is nan"),
     (UNIT, ARRAYS, "def two(v):\n    yield v\n", "returns a generator"),
+    (UNIT, ARRAYS, OFF.format("np.round(w, 2)"), "unit is rounded to 2 decimals"),
+    (UNIT, ARRAYS, OFF.format("w + 0.25"), "unit is off by the same amount in every result"),
+    (UNIT, ARRAYS, OFF.format("1.5 * w"), "unit is 1.5 times what it should be in every result"),
 ]
 
 
@@ -100,8 +108,17 @@ def test_what_the_trace_shows_is_told(
     program: str, check: dict[str, Any], source: str, said: str, grade: Callable[..., Verdict]
 ) -> None:
     verdict = grade(source, program, check)
-    assert verdict.status == "incorrect"
+    assert verdict.status != "correct"
     assert said in (verdict.diagnosis or "")
+
+
+@pytest.mark.parametrize(
+    "value", ["np.round(v, 2)", "w.astype(np.float32)", "np.round(w)", "w + v", "0 * v", "w + w**2"]
+)
+def test_results_that_are_off_in_no_even_way_are_told_no_pattern(value: str, grade: Callable[..., Verdict]) -> None:
+    verdict = grade(OFF.format(value), UNIT, ARRAYS)
+    assert verdict.status == "incorrect"
+    assert not any(word in (verdict.diagnosis or "") for word in ("rounded", "same amount", "times what"))
 
 
 def test_too_many_values_are_counted(grade: Callable[..., Verdict]) -> None:

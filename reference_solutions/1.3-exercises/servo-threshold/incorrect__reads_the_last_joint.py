@@ -1,4 +1,4 @@
-# diagnosis: Look at data.warning[...].number
+# diagnosis: look at data.warning[...].number
 import mujoco
 from mujoco import MjData, mj_step
 

@@ -16,6 +16,7 @@ from grader.exercises.kind import (
 )
 from grader.exercises.luck import chance_of_luck
 from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, Value, WrongParameter, drawn
+from grader.exercises.progress import Progress, Tell
 from grader.exercises.runner import (
     GROUP,
     Plan,
@@ -24,6 +25,7 @@ from grader.exercises.runner import (
     judge_exercise,
     lazy_answers,
     plan_exercise,
+    prepare_exercise,
 )
 
 __all__ = [
@@ -38,8 +40,10 @@ __all__ = [
     "LazyAnswer",
     "Number",
     "Plan",
+    "Progress",
     "Results",
     "Strict",
+    "Tell",
     "TextOf",
     "Trial",
     "Value",
@@ -51,4 +55,5 @@ __all__ = [
     "judge_exercise",
     "lazy_answers",
     "plan_exercise",
+    "prepare_exercise",
 ]

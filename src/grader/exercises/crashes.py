@@ -3,8 +3,11 @@
 What the script's process says of its own end is a claim, so that nothing here decides.
 """
 
+import difflib
 import re
 from collections.abc import Callable, Sequence
+
+import mujoco
 
 from grader.exercises.trace import Trace
 
@@ -34,7 +37,13 @@ def of_attribute(found: re.Match[str]) -> str:
         return f"{name} belongs to the model: the arguments may be in the wrong order"
     if name in OF_DATA and kind != "MjData":
         return f"{name} belongs to the data: the arguments may be in the wrong order"
-    return ""
+    return near(name, getattr(mujoco, kind, None))
+
+
+def near(name: str, owner: object) -> str:
+    """Advises on the name of an attribute that is misspelt; nothing where no other is like it."""
+    found = difflib.get_close_matches(name, [one for one in dir(owner) if not one.startswith("_")], n=1, cutoff=0.8)
+    return f"did you mean {found[0]}?" if owner is not None and found else ""
 
 
 RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
@@ -43,6 +52,19 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
         lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
     ),
     (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), of_attribute),
+    (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda found: near(found[1], mujoco)),
+    (
+        re.compile(r"TypeError: only (?:length-1|size-1|0-dimensional) arrays can be converted to Python scalars"),
+        lambda _: "math.sin and its like take one number; np.sin and its like take arrays as well",
+    ),
+    (
+        re.compile(r"TypeError: only integer scalar arrays can be converted to a scalar index"),
+        lambda _: "np.concatenate takes its arrays in one pair of brackets more: np.concatenate((a, b))",
+    ),
+    (
+        re.compile(r"TypeError: 'float' object cannot be interpreted as an integer"),
+        lambda _: "range() and the lengths of arrays are whole numbers: int(round(x)) makes one",
+    ),
     (re.compile(r"EOFError: EOF when reading a line"), lambda _: "nobody answers input() here: write the value down"),
     (
         re.compile(r"(?:Error opening file|No such file or directory:) '([^']*?)\.xml'"),
@@ -62,13 +84,6 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
     ),
 )
 
-BINDING = re.compile(
-    r"(?P<name>\w+)\(\): incompatible (?:function|constructor) arguments\..*?\n?\s*"
-    r"1\. \(?(?P<takes>[^\n]*?)\)?(?: -> [^\n]*)?"
-    r"(?:\n.*?)?(?:Invoked with: (?P<given>[^\n]*?)(?=, in line |$))",
-    re.DOTALL,
-)
-
 
 def clear(message: str, place: str = "") -> str:
     """Returns the message of an error without the noise of bindings, its place, and an advice where one is known."""
@@ -79,14 +94,24 @@ def clear(message: str, place: str = "") -> str:
 
 
 def without_binding(message: str) -> str:
-    """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes."""
-    found = BINDING.search(message)
-    if found is None:
+    """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes.
+
+    A script chooses its messages, so that the time must not grow faster than their length.
+    """
+    before, refused, after = message.partition("(): incompatible ")
+    supported, invoked, tail = after.partition("Invoked with: ")
+    is_about_arguments = supported.startswith(("function arguments.", "constructor arguments."))
+    _, first, signature = supported.partition("1. ")
+    if not (is_about_arguments and refused and first and invoked):
         return " ".join(message.split())[:MESSAGE_CHARS_MAX]
-    given = ", ".join(map(short_type, re.split(r", (?![^<]*>)(?![^\[]*\])", found["given"])))
-    takes = ", ".join(part.split(":")[0].strip() for part in re.split(r",\s*(?=\w+:)", found["takes"]))
-    told = f"{found['name']}() was called with ({given}); it takes ({takes})"
-    return " ".join((message[: found.start()] + told + message[found.end() :]).split())
+    called = re.match(r"\w*", before[::-1])
+    name = called[0][::-1] if called else ""
+    signature = signature.partition("\n")[0].partition(" -> ")[0].strip().removeprefix("(").removesuffix(")")
+    given = tail.partition("\n")[0].partition(", in line ")[0]
+    parts = re.split(r", (?![^<]*>)(?![^\[]*\])", given[:MESSAGE_CHARS_MAX])
+    takes = [part.split(":")[0].strip() for part in re.split(r",\s*(?=\w+:)", signature[:MESSAGE_CHARS_MAX])]
+    told = f"{name}() was called with ({', '.join(map(short_type, parts))}); it takes ({', '.join(takes)})"
+    return " ".join((before.removesuffix(name) + told + tail[len(given) :]).split())
 
 
 def short_type(text: str) -> str:

@@ -8,8 +8,8 @@ prints then is dropped.
 An exception ends its trial alone: the result `raised` holds its name and line. SystemExit and its like, a refusal of
 the jail, and lack of memory end the whole script: they are raised again.
 
-The result `trace` of a trial holds what the recorder noted in it. The driver finds among its names `note`, which adds
-to it, and `hidden`, which says whether the current trial is.
+The results `traces` and `hidden_traces` hold what the recorder noted in each trial. The driver finds among its names
+`note`, which adds to the trace, and `hidden`, which says whether the current trial is.
 """
 
 import builtins
@@ -19,7 +19,7 @@ import json
 import os
 import traceback
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,28 +41,38 @@ def load(recorder: types.CodeType, driver: types.CodeType) -> None:
         KIND["before_import"]()
 
 
-def compile_source(source: str, filename: str) -> types.CodeType:
-    """Called by the jail to compile the student's module."""
-    code: types.CodeType = RECORDER["compiled"](source, filename)
-    return code
+def watch_exceptions(catching: types.CodeType) -> None:
+    """Executes the code that notes handled exceptions; the jail compiles the student's module by its `compiled`."""
+    names = {"__name__": "catching", "__builtins__": builtins, "note": RECORDER["note"], "state": RECORDER["state"]}
+    exec(catching, names)  # noqa: S102
+    RECORDER["at_end"].append(names["finish"])
+    globals()["compile_source"] = names["compiled"]
 
 
 def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
     """Called by the jail after the import: every trial, visible ones first."""
-    for trial in inputs["trials"]:
-        attempt(student, trial, submit)
+    attempt_all(student, inputs["trials"], submit, "traces")
     if not inputs["more"]:
         return
     hidden = GIVEN["hidden_inputs"]()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # dropped output must not count against the limit
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    for trial in hidden["trials"]:
-        attempt(student, trial, submit)
+    attempt_all(student, hidden["trials"], submit, "hidden_traces")
 
 
-def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
-    """Runs one trial; its results are named t<index>_<name>."""
+def attempt_all(student: object, trials: Sequence[Mapping[str, Any]], submit: Submit, name: str) -> None:
+    """Runs trials, and submits their traces as one result: each behind the index of the trial and the size, as u32."""
+    traces: list[bytes] = []
+    for trial in trials:
+        trace = attempt(student, trial, submit)
+        traces += trial["index"].to_bytes(4, "little"), len(trace).to_bytes(4, "little"), trace
+    if traces:
+        submit(name, np.frombuffer(b"".join(traces), dtype=np.uint8))
+
+
+def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> bytes:
+    """Runs one trial, whose results are named t<index>_<name>; returns its trace."""
     index = trial["index"]
 
     def submit_result(name: str, value: Any) -> None:
@@ -80,8 +90,8 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> None:
         if ends_the_script(error):
             raise
         submit_result("raised", np.frombuffer(account(error, student, trial["hidden"]), dtype=np.uint8))
-    if trace := RECORDER["end"]():
-        submit_result("trace", np.frombuffer(trace, dtype=np.uint8))
+    trace: bytes = RECORDER["end"]()
+    return trace
 
 
 def function_of(student: object, name: str) -> Callable[..., Any]:

@@ -154,6 +154,13 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
 
     def rehearse(self, parameters: P, trial: Trial[Problem]) -> None:
         """Raises ValueError if the trial cannot be judged; called when content is loaded."""
+        self.prepare(parameters, trial)
+
+    def prepare(self, parameters: P, trial: Trial[Problem]) -> None:
+        """Computes and caches what `judge` needs of the trial whatever the script does; called while it runs.
+
+        Raises only what `rehearse` has raised before.
+        """
         return
 
     @abstractmethod

@@ -9,23 +9,12 @@ A trace is a sequence of notes, little-endian:
     info      u32 length, a JSON object; nothing if it is empty
     numbers   u32 count, float64 each; they may be nan or inf, which other results may not
 
-Every kind gets `returned` (a value's type, shape and first numbers), `handled` (an exception that an `except` clause
-of the script caught, with both lines), `printed` and, where notes did not fit, `cut`. A driver finds a function
-`note(name, info, numbers)` among its names and adds its own.
-
-Handled exceptions are seen by a call that is compiled into each `except` clause: tracing (`sys.settrace`,
-`sys.setprofile`) would slow every line of the script, and `sys.monitoring` needs Python 3.12. A script without the
-word `except` is compiled as it is. `contextlib.suppress` is not seen.
+Every kind gets `returned` (a value's type, shape and first numbers), `handled` (see catching.py), `printed` and, where
+notes did not fit, `cut`. A driver finds a function `note(name, info, numbers)` among its names and adds its own.
 """
 
-import ast
-import builtins
-import contextlib
-import functools
 import json
-import struct
 import sys
-import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -37,38 +26,38 @@ TRIAL_BYTES_MAX = 32 * 1024
 """The size of one trial's trace."""
 RETURNS_MAX = 4
 """Returned values that are noted in a trial, the first ones."""
-HANDLED_MAX = 16
-"""Different handled exceptions that are noted in a trial; each is counted."""
 PRINTED_CHARS_MAX = 500
 NUMBERS_MAX = 8
 """Numbers of a returned value that are noted."""
 TEXT_CHARS_MAX = 120
-SOURCE_BYTES_MAX = 64 * 1024
-"""A longer script is compiled as it is: its syntax tree would take much memory."""
-
-HANDLER = "__handled__"
-"""The name of the call in `except` clauses, among the built-in names."""
 
 notes: list[bytes] = []
 state = {"left": BYTES_MAX, "trial": 0, "dropped": 0, "returned": 0, "open": 0, "hidden": 0, "printed": 0}
-handled: dict[tuple[str, int, int], list[Any]] = {}
 printed: list[str] = []
+heard: list[Any] = [None]
+"""The stream that is listened to."""
+at_end: list[Callable[[], None]] = []
+"""Called at the end of each trial: what else there is to note."""
 
 
 def note(name: str, info: Mapping[str, Any] | None = None, numbers: Any = ()) -> bool:
-    """Adds a note to the trace of the current trial; returns False where there is none, or the note does not fit."""
+    """Adds a note to the trace of the current trial; returns False where there is none, or the note does not fit.
+
+    `numbers` may be the bytes of float64 already.
+    """
     if not state["open"]:
         return False
     text = json.dumps(info).encode() if info else b""
-    values = np.asarray(numbers, dtype="<f8").tobytes()
+    values = numbers if type(numbers) is bytes else np.asarray(numbers, dtype="<f8").tobytes()
     return keep(note_of(name, text, values))
 
 
 def note_of(name: str, text: bytes, values: bytes) -> bytes:
     """Returns the bytes of a note."""
-    label = name.encode("ascii")
-    head = struct.pack(f"<B{len(label)}sI", len(label), label, len(text))
-    return b"".join((head, text, struct.pack("<I", len(values) // 8), values))
+    label, count = name.encode("ascii"), len(values) // 8
+    return b"".join(
+        (bytes((len(label),)), label, len(text).to_bytes(4, "little"), text, count.to_bytes(4, "little"), values)
+    )
 
 
 NOTHING = note_of("returned", b'{"type": "NoneType"}', b"")
@@ -89,19 +78,18 @@ def keep(raw: bytes) -> bool:
 def begin(hidden: bool) -> None:
     """Begins the trace of a trial. What a hidden one catches and prints is noted without its text."""
     notes.clear()
-    handled.clear()
-    printed.clear()
     state.update(trial=0, dropped=0, returned=0, open=1, hidden=int(hidden), printed=0)
-    listen()
+    if sys.stdout is not heard[0]:
+        listen(sys.stdout)
 
 
 def end() -> bytes:
     """Ends the trace and returns it."""
-    deafen()
     if printed:
         note("printed", {"text": "" if state["hidden"] else "".join(printed)[:PRINTED_CHARS_MAX]})
-    for (what, line, clause), (times, message) in handled.items():
-        note("handled", {"type": what, "line": line, "clause": clause, "times": times, "message": message})
+        printed.clear()
+    for finish in at_end:
+        finish()
     if state["dropped"]:
         state["left"] = max(state["left"], 100)  # room to say so
         state["trial"] = 0
@@ -111,9 +99,8 @@ def end() -> bytes:
 
 
 def traced(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Returns a function that notes the first values that `function` returns."""
+    """Returns a function that notes the first values that `function` returns; `inspect.unwrap` finds `function`."""
 
-    @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
         value = function(*arguments, **named)
         if state["returned"] < RETURNS_MAX:
@@ -121,6 +108,7 @@ def traced(function: Callable[..., Any]) -> Callable[..., Any]:
             describe(value)
         return value
 
+    call.__wrapped__ = function  # type: ignore[attr-defined]
     return call
 
 
@@ -157,79 +145,20 @@ def first_numbers(items: Sequence[Any]) -> list[float]:
     return found
 
 
-def compiled(source: str, filename: str) -> types.CodeType:
-    """Compiles the student's source, with a call of `handle` at the start of each `except` clause.
-
-    Falls back on the plain compiler, which raises what there is to raise.
-    """
-    if "except" in source and len(source) <= SOURCE_BYTES_MAX:
-        try:
-            tree = ast.parse(source, filename)
-            for node in ast.walk(tree):
-                if isinstance(node, ast.ExceptHandler):
-                    node.body.insert(0, call_at(node))
-            vars(builtins)[HANDLER] = handle
-            code: types.CodeType = compile(tree, filename, "exec", dont_inherit=True)
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            pass
-        else:
-            return code
-    plain: types.CodeType = compile(source, filename, "exec", dont_inherit=True)
-    return plain
-
-
-def call_at(clause: ast.ExceptHandler) -> ast.stmt:
-    """Returns the statement `__handled__(<line of the clause>)`, placed at the clause."""
-    name = ast.Name(HANDLER, ast.Load())
-    call = ast.Expr(ast.Call(name, [ast.Constant(clause.lineno)], []))
-    return ast.fix_missing_locations(ast.copy_location(call, clause))
-
-
-def handle(clause: int) -> None:
-    """Counts the exception that an `except` clause has just caught."""
-    error = sys.exc_info()[1]
-    if not state["open"] or error is None:
-        return
-    # the first frame is the one that catches: the line in the student's file is that of a deeper frame of that file
-    step = error.__traceback__
-    file, line = (step.tb_frame.f_code.co_filename, step.tb_lineno) if step else ("", clause)
-    while step is not None:
-        if step.tb_frame.f_code.co_filename == file:
-            line = step.tb_lineno
-        step = step.tb_next
-    key = (type(error).__name__[:TEXT_CHARS_MAX], line, clause)
-    if key in handled:
-        handled[key][0] += 1
-    elif len(handled) < HANDLED_MAX:
-        message = ""
-        if not state["hidden"]:
-            with contextlib.suppress(Exception):  # the student's own __str__
-                message = str(error)[:TEXT_CHARS_MAX]
-        handled[key] = [1, message]
-
-
-def listen() -> None:
-    """Keeps the first characters that are printed in the trial: `print` looks `write` up in the stream."""
-    stream = sys.stdout
+def listen(stream: Any) -> None:
+    """Keeps the first characters that are printed in a trial: `print` looks `write` up in the stream."""
+    heard[0] = stream
     plain = getattr(stream, "write", None)
     if type(stream).__name__ != "TextIOWrapper" or plain is None:  # the student's own
         return
 
     def write(text: str) -> Any:
-        printed.append(text[:PRINTED_CHARS_MAX])
-        state["printed"] += len(text)
-        if state["printed"] > PRINTED_CHARS_MAX or len(printed) > PRINTED_CHARS_MAX:
-            deafen()
+        if state["open"]:
+            printed.append(text[:PRINTED_CHARS_MAX])
+            state["printed"] += len(text)
+            if state["printed"] > PRINTED_CHARS_MAX or len(printed) > PRINTED_CHARS_MAX:
+                vars(stream).pop("write", None)  # until the next trial
+                heard[0] = None
         return plain(text)
 
-    stream.write = write  # type: ignore[method-assign]
-    listening.append(stream)
-
-
-listening: list[Any] = []
-
-
-def deafen() -> None:
-    """Prints as before."""
-    while listening:
-        vars(listening.pop()).pop("write", None)
+    stream.write = write

@@ -22,7 +22,7 @@ from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError, NotFound
-from grader.exercises import harness, recorder
+from grader.exercises import catching, harness, recorder
 from grader.exercises.crashes import clear, hidden_slip
 from grader.exercises.kind import (
     Content,
@@ -44,10 +44,10 @@ from grader.exercises.parameters import (
     known_keys,
     with_numbers,
 )
-from grader.exercises.trace import read_trace
+from grader.exercises.trace import NO_TRACE, read_traces
 
-TRACE = "trace"
-"""The name of the result that holds a trial's trace."""
+TRACES = {False: "traces", True: "hidden_traces"}
+"""The names of the results that hold the traces of the visible and of the hidden trials."""
 
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
@@ -109,9 +109,10 @@ class Plan:
 
     def job(self, source: str, limits: Limits) -> Job:
         """Returns the job of the jail for a script."""
+        watch = f"watch_exceptions({code_of(getsource(catching))})\n" if "except" in source else ""
         return Job(
             source,
-            self.driver,
+            f"{self.driver}{watch}",
             self.inputs,
             limits,
             without_integrators=self.without_integrators,
@@ -162,8 +163,8 @@ def wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Con
         try:
             for end in ends(case):
                 made = case_trials(kind, parameters, end, content, [0, index])
-            for trial in made:
-                kind.rehearse(parameters, trial)
+                for trial in made:
+                    kind.rehearse(parameters, trial)
             trials.extend(made)
         except (ValueError, KeyError, GraderError) as error:
             yield getattr(error, "key", key), str(error.args[0])
@@ -272,6 +273,13 @@ def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) ->
         raise WrongParameter("model", str(error)) from error
 
 
+def prepare_exercise(question: CodeQuestion, plan: Plan) -> None:
+    """Computes and caches what judging needs, whatever the script does: to be called while it runs."""
+    kind = installed_kinds()[question.check.kind]
+    for trial in plan.trials:
+        kind.prepare(plan.parameters, trial)
+
+
 def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Verdict:
     """Returns the verdict on a script; one that did not return gets the status of that name, with the reason."""
     if report.stepped:
@@ -279,11 +287,10 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     if report.status is not RunStatus.RETURNED:
         return failed(question, Status(report.status.value), clear(report.reason))
     kind = installed_kinds()[question.check.kind]
-    results = [
-        results_of(report.hidden_results if trial.hidden else report.results, index)
-        for index, trial in enumerate(plan.trials)
-    ]
-    traces = [read_trace(part.pop(TRACE, None)) for part in results]
+    parts = {False: report.results, True: report.hidden_results}
+    results = [results_of(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
+    held = {hidden: read_traces(parts[hidden].get(name)) for hidden, name in TRACES.items()}
+    traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
     raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
     judged = settled(
         [

@@ -1,7 +1,7 @@
 # mistake: The numbers of the joint types are confused: 1 is taken for a free joint and 0 for a ball joint.
 # next: Compare with int(mujoco.mjtJoint.mjJNT_FREE) and int(mujoco.mjtJoint.mjJNT_BALL).
 # status: incorrect
-# told: The positions in your stage 2 are not those at the start of the step plus multiples of h
+# told: The first four numbers of a free joint in data.qpos turn like a quaternion
 import mujoco
 import numpy as np
 

@@ -1,8 +1,8 @@
 # mistake: The linear velocity of a free joint is turned by the body's orientation, although it is already in world axes.
 # next: Add qvel[0:3] as it is; only qvel[3:6] is in the body's axes.
 # status: partial
-# told: The positions in your stage 2 are not those at the start of the step plus multiples of h
-# told from MuJoCo 4.0.0: incorrect: The positions in your stage 2 are not those at the start of the step plus multiples of h
+# told: The linear velocity of a free joint is in world axes already
+# told from MuJoCo 4.0.0: incorrect: The linear velocity of a free joint is in world axes already
 import mujoco
 import numpy as np
 

@@ -1,7 +1,7 @@
 # mistake: The accelerations come from the equations of motion of the lesson's double pendulum, so other models and forces go wrong.
 # next: Take accelerations from mj_forward for the model that is given.
 # status: incorrect
-# told: The positions and velocities in your stage 1 are not those at the start of the step plus
+# told: mj_forward is called once, when your step has ended
 """double pendulum with point masses, link lengths 0.3 m (see lesson)"""
 import mujoco
 import numpy as np

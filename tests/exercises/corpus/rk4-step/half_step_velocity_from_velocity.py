@@ -1,6 +1,6 @@
 # mistake: the second stage's velocity is v + h/2 * k1q: it adds a velocity (k1q) where the acceleration k1v belongs
 # status: incorrect
-# told: The velocities in your stage 2 do not follow from data.qacc, as mj_forward left it
+# told: Your velocities move by velocities: the slope of data.qpos is data.qvel
 import mujoco
 
 

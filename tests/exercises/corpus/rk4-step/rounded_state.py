@@ -1,7 +1,7 @@
 # mistake: The state is rounded to eight decimals at the end of each step.
 # next: Do not round inside the step; round only what you print.
 # status: incorrect
-# told: The positions and velocities at the end of your step are not those at the start of the
+# told: Your step rounds its result to 8 decimals
 import mujoco
 import numpy as np
 

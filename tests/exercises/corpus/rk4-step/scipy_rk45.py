@@ -1,7 +1,7 @@
 # mistake: It hands the step to SciPy's adaptive RK45, which is another method with its own step control.
 # next: Write the four classical stages yourself with NumPy.
 # status: partial
-# told: The positions and velocities at the end of your step are not those at the start of the
+# told: Your step is taken by scipy.integrate, whose functions choose the method
 import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp

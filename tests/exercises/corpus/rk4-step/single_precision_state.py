@@ -1,7 +1,7 @@
 # mistake: The state passes through an array of 32-bit floats, which rounds to seven digits at each step.
 # next: Keep the state in float64.
 # status: incorrect
-# told: The positions and velocities in your stage 1 are not those at the start of the step plus
+# told: The state went through 32-bit floats
 import mujoco
 import numpy as np
 

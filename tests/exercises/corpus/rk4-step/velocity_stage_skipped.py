@@ -1,7 +1,7 @@
 # mistake: mj_forwardSkip leaves out the position stage at the later stages, so mass matrix and gravity are those of the start.
 # next: Call mj_forward, which computes everything anew from the state of the stage.
 # status: incorrect
-# told: The positions and velocities at the end of your step are not those at the start of the
+# told: Your step calls mj_forwardSkip, which keeps what an earlier call has computed
 import mujoco
 
 

@@ -1,7 +1,7 @@
 # mistake: It returns a dictionary of results instead of the pair (h_stable, h_unstable).
 # next: Return (low, high).
 # status: incorrect
-# told: kp = 2000, kv = 5, Euler: The function must
+# told: Your function returns a value of type dict
 import mujoco
 
 NAMES = {0: "Euler", 3: "implicitfast", 4: "discrete"}

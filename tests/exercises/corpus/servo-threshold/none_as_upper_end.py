@@ -1,7 +1,7 @@
 # mistake: Where nothing is unstable it returns (0.05, None) instead of None.
 # next: Return None alone.
 # status: partial
-# told: kp = 2000, kv = 5, discrete: The function must
+# told: Your function returns a tuple that holds None
 import mujoco
 def stable(model, h):
     model.opt.timestep = h

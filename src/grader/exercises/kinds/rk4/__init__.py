@@ -8,7 +8,7 @@ from typing import Any
 from grader.domain.quiz import CodeQuestion
 from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.rk4 import driver
-from grader.exercises.kinds.rk4.judge import Outcome, accepted_states, judge_order, judge_run, rehearse
+from grader.exercises.kinds.rk4.judge import Outcome, accepted_states, judge_order, judge_run, prepare, rehearse
 from grader.exercises.kinds.rk4.mistakes import lazy_steps, name_the_mistake
 from grader.exercises.kinds.rk4.parameters import Problem, Rk4Case, Rk4Parameters, pose_case
 from grader.exercises.kinds.rk4.pictures import evidence_of
@@ -41,6 +41,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Outcome]):
     def rehearse(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
         """Solves for the exact motion where the judgement needs it; raises ValueError if the scene has constraints."""
         rehearse(trial.problem)
+
+    def prepare(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
+        """Simulates and solves what every trajectory of the trial is compared with."""
+        prepare(trial.problem)
 
     def judge(self, parameters: Rk4Parameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Compares the runs with MuJoCo's RK4 and with the exact motion."""

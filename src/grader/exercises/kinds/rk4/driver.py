@@ -12,9 +12,10 @@ the runs of a trial with a `probe` it also holds single steps from drawn states,
 strong force: there the slopes of the stages differ so much that recorded.py and tableau.py can tell them apart.
 """
 
-import contextlib
 import io
 import struct
+import sys
+import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -25,6 +26,8 @@ Forward = Callable[[mujoco.MjModel, mujoco.MjData], object]
 Step = Callable[[mujoco.MjModel, mujoco.MjData], object]
 Row = np.ndarray[Any, np.dtype[np.float64]]
 Rows = dict[str, Row]
+Fields = list[Any]
+"""Arrays, which the types of Python 3.11 do not know as buffers."""
 
 STATE = {"q": "qpos", "v": "qvel", "a": "act", "t": "time"}
 
@@ -42,15 +45,8 @@ note: Callable[..., bool] = globals().get("note", lambda *_: False)
 
 
 def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
-    """Returns `forward` with the force of `spec` added for models of its size; it leaves qfrc_applied as it was.
-
-    Attributes of classes and modules are looked up here, before a student's code can replace them.
-    """
-    sin, model_type, data_type = np.sin, mujoco.MjModel, mujoco.MjData
-    nq, nv = (getattr(model_type, name).fget for name in ("nq", "nv"))
-    qpos, qvel, time, qfrc_applied = (
-        getattr(data_type, name).fget for name in ("qpos", "qvel", "time", "qfrc_applied")
-    )
+    """Returns `forward` with the force of `spec` added for models of its size; it leaves qfrc_applied as it was."""
+    sin, model_type, data_type, nq, nv, qpos, qvel, time, qfrc_applied = LOOKED_UP
     amplitude, position, velocity, phase = (
         np.array(spec[name], dtype=np.float64) for name in ("amplitude", "position", "velocity", "phase")
     )
@@ -78,57 +74,81 @@ def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
     return forced
 
 
-class Tape:
-    """Keeps what mj_forward is asked and what it answers, as the bytes of float64: of each call the time, ASKED and
-    ANSWERED."""
+def looked_up() -> tuple[Any, ...]:
+    """Returns what the force needs of classes and modules."""
+    model_type, data_type = mujoco.MjModel, mujoco.MjData
+    sizes = (getattr(model_type, name).fget for name in ("nq", "nv"))
+    fields = (getattr(data_type, name).fget for name in ("qpos", "qvel", "time", "qfrc_applied"))
+    return np.sin, model_type, data_type, *sizes, *fields
 
-    def __init__(self) -> None:
+
+LOOKED_UP = looked_up()
+"""Looked up before a student's code can replace it."""
+
+
+class Tape:
+    """Keeps steps as the bytes of float64: what mj_forward is asked, and what it answers.
+
+    A step has the number of calls, whether it is of the probe, the timestep; the state before, each call, the state
+    after. A call has the time, the fields that are asked, and those that are answered.
+    """
+
+    def __init__(self, start: Mapping[str, Sequence[float]]) -> None:
         self.calls: list[bytes] = []
+        self.steps: list[bytes] = []
+        act, ctrl = ["act"] if start["act"] else [], ["ctrl"] if start["ctrl"] else []  # what is empty adds nothing
+        self.names = ["qpos", "qvel", *act, *ctrl], ["qacc", *(["act_dot"] if act else []), "qacc_smooth"]
+        self.state = 2 + len(act)
+        self.known: tuple[Any, Fields, Fields] = (None, [], [])
+        """The last data with its fields, which show its present numbers: to look them up takes longer than a copy."""
+
+    def fields_of(self, data: mujoco.MjData) -> tuple[Fields, Fields]:
+        """Returns the fields of `data` that are asked, and those that are answered."""
+        if data is not self.known[0]:
+            asked, answered = self.names
+            self.known = data, [getattr(data, name) for name in asked], [getattr(data, name) for name in answered]
+        return self.known[1:]
 
     def over(self, forward: Forward, *, bounded: bool = False) -> Forward:
         """Returns `forward`, taped. A call beyond the tape is not kept; where `bounded`, it raises TooMany."""
-        calls, join, pack, data_type = self.calls, b"".join, TIME.pack, mujoco.MjData
-        known: Any = None  # views of the last data: making them takes longer than copying what they show
-        asked: list[Row] = []
-        answered: list[Row] = []
+        calls, join, pack, data_type = self.calls, b"".join, ONE.pack, mujoco.MjData
 
         def taped(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            nonlocal known, asked, answered
             if bounded and len(calls) > CALLS_MAX:
                 raise TooMany
             if len(calls) > CALLS_MAX or type(data) is not data_type:
                 forward(model, data)
                 return
-            if data is not known:
-                known, asked, answered = data, views(data, ASKED), views(data, ANSWERED)
-            before = pack(data.time), *[one.tobytes() for one in asked]
+            asked, answered = self.fields_of(data)
+            before = join((pack(data.time), *asked))
             forward(model, data)
-            calls.append(join((*before, *[one.tobytes() for one in answered])))
+            calls.append(join((before, *answered)))
 
         return taped
 
     def step(self, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, *, probe: bool = False) -> None:
-        """Takes one step and notes it: whether it is of the probe, the number of calls, the timestep; the state before,
-        each call, the state after."""
-        self.calls.clear()
-        pack, parts = TIME.pack, views(data, (*ASKED, "qacc"))
-        before = pack(model.opt.timestep), pack(data.time), *[one.tobytes() for one in parts]
+        """Takes a step and keeps it."""
+        calls, (asked, answered) = self.calls, self.fields_of(data)
+        calls.clear()
+        timestep, time, before = model.opt.timestep, data.time, b"".join((*asked, answered[0]))
         entry(model, data)
-        if len(self.calls) > CALLS_MAX:
-            return
-        after = pack(data.time), *[one.tobytes() for one in parts[:3]]
-        numbers = pack(len(self.calls)), pack(probe), *before, *self.calls, *after
-        note("step", None, np.frombuffer(b"".join(numbers)))
+        if len(calls) <= CALLS_MAX:
+            head = HEAD.pack(len(calls), probe, timestep, time)
+            self.steps.append(b"".join((head, before, *calls, ONE.pack(data.time), *asked[: self.state])))
+
+    def note(self) -> None:
+        """Adds the steps to the trace, and by what else the script may step."""
+        for step in self.steps:
+            note("step", None, step)
+        self.steps.clear()
+        if others:
+            note("others", {"names": sorted(others)})
 
 
-ASKED = ("qpos", "qvel", "act", "ctrl")
-ANSWERED = ("qacc", "act_dot", "qacc_smooth")
-TIME = struct.Struct("<d")
-
-
-def views(data: mujoco.MjData, names: Sequence[str]) -> list[Row]:
-    """Returns arrays of `data`, which show its present numbers whenever they are read."""
-    return [getattr(data, name) for name in names]
+SCIPY = "scipy.integrate"
+others: set[str] = set()
+"""By what else the script steps: mj_forwardSkip, or SCIPY."""
+HEAD, ONE = struct.Struct("<4d"), struct.Struct("<d")
 
 
 class TooMany(BaseException):
@@ -137,7 +157,7 @@ class TooMany(BaseException):
 
 def before_import() -> None:
     """Replaces mj_forward by one that can be exchanged, before the student's module imports it."""
-    raw = mujoco.mj_forward
+    raw, skip = mujoco.mj_forward, mujoco.mj_forwardSkip
     chosen: list[Forward] = [raw]
 
     def mj_forward(m: mujoco.MjModel, d: mujoco.MjData) -> None:
@@ -145,34 +165,42 @@ def before_import() -> None:
 
     mj_forward.__doc__, mj_forward.__module__, mj_forward.__qualname__ = raw.__doc__, raw.__module__, raw.__qualname__
     mujoco.mj_forward = mj_forward
+
+    def forward_skip(*arguments: Any, **named: Any) -> None:
+        others.add("mj_forwardSkip")
+        skip(*arguments, **named)
+
+    mujoco.mj_forwardSkip = forward_skip
     globals().update(raw=raw, chosen=chosen)
 
 
 def trial(functions: Sequence[Step], inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
     """Simulates every run from its start by the student's steps."""
     (entry,) = functions
-    raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape()
+    raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape(inputs["start"])
     forward, untraced = with_force(raw, inputs["force"]), getattr(entry, "__wrapped__", entry)
+    over = tape.over(forward)
     for index, run in enumerate(inputs["runs"]):
         model = mujoco.MjModel.from_xml_string(inputs["model"])
         model.opt.timestep = run["timestep_s"]
         data = started(model, inputs["start"])
 
         def taped(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
-            chosen[0] = tape.over(forward)
+            chosen[0] = over
             tape.step(entry, model, data)
             chosen[0] = forward
 
         chosen[0] = forward
         try:
             rows = record(untraced, model, data, run["steps"], taped if inputs["taped"] else None)
+            if "probe" in inputs:
+                probe(tape, untraced, model, data, inputs["probe"])
         finally:
             chosen[0] = raw
+            tape.note()
         finite = np.logical_and.accumulate(np.isfinite(np.hstack(list(rows.values()))).all(axis=1))
         for name, values in rows.items():
             submit(f"{name}{index}", values[: int(np.sum(finite))])
-        if "probe" in inputs:
-            probe(entry, model, data, inputs["probe"])
 
 
 def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujoco.MjData:
@@ -208,21 +236,35 @@ def record(
     return rows
 
 
-def probe(entry: Step, model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> None:
-    """Notes single steps from the drawn states. What they print or raise is dropped: they are no part of the run."""
-    raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape()
-    forward, timestep = with_force(raw, inputs["force"]), model.opt.timestep
-    chosen[0] = tape.over(forward, bounded=True)
+def probe(tape: Tape, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> None:
+    """Keeps single steps from the drawn states. What they print or raise is dropped: they are no part of the run."""
+    raw, chosen, timestep, stdout = globals()["raw"], globals()["chosen"], model.opt.timestep, sys.stdout
+    sys.stdout = io.StringIO()
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            mujoco.mj_resetData(model, data)
-            for start in inputs["starts"]:
-                model.opt.timestep = start["timestep_s"]
-                data.time = start["time"]
-                for name in ("qpos", "qvel", "act", "ctrl"):
-                    getattr(data, name)[:] = start[name]
-                tape.step(entry, model, data, probe=True)
+        mujoco.mj_resetData(model, data)
+        over = tape.over(with_force(raw, inputs["force"]), bounded=True)
+
+        def first(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            chosen[0] = over
+            look_for_scipy(sys._getframe())
+            over(model, data)
+
+        chosen[0] = first
+        for start in inputs["starts"]:
+            model.opt.timestep, data.time = start["timestep_s"], start["time"]
+            for name in tape.names[0]:
+                getattr(data, name)[:] = start[name]
+            tape.step(entry, model, data, probe=True)
     except BaseException:  # noqa: S110 - the run has been judged without it
         pass
     finally:
-        chosen[0], model.opt.timestep = raw, timestep
+        sys.stdout, model.opt.timestep = stdout, timestep
+
+
+def look_for_scipy(frame: types.FrameType | None) -> None:
+    """Notes whether a call comes from SciPy's integrators."""
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).startswith(SCIPY):
+            others.add(SCIPY)
+            return
+        frame = frame.f_back

@@ -65,12 +65,15 @@ class System:
             return None
         columns = np.stack([self.terms[term] for term in known], axis=1) / self.tolerance[:, None]
         sizes = np.max(np.abs(columns), axis=0)
-        coefficients, _, rank, singular = np.linalg.lstsq(columns / sizes, self.change / self.tolerance, rcond=1e-15)
+        shares, _, rank, singular = np.linalg.lstsq(columns / sizes, self.change / self.tolerance, rcond=1e-15)
         if rank < len(known) or singular[0] > CONDITION_MAX * singular[-1]:
             return None
-        found = dict(zip(known, (coefficients / sizes).tolist(), strict=True))
-        kept = {term: value for term, value in found.items() if abs(value) > NOTHING}
-        return kept if self.explains(kept) else None
+        coefficients = shares / sizes
+        kept = [bool(one) for one in (np.abs(coefficients) > NOTHING) & (np.abs(shares) > 1)]
+        if not all(kept):  # the others carry what little these had
+            return self.solved([term for term, is_kept in zip(known, kept, strict=True) if is_kept])
+        found = dict(zip(known, coefficients.tolist(), strict=True))
+        return found if self.explains(found) else None
 
     def independent(self, terms: Sequence[Term]) -> list[Term]:
         """Returns the terms without those that are zero or equal to an earlier one."""

@@ -196,15 +196,19 @@ class Truth:
     times_s: tuple[float, ...]
     rtol: float
 
+    @property
+    def exact(self) -> Trajectory:
+        """The motion at the times. Raises ValueError where the scene has constraints."""
+        return solved(retimed(self.run, 1.0, 1), self.times_s, self.rtol)
+
     def error(self, run: Run, trajectory: Trajectory) -> float:
         """Returns the largest distance at the run's sample times; inf where the trajectory ended early.
 
         Raises ValueError where the scene has constraints.
         """
-        exact = solved(retimed(self.run, 1.0, 1), self.times_s, self.rtol)
         rows = sampled_rows(run)
         here = np.searchsorted(self.times_s, sample_times(run))
-        return difference(run, trajectory.at(rows[rows < len(trajectory)]), exact.at(here)).worst
+        return difference(run, trajectory.at(rows[rows < len(trajectory)]), self.exact.at(here)).worst
 
 
 def truth_of(problem: Problem) -> Truth:
@@ -219,6 +223,14 @@ def rehearse(problem: Problem) -> None:
     """Solves for the exact motion where the judgement needs it. Raises ValueError if the scene has constraints."""
     if problem.accepts_other_methods or problem.order_runs:
         solved(problem.run, (problem.run.timestep_s,), CASE_RTOL)
+
+
+def prepare(problem: Problem) -> None:
+    """Simulates by MuJoCo's method and solves for the exact motion, where every judgement needs them."""
+    if not problem.asks_order:
+        mujoco_run(problem.run)
+    if problem.asks_order or problem.accepts_other_methods:
+        _ = truth_of(problem).exact
 
 
 def coarser(run: Run) -> tuple[Run, float]:

@@ -159,6 +159,8 @@ def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]
     told = by_the_trace(outcome, wrong)
     if told.sentence:
         return told.sentence
+    if wraps(outcome):
+        return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
     is_first = outcome.problem.case.id == first_case
     return (name_the_step(outcome) if is_first else name_the_state(outcome)) or (told.fallback if is_first else None)
 
@@ -178,8 +180,6 @@ def name_the_state(wrong: RunOutcome) -> str | None:
     student, ours = wrong.student, mujoco_run(wrong.run)
     if not len(student):
         return None
-    if wraps(wrong):
-        return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
     if wrong.problem.case.time_matters and (student.time == student.time[0]).all():
         return "data.time does not change: set it at every stage, and advance it by model.opt.timestep in every step."
     if ours.act.size and (student.act == student.act[0]).all():

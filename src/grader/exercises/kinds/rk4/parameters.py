@@ -191,7 +191,7 @@ def draw_probe(model: mujoco.MjModel, run: Run, rng: np.random.Generator) -> Pro
         rate=drawn.rate,
     )
     starts = []
-    for index in range(int(np.clip(np.ceil(PROBE_EQUATIONS / model.nv), 3, PROBE_EQUATIONS))):
+    for index in range(int(np.clip(np.ceil(PROBE_EQUATIONS / model.nv), len(PROBE_TIMESTEPS), PROBE_EQUATIONS))):
         qpos = np.array(run.qpos)
         mujoco.mj_integratePos(model, qpos, rng.normal(size=model.nv), 0.1)
         start = {

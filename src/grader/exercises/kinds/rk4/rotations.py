@@ -98,14 +98,20 @@ def in_the_world(turning: Turning, rows: Matrix, row: int) -> Rows:
     return product(turn_by(turning.h * turning.rate(rows[row - 1])), turning.quats[0])
 
 
-def twice_as_far(turning: Turning, rows: Matrix, row: int) -> Rows:
-    """A quaternion of the whole angle in place of the half."""
-    return product(turning.quats[0], turn_by(2 * turning.h * turning.rate(rows[row - 1])))
+def times(factor: float) -> Rule:
+    """A multiple of the angle: the whole in place of the half, degrees in place of radians, the other way round."""
+
+    def rule(turning: Turning, rows: Matrix, row: int) -> Rows:
+        return product(turning.quats[0], turn_by(factor * turning.h * turning.rate(rows[row - 1])))
+
+    return rule
 
 
-def half_as_far(turning: Turning, rows: Matrix, row: int) -> Rows:
-    """Half the angle, halved again."""
-    return product(turning.quats[0], turn_by(0.5 * turning.h * turning.rate(rows[row - 1])))
+def long_axis(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The angular velocity itself as the axis, which should have length 1."""
+    rate, share = turning.rate(rows[row - 1]), sum(rows[row - 1]) or 1.0
+    half = turning.h * float(np.linalg.norm(rate)) / 2
+    return product(turning.quats[0], np.array([np.cos(half), *(np.sin(half) * rate / share)]))
 
 
 def read_as_xyzw(turning: Turning, rows: Matrix, row: int) -> Rows:
@@ -178,9 +184,17 @@ WRONG: Mapping[str, Rule] = {
     "The angular velocity of a free or ball joint is given in the body's axes, not the world's: multiply the "
     "quaternion by the rotation from the right.": in_the_world,
     "Your orientations turn by half the angle that they should: the quaternion of a turn by an angle holds cos and sin "
-    "of angle / 2, and mj_integratePos and mju_axisAngle2Quat halve it themselves.": half_as_far,
+    "of angle / 2, and mj_integratePos and mju_axisAngle2Quat halve it themselves.": times(1 / 2),
     "Your orientations turn twice as far as they should: the quaternion of a turn by an angle holds cos and sin of "
-    "angle / 2.": twice_as_far,
+    "angle / 2.": times(2),
+    "Your orientations turn backwards: multiply the quaternion from the right by the rotation itself, not by its "
+    "conjugate or by a turn of the negative angle.": times(-1),
+    "Your turns go into sine and cosine in degrees: h times an angular velocity of MuJoCo is in radians already, so "
+    "leave out the conversion.": times(180 / np.pi),
+    "Your turns are converted from degrees: h times an angular velocity of MuJoCo is in radians already, so leave out "
+    "the conversion.": times(np.pi / 180),
+    "The axis of your turns is the angular velocity itself, which is not of length 1: divide it by its norm, and turn "
+    "by h times this norm.": long_axis,
     "The quaternion is read as (x, y, z, w): MuJoCo's order is (w, x, y, z), so put w first, or reorder before and "
     "after a library that expects it last.": read_as_xyzw,
     "The quaternion in its derivative is read as (x, y, z, w): MuJoCo's order is (w, x, y, z), so put w first.": (
@@ -249,61 +263,3 @@ def ends_elsewhere(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -
         "of the start. Add up velocities, not quaternions or positions, and move the start of the step by their "
         "weighted mean."
     )
-
-
-def linear_axes(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
-    """Returns the sentence of a free joint whose linear velocity is turned by the orientation though it must not be."""
-    for kind, at, dof in zip(
-        model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True
-    ):
-        if kind != int(mujoco.mjtJoint.mjJNT_FREE):
-            continue
-        for inward in (False, True):
-            if all(drifts(step, at, dof, rows, inward=inward) for step in steps):
-                return (
-                    "The linear velocity of a free joint is in world axes already: your step turns it by the "
-                    "orientation before it moves the position. Add h times data.qvel[0:3] as it is."
-                )
-    return None
-
-
-def drifts(step: Step, at: int, dof: int, rows: Matrix, *, inward: bool) -> bool:
-    """Whether the place of a free joint moves by its velocity turned by the orientation of each call."""
-    quats = [quat / max(np.linalg.norm(quat), 1e-300) for quat in step.qpos[:, at + 3 : at + 7]]
-    turned = [
-        rotated(inverse(quat) if inward else quat, velocity)
-        for quat, velocity in zip(quats, step.qvel[:, dof : dof + 3], strict=True)
-    ][1 : step.calls + 1]
-    moves = np.array([padded(row, step.calls) @ np.array(turned) for row in rows]) * step.timestep_s
-    seen = step.qpos[1:, at : at + 3] - step.qpos[0, at : at + 3]
-    return bool(np.max(np.abs(moves - seen)) <= EXACT * (1 + np.max(np.abs(step.qpos))))
-
-
-def wrong_address(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *, hidden: bool) -> str | None:
-    """Returns the sentence of a hinge or slide that moves by the velocity of another dof."""
-    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
-    for joint, (kind, at, dof) in enumerate(joints, 1):
-        if kind in OFFSETS or moves_by(steps, at, dof, rows):
-            continue
-        other = next((one for one in range(int(model.nv)) if one != dof and moves_by(steps, at, one, rows)), None)
-        if other is None:
-            continue
-        name = "a joint" if hidden else f"joint {joint}"
-        seen = (
-            f"qvel of {name} is read at jnt_qposadr"
-            if other == at
-            else f"{name} is moved by the velocity of another joint"
-        )
-        return f"{seen}: its place in data.qvel is jnt_dofadr, which differs from jnt_qposadr after a quaternion."
-    return None
-
-
-def moves_by(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
-    """Whether one position moves by one velocity, by the tableau."""
-    for step in steps:
-        moves = step.timestep_s * np.array(
-            [padded(row, step.calls) @ step.qvel[1 : step.calls + 1, dof] for row in rows]
-        )
-        if np.max(np.abs(step.qpos[1:, at] - step.qpos[0, at] - moves)) > EXACT * (1 + abs(step.qpos[0, at])):
-            return False
-    return True

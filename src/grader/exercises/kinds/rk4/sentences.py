@@ -86,6 +86,20 @@ def borrowed_slopes(reading: Reading) -> str | None:
             "Your first acceleration is data.qacc as it stood before the step: nothing has computed it for this state. "
             "Call mj_forward before you read data.qacc."
         )
+    crossed = [
+        what
+        for what, rows, slope in (("position", reading.positions, "a"), ("velocity", reading.velocities, "v"))
+        if any(row and {(term.slope, term.power) for term in row} == {(slope, 1)} for row in rows)
+    ]
+    if crossed:
+        seen = {
+            "position": "Your positions move by accelerations",
+            "velocity": "Your velocities move by velocities",
+        }
+        return (
+            f"{' and your '.join([seen[crossed[0]], *(seen[what][5:] for what in crossed[1:])])}: the slope of "
+            "data.qpos is data.qvel, and the slope of data.qvel is data.qacc. Look where you unpack or sum them."
+        )
     if SMOOTH in slopes:
         return (
             "Your accelerations are data.qacc_smooth, which leaves out constraint forces (joint limits, contacts): "

@@ -17,6 +17,9 @@ STAGES = len(CLASSICAL) - 1
 FRACTIONS = {2: "h/2", 3: "h/2", 4: "h"}
 """How far the classical stages lie from the start, as a student writes it."""
 
+ROUNDED = 5e-3
+"""Weights that are off by less are the classical ones, rounded to two decimals or more."""
+
 ASKED = "the classical step that was asked for (k1 to k4, weights 1, 2, 2, 1 over 6)"
 
 WRITTEN = {"state": "data.qpos[:] and data.qvel[:]", "position": "data.qpos[:]", "velocity": "data.qvel[:]"}
@@ -210,12 +213,18 @@ def weights_sentence(row: Row, what: str) -> str:
     total = sum(row)
     if abs(total) > SAME and np.allclose(np.array(row), total * np.array(WEIGHTS), rtol=0, atol=SAME):
         start = "The" if what == "state" else f"For the {what}, the"
-        return f"{start} weights 1, 2, 2, 1 are divided by {as_text(6 / total)}, not by 6: they do not sum to 1."
+        by = (
+            f"multiplied by {as_text(total / 6)}, not divided by 6" if total > 6 else f"divided by {as_text(6 / total)}"
+        )
+        return f"{start} weights 1, 2, 2, 1 are {by}{', not by 6' if total <= 6 else ''}: they do not sum to 1."
     if any(value < -SAME for value in row):
         return (
             f"{whose} step subtracts a slope: it moves by {in_words(row)}. All four weights are positive, 1, 2, 2, 1 "
             "over 6."
         )
+    if len(row) == len(WEIGHTS) and np.allclose(np.array(row), WEIGHTS, rtol=0, atol=ROUNDED):
+        texts = ", ".join(f"{value:.4g}" for value in row)
+        return f"{whose} weights are {texts}, which is 1/6 and 1/3 rounded: write h / 6 * (k1 + 2 k2 + 2 k3 + k4)."
     texts = ", ".join(as_text(value) for value in row)
     tail = "" if abs(total - 1) <= SAME else f" and sum to {as_text(total)}, not to 1"
     return f"{whose} weights are {texts}{tail}; the classical weights are 1/6, 1/3, 1/3, 1/6."

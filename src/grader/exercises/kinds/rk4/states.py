@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 
-from grader.exercises.kinds.rk4.fits import Term, as_text
+from grader.exercises.kinds.rk4.fits import Rows, Term, as_text
+from grader.exercises.kinds.rk4.recorded import Step
 from grader.exercises.kinds.rk4.stages import FRACTIONS, STAGES, in_words, number_word
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, Matrix, Reading, plain, same, same_row
 
@@ -19,6 +21,12 @@ CUTS_MIN = 2
 
 CLOCK_ATOL = 1e-6
 """Difference in timesteps below which two times are the same: a time of many seconds has lost digits."""
+
+NUMBERS_MIN = 2
+"""The fewest coordinates of which "every" is said."""
+
+DECIMALS = range(3, 13)
+"""Decimals to which a state may be rounded."""
 
 SET_TIME = "set it to t, t + h/2, t + h/2 and t + h before the four calls of mj_forward, and to t + h at the end"
 
@@ -148,8 +156,74 @@ def stage_of_activations(rows: Matrix) -> str:
     return f"In your stage {wrong}, data.act moves by {moves}; it should move by {right}."
 
 
-def explain_idle(reading: Reading, dofs: int) -> str | None:
+def other_data(reading: Reading) -> str | None:
+    """Returns the sentence of steps that ask mj_forward at one and the same state, wherever they begin."""
+    steps = reading.steps
+    if reading.calls < 2 or all(np.array_equal(step.qpos[0], steps[0].qpos[0]) for step in steps):
+        return None
+    asked = [np.hstack([step.qpos[row], step.qvel[row]]) for step in steps for row in range(1, step.calls + 1)]
+    if any(not np.array_equal(one, asked[0]) for one in asked):
+        return None
+    return (
+        "Every call of mj_forward finds the same state, wherever your step begins: you pass it another data than that "
+        "of your step, or reset it. Write the stage's state into the data that you are given, and pass that one."
+    )
+
+
+def without_slope(reading: Reading, model: mujoco.MjModel) -> str | None:
+    """Returns the sentence of a stage that adds the same multiple of h to every position or velocity."""
+    parts = {"velocity": [step.qvel for step in reading.steps]}
+    if model.nq == model.nv:
+        parts["position"] = [step.qpos for step in reading.steps]
+    if model.nv < NUMBERS_MIN or reading.calls != STAGES:
+        return None
+    for row in range(2, reading.calls + 1):
+        for what, states in parts.items():
+            shares = [(one[row] - one[0]) / step.timestep_s for one, step in zip(states, reading.steps, strict=True)]
+            share = shares[0][0]
+            if abs(share) > CUT_ATOL and all(np.allclose(one, share, rtol=0, atol=CUT_ATOL) for one in shares):
+                return (
+                    f"Your stage {row} adds the same number, {in_words((share,)).removesuffix(' k1')}, to every "
+                    f"{what}: multiply it by the slope k{row - 1}, one number for each {what}."
+                )
+    return None
+
+
+def kept(reading: Reading) -> str | None:
+    """Returns the sentence of steps that begin at a state, or use slopes, of an earlier call; None if none do."""
+    steps = reading.steps
+    if reading.calls < 2 or len(steps) < 2:
+        return None
+    elsewhere = [step for step in steps if not begins_at(step, step, 0)]
+    if elsewhere and all(any(begins_at(one, other, row) for other in steps for row in (0, -1)) for one in elsewhere):
+        return (
+            "Your step does not begin at the state in data, but at one that an earlier call has left in a variable "
+            "outside of the function: copy data.qpos, data.qvel, data.act and data.time at the start of every call."
+        )
+    if not all(moves_with(step, step.qacc[1]) for step in steps) and any(
+        all(moves_with(step, one.qacc[1]) for step in steps) for one in steps
+    ):
+        return (
+            "The slopes in your stages are those of an earlier call: a list outside of the function, to which every "
+            "call appends, keeps them. Make the list new in every call."
+        )
+    return None
+
+
+def begins_at(step: Step, other: Step, row: int) -> bool:
+    """Whether the first call of a step finds the state in a row of another one (or of itself)."""
+    return np.array_equal(step.qpos[1], other.qpos[row]) and np.array_equal(step.qvel[1], other.qvel[row])
+
+
+def moves_with(step: Step, slope: Rows) -> bool:
+    """Whether the velocity of stage 2 lies half a step of this slope from the start."""
+    change = step.qvel[2] - step.qvel[0]
+    return bool(np.all(np.abs(change - step.timestep_s / 2 * slope) <= CUT_ATOL * (1 + np.max(np.abs(change)))))
+
+
+def explain_idle(reading: Reading, model: mujoco.MjModel) -> str | None:
     """Returns the sentence of velocities or positions that never change although others do."""
+    dofs = int(model.nv)
     idle, still = (part if len(part) < dofs else () for part in (reading.idle, reading.still))
     if not idle and not still:
         return None
@@ -161,7 +235,17 @@ def explain_idle(reading: Reading, dofs: int) -> str | None:
             f"Some velocities do not change: only the first {move}, and a model may have more joints than you move. "
             "Advance all of data.qpos and data.qvel."
         )
-    if not idle and reading.steps[0].qpos.shape[1] > dofs:
+    if not idle and model.nq > dofs:
+        if all(np.array_equal(step.qpos[0], row) for step in reading.steps for row in step.qpos[1:]):
+            return (
+                "No position changes, neither in the stages nor at the end, although the velocities do: write the new "
+                "positions into data.qpos[:]. If you loop over the joints, begin with joint 0."
+            )
+        if first_free(model, still):
+            return (
+                "The place of a free joint never changes, although its velocity does: move its first three numbers in "
+                "data.qpos by the first three of its velocity. If you loop over the joints, begin with joint 0."
+            )
         return (
             "The position of a hinge or slide never changes, although its velocity does: after a quaternion its place "
             "in data.qpos is neither the joint's number nor its jnt_dofadr. Write it at model.jnt_qposadr[joint]."
@@ -170,14 +254,61 @@ def explain_idle(reading: Reading, dofs: int) -> str | None:
     return f"Some {what} do not change, while others do: advance all of data.qpos and data.qvel."
 
 
+def first_free(model: mujoco.MjModel, still: Sequence[int]) -> bool:
+    """Whether the first coordinate that stands still is a free joint's."""
+    joint = int(model.dof_jntid[min(still)])
+    return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_FREE)
+
+
+def whole_numbers(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that have lost their fractions."""
+    steps = reading.steps
+    if reading.calls < 2 or not all(moves_with(step, np.trunc(step.qacc[1])) for step in steps):
+        return None
+    if not any(np.any(np.trunc(step.qacc[1])) for step in steps):
+        return None
+    return (
+        "The slopes in your stages are cut off to whole numbers: an array of whole numbers, such as np.array([0, 0]) "
+        "or one with dtype=int, keeps no fractions. Make it of floats, such as np.zeros(model.nv)."
+    )
+
+
+def rounded(reading: Reading) -> str | None:
+    """Returns the sentence of a state that is rounded, to 32 bits at the start or to some decimals at the end."""
+    steps = [step for step in reading.steps if step.calls]
+    if not steps:
+        return None
+    if all(np.array_equal(step.qpos[1], step.qpos[0].astype(np.float32)) for step in steps) and not all(
+        np.array_equal(step.qpos[1], step.qpos[0]) for step in steps
+    ):
+        return "The state went through 32-bit floats: use NumPy's default, float64."
+    if reading.calls != STAGES:
+        return None
+    ends = [step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:]) for step in steps]
+    for decimals in DECIMALS:
+        if all(np.array_equal(np.round(end, decimals), step.qvel[-1]) for step, end in zip(steps, ends, strict=True)):
+            return f"Your step rounds its result to {decimals} decimals: round what you print, not the state."
+    return None
+
+
 def agrees_until(reading: Reading) -> str | None:
     """Returns an honest sentence for a step with a state that is no combination of its slopes."""
+    if reading.calls == 1 and all(ends_with_its_call(step) for step in reading.steps):
+        return (
+            "mj_forward is called once, when your step has ended, so that nothing of the step comes from it: call it "
+            "at every stage, and take the acceleration from data.qacc, not from formulas of your own."
+        )
     parts = {"positions": reading.positions, "velocities": reading.velocities}
     for row in range(reading.calls + 1):
         unknown = [name for name, rows in parts.items() if rows[row] is None]
         if unknown:
             return up_to(row, unknown, reading.calls)
     return None
+
+
+def ends_with_its_call(step: Step) -> bool:
+    """Whether the last call of mj_forward finds the state after the step, not that before it."""
+    return begins_at(step, step, -1) and not begins_at(step, step, 0)
 
 
 def up_to(row: int, unknown: Sequence[str], calls: int) -> str:
@@ -192,6 +323,11 @@ def up_to(row: int, unknown: Sequence[str], calls: int) -> str:
     if calls < STAGES:
         times = "once" if calls == 1 else f"{number_word(calls)} times"
         return f"{said} slopes. You call mj_forward {times}; use four slopes of this step, and none of the last one."
+    if calls > STAGES:
+        return (
+            f"{said} slopes. You call mj_forward {number_word(calls)} times in a step; the classical step calls it "
+            "four times, once for each slope."
+        )
     until = f" Your stages up to {row} can be read." if row > 1 else ""
     return f"{said} slopes.{until} Print that state, and compare it with the formula by hand."
 

@@ -94,8 +94,8 @@ def position_part(change: Callable[[Step, int], Rows]) -> Part:
     def terms(step: Step) -> dict[Term, Rows]:
         stages = range(1, step.calls + 2)
         found = dict(pair for stage in (*stages, 0) for pair in powers("v", stage, step, step.qvel[stage]))
-        for stage in range(1, step.calls + 1):
-            found[Term("a", stage, 2)] = step.timestep_s**2 * step.qacc[stage]
+        for stage, power in product(range(1, step.calls + 1), (1, 2)):
+            found[Term("a", stage, power)] = step.timestep_s**power * step.qacc[stage]
         return found
 
     return Part(change, terms, lambda step: float(np.max(np.abs(step.qpos))))
@@ -106,6 +106,7 @@ def velocity_terms(step: Step) -> dict[Term, Rows]:
     stages = range(1, step.calls + 1)
     found = dict(pair for stage in stages for pair in powers("a", stage, step, step.qacc[stage]))
     found |= dict(powers(STALE, 0, step, step.qacc[0]))
+    found |= {Term("v", stage): step.timestep_s * step.qvel[stage] for stage in stages}
     return found | {Term(SMOOTH, stage): step.timestep_s * step.smooth[stage - 1] for stage in stages}
 
 
@@ -226,29 +227,37 @@ def read_row(system: System, slope: str, row: int, calls: int, guesses: Sequence
     for guess in guesses:
         if system.explains(guess):
             return guess
-    return next((found for terms in bases(slope, row, calls) if (found := system.solved(terms)) is not None), None)
+    for alike in bases(slope, row, calls):
+        found = [one for terms in alike if (one := system.solved(terms)) is not None]
+        if found:
+            return min(found, key=len)
+    return None
 
 
-def bases(slope: str, row: int, calls: int) -> Iterator[list[Term]]:
-    """Yields the terms that may make up a row, the simplest first."""
+def bases(slope: str, row: int, calls: int) -> Iterator[list[list[Term]]]:
+    """Yields the terms that may make up a row, the simplest first; of several lists the one with the fewest terms."""
     if slope == "t":
-        yield [Term("t", 0)]
-        yield [Term("t", 0), Term("t", 0, 0)]
-        yield [Term("t", 1, 0)]
+        yield [[Term("t", 0)]]
+        yield [[Term("t", 0), Term("t", 0, 0)]]
+        yield [[Term("t", 1, 0)]]
         return
     earlier = range(1, min(row, calls + 1))
-    yield [Term(slope, stage) for stage in earlier]
+    yield [[Term(slope, stage) for stage in earlier]]
     if slope == "v":
-        yield [Term("v", stage) for stage in (*earlier, row, 0)]
-        yield [Term("v", 0), *(Term("a", stage, 2) for stage in earlier)]
-        yield [*(Term("v", stage) for stage in (*earlier, row, 0)), *(Term("a", stage, 2) for stage in earlier)]
+        yield [[Term("v", stage) for stage in (*earlier, row, 0)]]
+        yield [[Term("v", 0), *(Term("a", stage, 2) for stage in earlier)]]
+        yield [[*(Term("v", stage) for stage in (*earlier, row, 0)), *(Term("a", stage, 2) for stage in earlier)]]
     if slope == "a":
-        yield [Term(STALE, 0), *(Term("a", stage) for stage in earlier)]
-        yield [Term(SMOOTH, stage) for stage in earlier]
-    for mix in ((0,), (2,), (1, 0), (1, 2)):
-        yield [Term(slope, stage, power) for power, stage in product(mix, earlier)]
+        yield [[Term(STALE, 0), *(Term("a", stage) for stage in earlier)]]
+        yield [[Term(SMOOTH, stage) for stage in earlier]]
+    for power in (0, 2):
+        yield [[Term(slope, stage, power) for stage in earlier]]
+    # Steps of two lengths do not tell h and 1 from h and h * h.
+    yield [[Term(slope, stage, power) for power, stage in product((1, other), earlier)] for other in (0, 2)]
     if slope == "a":
-        yield [Term(STALE, 0, power) for power in (0, 2)]
+        yield [[Term(STALE, 0, power) for power in (0, 2)]]
+    if slope in "av":
+        yield [[Term("v" if slope == "a" else "a", stage) for stage in earlier]]
 
 
 def plain(rows: Sequence[Combination | None], slope: str) -> list[list[float]] | None:

@@ -8,23 +8,27 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kind import Judged
+from grader.exercises.kinds.rk4.addresses import misplaced, of_other_length
 from grader.exercises.kinds.rk4.judge import RunOutcome
 from grader.exercises.kinds.rk4.methods import name_of, order_of
 from grader.exercises.kinds.rk4.recorded import read_steps
-from grader.exercises.kinds.rk4.rotations import (
-    BODY,
-    RIGHT,
-    ends_elsewhere,
-    linear_axes,
-    rule_of,
-    spins_of,
-    wrong_address,
-)
+from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, ends_elsewhere, rule_of, spins_of
 from grader.exercises.kinds.rk4.sentences import explain, follows_classical
 from grader.exercises.kinds.rk4.stages import STAGES
-from grader.exercises.kinds.rk4.states import agrees_until, cut_off, explain_activations, explain_idle, explain_time
+from grader.exercises.kinds.rk4.states import (
+    agrees_until,
+    cut_off,
+    explain_activations,
+    explain_idle,
+    explain_time,
+    kept,
+    other_data,
+    rounded,
+    whole_numbers,
+    without_slope,
+)
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, plain, read_tableau, same
-from grader.exercises.trace import Trace
+from grader.exercises.trace import Trace, list_in
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 
 MUJOCO_MOVES_ONCE = RK4_ORDER_ON_ROTATIONS == 2
@@ -34,6 +38,19 @@ NO_NUMBER = (
     "In your first step data.qpos or data.qvel becomes nan: None, or something that is no number, was assigned to it. "
     "Functions such as mj_integratePos write into the array that they are given, and return None."
 )
+
+
+OTHERS = {
+    "mj_forwardSkip": (
+        "Your step calls mj_forwardSkip, which keeps what an earlier call has computed: where it leaves out the "
+        "position stage, mass matrix and gravity are those of the state before. Call mj_forward at every stage."
+    ),
+    "scipy.integrate": (
+        "Your step is taken by scipy.integrate, whose functions choose the method, and how many steps they take within "
+        "h, by themselves. Write the four stages of one step yourself, with NumPy."
+    ),
+}
+"""The sentence of each name in the note `others`."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,7 @@ def by_the_trace(outcome: RunOutcome, judged: Judged[Any, Any]) -> Told:
     """Returns what the trace of a wrong run shows; nothing where there is no trace, or it cannot be read."""
     reading = reading_of(judged)
     if reading is None:
-        return Told(NO_NUMBER if turns_to_nan(judged.trace) else None)
+        return Told(NO_NUMBER if turns_to_nan(judged.trace) else None, by_others(judged.trace))
     with np.errstate(all="ignore"):
         return told(outcome, judged, reading)
 
@@ -73,14 +90,28 @@ def turns_to_nan(trace: Trace) -> bool:
 def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Told:
     """Returns what a reading shows."""
     model = outcome.run.scene().model
-    if sentence := explain_idle(reading, int(model.nv)) or cut_off(reading):
+    if (
+        sentence := other_data(reading)
+        or kept(reading)
+        or explain_idle(reading, model)
+        or cut_off(reading)
+        or whole_numbers(reading)
+        or rounded(reading)
+    ):
         return Told(sentence)
     if spins_of(model) and reading.calls:
         sentence = turned_sentence(model, reading, outcome, hidden=judged.trial.hidden)
     else:
         sentence = explain(reading, judged.trace.returned)
     sentence = sentence or (explain_rest(reading, outcome) if follows_classical(reading) else None)
-    return Told(sentence, agrees_until(reading) or odd_end(model, reading))
+    fallback = by_others(judged.trace) or without_slope(reading, model)
+    return Told(sentence, fallback or agrees_until(reading) or odd_end(model, reading))
+
+
+def by_others(trace: Trace) -> str | None:
+    """Returns the sentence of a script that may step by something else than mj_forward and its own sums."""
+    names = [name for note in trace.of("others") for name in list_in(note.info, "names")]
+    return next((sentence for name, sentence in OTHERS.items() if name in names), None)
 
 
 def odd_end(model: mujoco.MjModel, reading: Reading) -> str | None:
@@ -106,9 +137,8 @@ def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome
         return rule
     if rule == BODY and alike and not (same(velocities, CLASSICAL) and MUJOCO_MOVES_ONCE):
         return moved_once(velocities)
-    return linear_axes(model, reading.steps, velocities) or wrong_address(
-        model, reading.steps, velocities, hidden=hidden
-    )
+    sentence = misplaced(model, reading.steps, velocities, hidden=hidden)
+    return sentence or (of_other_length(model, reading.steps) if rule in RIGHT else None)
 
 
 def moved_once(rows: Matrix) -> str:

@@ -23,15 +23,20 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
 
     def trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
+        several = cells(parameters, drawn)
         return [
             Trial(
                 id=f"{drawn.case.id}.{cell.integrator.name}",
-                inputs={"model": drawn.xml, "integrator": cell.integrator.code},
+                inputs={"model": drawn.xml, "integrator": cell.integrator.code, "again": cell is not several[-1]},
                 problem=cell,
                 title=cell.integrator.name,
             )
-            for cell in cells(parameters, drawn)
+            for cell in several
         ]
+
+    def prepare(self, parameters: ThresholdParameters, trial: Trial[Cell]) -> None:
+        """Compiles the scenes."""
+        _ = trial.problem.scene, trial.problem.scene_as_written
 
     def judge(self, parameters: ThresholdParameters, trial: Trial[Cell], results: Results) -> Judgement[Claim]:
         """Certifies a claim by simulating at its ends."""

@@ -9,6 +9,8 @@ the script.
 """
 
 import contextlib
+import copy
+import functools
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -31,6 +33,7 @@ FIELDS = (
     *("dof_damping", "dof_armature", "dof_frictionloss", "jnt_stiffness", "qpos_spring"),
 )
 OPTIONS = ("gravity", "solver", "disableflags", "enableflags", "iterations", "tolerance", "density", "viscosity")
+ACTUATION = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 OTHER_STEPS = ("mj_step1", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta", "mjd_transitionFD")
 """Other functions that step or linearise; the names of those that were called, once in a run, are noted."""
 
@@ -99,10 +102,27 @@ class Search:
         note("search", info, np.array(self.runs).reshape(-1))
 
 
+@functools.lru_cache(maxsize=1)
+def compiled(xml: str) -> tuple[Any, dict[str, bytes]]:
+    """Returns the model of an MJCF text and its `values_of`, made once for all integrators."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    return model, values_of(model)
+
+
+def fresh(xml: str, *, again: bool) -> tuple[Any, dict[str, bytes]]:
+    """As `compiled`, with a model that no call has seen: a copy if the text comes `again`, as copies take long too."""
+    model, values = compiled(xml)
+    if again:
+        return copy.copy(model), values
+    compiled.cache_clear()
+    return model, values
+
+
 def values_of(model: Any) -> dict[str, bytes]:
     """Returns what the motion of a model depends on, but for the timestep and the integrator."""
     values = {name: getattr(model, name).tobytes() for name in FIELDS}
-    return values | {name: np.asarray(getattr(model.opt, name)).tobytes() for name in OPTIONS}
+    values |= {name: np.asarray(getattr(model.opt, name)).tobytes() for name in OPTIONS}
+    return values | {"actuation": bytes([bool(model.opt.disableflags & ACTUATION)])}
 
 
 def warned(data: Any) -> int:
@@ -180,9 +200,9 @@ def trial(
 ) -> None:
     """Makes one call on a fresh model, so that no call sees what another changed."""
     (entry,) = functions
-    model = mujoco.MjModel.from_xml_string(inputs["model"])
+    model, given = fresh(inputs["model"], again=inputs["again"])
     search.restart(hidden=bool(globals().get("hidden")))
-    search.given = values_of(model)
+    search.given = given
     search.scope = getattr(inspect.unwrap(entry), "__globals__", {})
     steps = (first_step, plain["mj_step"])
     search.names = [name for name, value in search.scope.items() if any(value is step for step in steps)]

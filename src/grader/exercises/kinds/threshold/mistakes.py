@@ -26,6 +26,11 @@ KEPT = (
     "nothing, and returned what an earlier call had found. Keep no results between calls, or keep them by model too."
 )
 
+FOUND_EARLIER = (
+    "Your answer holds a timestep that only an earlier call found unstable: in this call it, or a larger one, raised "
+    "no warning. A list or dictionary outside of the function keeps what it found: make it new in every call."
+)
+
 FORMULA_TOLERANCE = 5e-4
 """Relative difference of a claim from a formula, which students report as an end or as the middle of the bracket.
 
@@ -365,6 +370,8 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Ce
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
     seen = [one for _, _, one in wrong]
+    if found_earlier(judged, seen):
+        return FOUND_EARLIER
     certain = explain(parameters, seen, CERTAIN)
     if certain is not None:
         return certain
@@ -394,6 +401,24 @@ def kept_results(judged: Sequence[Judged[Cell, Claim]]) -> bool:
         return False
     stepped = {case for case, search in searches if search and search.total}
     return stepped == {first} and bool(others)
+
+
+def found_earlier(judged: Sequence[Judged[Cell, Claim]], wrong: Sequence[Judged[Cell, Claim]]) -> bool:
+    """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so.
+
+    In the call itself that timestep, or a larger one, raised no warning.
+    """
+    told = [one for one in wrong if not one.trial.hidden]
+    unstable: set[float] = set()
+    explained = 0
+    for one in judged:
+        search, claim = read_search(one.trace), one.judgement.outcome
+        if search is None:
+            return False
+        if one in told and isinstance(claim, Bracket) and claim.high in unstable:
+            explained += any(run.timestep_s >= claim.high and not run.raised for run in search.runs)
+        unstable |= {run.timestep_s for run in search.runs if run.raised}
+    return bool(told) and explained == len(told)
 
 
 def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> dict[str, str]:

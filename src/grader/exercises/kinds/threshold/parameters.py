@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Literal, Self
 
 import numpy as np
@@ -35,12 +35,26 @@ class ThresholdParameters(ExerciseParameters):
 
 @dataclass(frozen=True)
 class Cell:
-    """One model under one integrator. Both scenes begin at `start`; `scene_as_written` lacks the drawn numbers."""
+    """One model under one integrator. Both scenes begin at `start`, a joint's name with its position [rad or m].
+
+    `scene_as_written` lacks the drawn numbers. A scene is compiled on its first use, once for all integrators.
+    """
 
     case: str
-    scene: Scene
-    scene_as_written: Scene
+    xml: str
+    xml_as_written: str
+    start: tuple[tuple[str, float], ...]
     integrator: Integrator
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene of the case. Raises WrongParameter, ValueError."""
+        return pose(self.xml, self.start)
+
+    @cached_property
+    def scene_as_written(self) -> Scene:
+        """The scene of the model as its author wrote it. Raises as `scene`."""
+        return pose(self.xml_as_written, self.start)
 
 
 @lru_cache(maxsize=64)
@@ -60,7 +74,7 @@ def pose(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
 
 
 def cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
-    """Returns a case's cells, one for each integrator. Raises WrongParameter, ValueError."""
+    """Returns a case's cells, one for each integrator."""
     start = tuple(parameters.start.items())
-    scene, as_written = (pose(xml, start) for xml in (drawn.xml, drawn.xml_as_written))
-    return [Cell(drawn.case.id, scene, as_written, BY_NAME[name]) for name in parameters.integrators]
+    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, start)
+    return [made(BY_NAME[name]) for name in parameters.integrators]

@@ -12,7 +12,7 @@ from math import isnan
 from mujoco import mjtWarning
 
 from grader.exercises.kind import Judged
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, Unreadable
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.recorded import Run, Search, read_search
 from grader.exercises.trace import Trace
@@ -26,6 +26,12 @@ CLOSE = 1e-6
 
 SHORT = 0.7
 """A run of less than this share of the horizon is too short; right scripts run a little less or much more."""
+
+REPEATED = 3
+"""Runs of one step with the same timestep that make a pattern."""
+
+ROUNDED_TO = (2, 3)
+"""Decimals of a second to which a rounded answer may be off by more than is allowed."""
 
 FAR = 5.0
 """Runs at more than so many times the longest timestep of the search are runs in another unit."""
@@ -107,6 +113,23 @@ def never_stepped(seen: Seen) -> str | None:
     )
 
 
+def odd_return(seen: Seen) -> str | None:
+    """Something else than two numbers, one number or None was returned."""
+    if not isinstance(seen.claim, Unreadable) or not (returned := seen.trace.returned):
+        return None
+    given = returned[0]
+    if given.type in ("tuple", "list") and "NoneType" in given.items:
+        return (
+            f"Your function returns a {given.type} that holds None: where nothing is unstable return None alone, else "
+            "two numbers, (h_stable, h_unstable)."
+        )
+    many = f" of {given.shape[0]} items" if given.type in ("tuple", "list") and given.shape else ""
+    return (
+        f"Your function returns a value of type {given.type}{many}: it must return (h_stable, h_unstable) in seconds, "
+        "or None."
+    )
+
+
 def far_beyond(seen: Seen) -> str | None:
     """The timesteps that were run are no seconds."""
     longest_s = seen.parameters.search_s[1]
@@ -117,6 +140,46 @@ def far_beyond(seen: Seen) -> str | None:
     return (
         f"All your runs use timesteps far beyond {1e3 * longest_s:g} ms{first}. model.opt.timestep is in seconds: set "
         "it to the timestep itself, not to a rate (1 / h) or to milliseconds."
+    )
+
+
+def reset_each_step(seen: Seen) -> str | None:
+    """The data is created or reset before every step."""
+    runs = seen.search.runs
+    if len(runs) < REPEATED or seen.search.total == len(runs) or len({run.timestep_s for run in runs}) > 1:
+        return None
+    if any(run.steps != 1 for run in runs if not run.raised):
+        return None
+    return (
+        "You reset the data before every step, so that each run is one step long and begins again. Reset it and set "
+        "the start once, before the loop over the steps."
+    )
+
+
+def actuators_off(seen: Seen) -> str | None:
+    """The servo is switched off in every run, and nothing replaces it: then no run warns."""
+    runs, differs = seen.search.runs, seen.search.differs
+    if not runs or any(run.warned for run in runs):
+        return None
+    if not all(run.model < len(differs) and "actuation" in differs[run.model] for run in runs):
+        return None
+    return (
+        "The actuators of your model are switched off (mjDSBL_ACTUATION), and without its servo nothing is unstable. "
+        "Leave that flag alone; the automatic reset after a warning is mjDSBL_AUTORESET."
+    )
+
+
+def places_in_a_list(seen: Seen) -> str | None:
+    """Whole numbers where timesteps of a fraction of a second were run."""
+    longest_s = seen.parameters.search_s[1]
+    if not isinstance(seen.claim, Bracket) or not seen.search.runs:
+        return None
+    if any(end != int(end) for end in seen.claim.given) or max(run.timestep_s for run in seen.search.runs) > longest_s:
+        return None
+    given = f" ({' and '.join(f'{end:g}' for end in seen.claim.given)})" if seen.shown else ""
+    return (
+        f"Your answer{given} is of whole numbers, but your runs use timesteps of fractions of a second. Return the "
+        "timesteps themselves, not their places in a list, nor the number of a run."
     )
 
 
@@ -230,6 +293,24 @@ def too_coarse(seen: Seen) -> str | None:
     )
 
 
+def rounded_ends(seen: Seen) -> str | None:
+    """The answer holds the ends of the search, or their middle, rounded to steps as wide as what is asked for."""
+    if not isinstance(seen.claim, Bracket) or seen.search.total > len(seen.search.runs):
+        return None
+    above = min((run.timestep_s for run in seen.search.runs if run.raised), default=0.0)
+    below = max((run.timestep_s for run in seen.search.runs if not run.raised and run.timestep_s < above), default=0.0)
+    found = (below, above) if seen.claim.number is None else ((below + above) / 2,)
+    if not below or all(abs(one - end) <= CLOSE * end for one, end in zip(found, seen.claim.given, strict=True)):
+        return None
+    for decimals in ROUNDED_TO:
+        if [round(one, decimals) for one in found] == seen.claim.given:
+            return (
+                f"Your answer is rounded to {decimals} decimals of a second, in steps of {1e3 * 10**-decimals:g} ms: "
+                "the timesteps that you ran are finer. Return them as they are, and round only what you print."
+            )
+    return None
+
+
 def start_no_number(seen: Seen) -> str | None:
     """The start is nan: None was assigned, or something that is no number."""
     if not any(isnan(run.qpos) or isnan(run.qvel) for run in seen.search.runs):
@@ -247,6 +328,11 @@ def too_short(seen: Seen) -> str | None:
     if not calm or calm[0].lasted_s >= SHORT * horizon_s:
         return None
     whole = [run for run in seen.search.runs if not run.raised]
+    if all(run.steps == 1 for run in whole):
+        return (
+            f"Each of your runs ends after its first step: a return that stands inside the loop over the steps ends "
+            f"it. Step until data.time reaches {horizon_s:g} s, and return after the loop."
+        )
     reach = f"Step until data.time reaches {horizon_s:g} s."
     if len({run.timestep_s for run in whole}) > 1 and len({run.steps for run in whole}) == 1:
         example = f", {calm[0].lasted_s:.2g} s at {1e3 * calm[0].timestep_s:.4g} ms" if seen.shown else ""
@@ -264,8 +350,8 @@ def overlooked(seen: Seen) -> str | None:
     kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.warned >> bit & 1)
     return (
         f"{seen.at(missed.timestep_s)} MuJoCo raised {kinds} and reset the state, and your answer calls that "
-        "timestep stable. Look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or at data.time falling "
-        "back."
+        "timestep stable. After the steps, look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or at "
+        "data.time falling back."
     )
 
 
@@ -345,9 +431,12 @@ def nothing_simulated(seen: Seen) -> str | None:
 
 def ends_untried(seen: Seen) -> str | None:
     """An end of the bracket at which nothing was run."""
-    if not isinstance(seen.claim, Bracket) or seen.claim.number is not None or len(seen.search.runs) < 2:
+    if not isinstance(seen.claim, Bracket) or seen.claim.number is not None or not seen.search.runs:
         return None
+    only = seen.search.runs[0]
     if seen.search.total > len(seen.search.runs):
+        return None
+    if len(seen.search.runs) == 1 and only.last_timestep_s != only.timestep_s:
         return None
     tried = [run.timestep_s for run in seen.search.runs]
     for what, end in (("stable", seen.claim.low), ("unstable", seen.claim.high)):
@@ -365,10 +454,29 @@ def ends_untried(seen: Seen) -> str | None:
     return None
 
 
+def wrong_way_round(seen: Sequence[Seen]) -> str | None:
+    """Runs with a warning count as stable in some trials, and runs without one as unstable in all others."""
+    nothing = [one for one in seen if isinstance(one.claim, NoLimit)]
+    numbers = [one for one in seen if one not in nothing]
+    if not nothing or not numbers or not all(one.search.runs for one in seen):
+        return None
+    if not all(run.raised for one in nothing for run in one.search.runs):
+        return None
+    if any(run.raised for one in numbers for run in one.search.runs) or not all(one.called_unstable for one in numbers):
+        return None
+    return (
+        "Your test is the wrong way round: a run in which MuJoCo raised a warning counts as stable, and one without a "
+        "warning as unstable. Turn the condition round that your function returns."
+    )
+
+
 CERTAIN: tuple[Rule, ...] = (
     printed_only,
     never_stepped,
+    odd_return,
     far_beyond,
+    reset_each_step,
+    actuators_off,
     one_timestep,
     never_reset,
     other_integrator,
@@ -376,12 +484,14 @@ CERTAIN: tuple[Rule, ...] = (
     other_start,
     other_target,
     too_short,
+    rounded_ends,
     of_none(overlooked),
     of_none(edge_of_search),
 )
 """What the runs show without doubt; the first that explains every wrong claim is told."""
 
 FALLBACK: tuple[Rule, ...] = (
+    places_in_a_list,
     turned_round,
     edge_of_search,
     too_coarse,
@@ -408,6 +518,8 @@ def explain(parameters: ThresholdParameters, wrong: Sequence[Judged[Cell, Claim]
     ]
     if not seen or len(seen) < len(told):
         return None
+    if (turned := wrong_way_round(seen)) is not None:
+        return turned
     for rule in rules:
         sentences = [rule(one) for one in seen]
         if all(sentences):

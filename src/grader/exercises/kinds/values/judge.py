@@ -161,7 +161,8 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     if size <= residual.atol:
         return Comparison(call, answer, None, "")
     detail = f"it is {size:.3g}{unit(residual.unit)}; {residual.atol:g}{unit(residual.unit)} is allowed."
-    return Comparison(call, answer, None, f"{residual.function}, computed from your results, is not 0.", detail)
+    why = f"Your results do not satisfy the exercise's own equation: {residual.function} should be 0 for them."
+    return Comparison(call, answer, None, why, detail)
 
 
 def residual_of(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:

@@ -11,13 +11,18 @@ import numpy as np
 from grader.exercises.kind import Judged
 from grader.exercises.kinds.values.asked import Asked, gives
 from grader.exercises.kinds.values.driver import Rows, compiled, started
-from grader.exercises.kinds.values.judge import Outcome, fits
+from grader.exercises.kinds.values.judge import Outcome, fits, largest, tolerance
 from grader.exercises.kinds.values.parameters import Problem, Result, ValuesParameters
 from grader.exercises.kinds.values.recorded import by_trace, never_derived, unreadable
 
 SWAPS_MAX = 4
 """The largest number of results or elements of which every order is tried."""
 
+DECIMALS = range(1, 9)
+"""Decimals to which a result may be rounded."""
+
+PATTERN_MIN = 3
+"""Fewer numbers than this show no pattern."""
 
 Explains = Callable[[Sequence[Asked]], bool]
 """Returns whether a mistake gives the results of the wrong calls."""
@@ -51,7 +56,14 @@ def sentence_of(asked: Sequence[Asked]) -> str | None:
         return "You give the same results for every call: compute them from the arguments of the call."
     if any(one.compared.expected is None for one in wrong):
         return by_programs(wrong)
-    return by_programs(wrong) or by_results(wrong) or by_state(wrong) or by_inputs(wrong) or by_trace(wrong)
+    return (
+        by_programs(wrong)
+        or by_results(wrong)
+        or by_state(wrong)
+        or by_inputs(wrong)
+        or by_trace(wrong)
+        or by_pattern(wrong)
+    )
 
 
 def missing(wrong: Sequence[Asked]) -> str | None:
@@ -132,6 +144,41 @@ def by_results(wrong: Sequence[Asked]) -> str | None:
     return None
 
 
+def by_pattern(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of results that differ from the right ones in the same way everywhere."""
+    pairs = [pair for one in wrong for pair in one.wrong]
+    if any(got.shape != right.shape for _, got, right in pairs):
+        return None
+    names = " and ".join(dict.fromkeys(result.name for result, _, _ in pairs))
+    for decimals in DECIMALS:
+        if all(rounded(pair, decimals) for pair in pairs):
+            return (
+                f"{names} is rounded to {decimals} decimals: return the number as it is, and round only what you print."
+            )
+    rights = np.concatenate([right.ravel() for _, _, right in pairs])
+    if rights.size < PATTERN_MIN or np.ptp(rights) <= max(tolerance(result, right) for result, _, right in pairs):
+        return None
+    _, got, right = max(pairs, key=lambda pair: largest(pair[2]))
+    at = np.argmax(np.abs(right))
+    offset, factor = (got - right).flat[at], (got.flat[at] / right.flat[at] if right.flat[at] else 0.0)
+    if all(fits(result, got, right + offset) for result, got, right in pairs):
+        return (
+            f"{names} is off by the same amount in every result: a constant is missing or one too many, or you count "
+            "from another zero."
+        )
+    if factor and all(fits(result, got, factor * right) for result, got, right in pairs):
+        return f"{names} is {factor:.4g} times what it should be in every result: look for a constant factor."
+    return None
+
+
+def rounded(pair: tuple[Result, Rows, Rows], decimals: int) -> bool:
+    """Whether a result is right but for its rounding; it must keep two figures to tell."""
+    result, got, right = pair
+    unit = 10.0**-decimals
+    off = largest(got - right) <= unit / 2 + tolerance(result, right)
+    return off and largest(got) >= 10 * unit and np.array_equal(got, np.round(got, decimals))
+
+
 def swapped(asked: Asked) -> bool:
     """Whether the results are right in another order."""
     pairs = asked.pairs
@@ -171,7 +218,19 @@ def by_state(wrong: Sequence[Asked]) -> str | None:
             "Your step is explicit: positions move with the velocity at the start of the step. In a semi-implicit "
             "step the velocity is advanced first, and positions move with the new one."
         )
-    return None
+    return left_alone(wrong)
+
+
+def left_alone(wrong: Sequence[Asked]) -> str | None:
+    """Returns the sentence of fields that every wrong call leaves as they were."""
+    kept = [{result.field for result, _, _ in one.wrong} & {*unchanged_fields(one)} for one in wrong]
+    fields = [result.field for result in wrong[0].problem.function.results if all(result.field in one for one in kept)]
+    if not fields:
+        return None
+    names = " and ".join(f"data.{field}" for field in fields)
+    were = "is left as it was: write its new value" if len(fields) == 1 else "are left as they were: write new values"
+    because = " data.qacc is 0 until mj_forward has computed it: call it first." if "qvel" in fields else ""
+    return f"{names} {were} in place, as you do for the rest.{because}"
 
 
 def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> Mapping[str, Rows]:
@@ -189,8 +248,13 @@ def state_of(asked: Asked, advance: Callable[[mujoco.MjModel, mujoco.MjData], No
 
 def unchanged(asked: Asked) -> bool:
     """Whether data is unchanged."""
+    return len(unchanged_fields(asked)) == len(asked.pairs)
+
+
+def unchanged_fields(asked: Asked) -> list[str]:
+    """Returns the fields of data that are as before the call."""
     start = state_of(asked, lambda model, data: None)
-    return all(fits(result, got, start[result.field or ""]) for result, got, _ in asked.pairs)
+    return [result.field for result, got, _ in asked.pairs if result.field and fits(result, got, start[result.field])]
 
 
 def explicit(asked: Asked) -> bool:
@@ -230,9 +294,15 @@ def variants(first: Asked) -> Iterator[Variant]:
         yield from ((sentence, changed(change)) for sentence, change in MODELS)
         yield degrees.format(what="data.qpos"), scale_state("qpos", pi / 180)
         yield radians.format(what="data.qpos"), scale_state("qpos", 180 / pi)
-        yield "A term with the velocity is missing: your results are those at rest.", scale_state("qvel", 0.0)
-        yield "A term is missing: your results are those without control (data.ctrl).", scale_state("ctrl", 0.0)
-        yield "The velocity has the wrong sign in your results: check its terms.", scale_state("qvel", -1.0)
+        yield "A term with the velocity is missing: your results are those at rest. Add it.", scale_state("qvel", 0.0)
+        yield (
+            "A term is missing: your results are those without control. Add the term with data.ctrl.",
+            scale_state("ctrl", 0.0),
+        )
+        yield (
+            "Your results are those of the opposite velocity: check the signs of the terms with it.",
+            scale_state("qvel", -1.0),
+        )
 
 
 def few_or_many(step: int) -> str:
@@ -297,6 +367,13 @@ def scaled_field(name: str, factor: float) -> Callable[[mujoco.MjModel], None]:
     return change
 
 
+def weightless(model: mujoco.MjModel) -> None:
+    """Takes all mass away, as if every body were the world."""
+    model.body_mass[:] = 0
+    model.body_inertia[:] = 0
+    model.body_ipos[:] = 0
+
+
 MODELS: tuple[tuple[str, Callable[[mujoco.MjModel], None]], ...] = (
     (
         "The rotor inertia is missing: add the joint's armature to the inertia (model.dof_armature).",
@@ -306,12 +383,16 @@ MODELS: tuple[tuple[str, Callable[[mujoco.MjModel], None]], ...] = (
         "The bodies' own inertia is missing: your results are those of point masses. Add model.body_inertia.",
         scaled_field("body_inertia", 1e-12),
     ),
+    (
+        "Your results are those of bodies without mass: body 0 is the world, so count the others from body 1.",
+        weightless,
+    ),
     ("The damping is missing: subtract model.dof_damping times the velocity.", scaled_field("dof_damping", 0.0)),
     ("The damping has the wrong sign: it acts against the velocity.", scaled_field("dof_damping", -1.0)),
     ("The springs are missing: add the joint's stiffness (model.jnt_stiffness).", scaled_field("jnt_stiffness", 0.0)),
     ("Gravity is missing: add its torque.", scaled_field("gravity", 0.0)),
     (
-        "Gravity has the wrong sign: your results are those of a world in which it pulls upwards.",
+        "Gravity has the wrong sign, as if it pulled upwards: turn it (a length read off a position may be negative).",
         scaled_field("gravity", -1.0),
     ),
 )

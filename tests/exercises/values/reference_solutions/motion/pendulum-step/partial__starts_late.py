@@ -1,4 +1,4 @@
-# diagnosis: not_turning_evenly, computed from your results, is not 0
+# diagnosis: Your results do not satisfy the exercise's own equation: not_turning_evenly should be 0
 import mujoco
 import numpy as np
 
