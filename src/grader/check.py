@@ -11,7 +11,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from grader.certify import certify_question
+from grader.certify.keys import certificates_of, refusal
 from grader.certify.remarks import UNVERIFIED, could_be_decided, luck_of
 from grader.domain.quiz import CodeQuestion
 from grader.domain.run import SOURCE_BYTES_MAX
@@ -100,20 +100,18 @@ def within(path: Path, folder: Path) -> bool:
 
 def certify_library(library: Library, path: Path, report: Report, say: Say) -> None:
     """Certify every key that physics can decide; a refused key is a fault."""
-    chosen = (quiz for quiz in library.quizzes.values() if within(library.root / library.file(quiz.id), path))
-    for quiz in chosen:
-        for question in quiz.questions:
-            certificate = certify_question(question, library.model_xml)
-            if certificate is None:
-                if could_be_decided(question):
-                    report.warnings.append(Fault(library.file(quiz.id), f"{question.id}.verify", UNVERIFIED))
-                continue
-            say(f"{quiz.id} {question.id}: key {'certified' if certificate.ok else 'REFUSED'}")
-            report.certificates.append({"quiz": quiz.id, "question": question.id, **certificate.to_json()})
-            file = library.file(quiz.id)
-            report.warnings.extend(Fault(file, f"{question.id}.answer", remark) for remark in certificate.remarks)
-            if not certificate.ok:
-                report.faults.append(Fault(file, f"{question.id}.{certificate.key}", certificate.why))
+    chosen = (quiz for quiz in library.quizzes if within(library.root / library.file(quiz), path))
+    for quiz, question, certificate in certificates_of(library, chosen):
+        file = library.file(quiz)
+        if certificate is None:
+            if could_be_decided(question):
+                report.warnings.append(Fault(file, f"{question.id}.verify", UNVERIFIED))
+            continue
+        say(f"{quiz} {question.id}: key {'certified' if certificate.ok else 'REFUSED'}")
+        report.certificates.append({"quiz": quiz, "question": question.id, **certificate.to_json()})
+        report.warnings.extend(Fault(file, f"{question.id}.answer", remark) for remark in certificate.remarks)
+        if not certificate.ok:
+            report.faults.append(refusal(library, quiz, question, certificate))
 
 
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, CodeQuestion]]:

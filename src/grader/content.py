@@ -1,4 +1,4 @@
-"""The content: what is loaded now, replaced as a whole or not at all, and what was loaded before, by digest."""
+"""The content: what is loaded and certified now, replaced as a whole or not at all, and what was before, by digest."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping
@@ -9,7 +9,8 @@ from threading import Lock
 import structlog
 from sqlalchemy.orm import Session
 
-from grader.errors import ContentError, ContentLost
+from grader.certify.keys import refused_keys
+from grader.errors import ContentError, ContentLost, Fault
 from grader.library import Library, load, load_files
 from grader.pipeline import Pipeline
 from grader.store import contents
@@ -96,12 +97,14 @@ class Content:
     ) -> None:
         """Loads the folder, and keeps what it holds in the archive; calls `listeners` after a reload.
 
-        Raises ContentError.
+        Raises ContentError, also for an answer key that simulation refuses.
         """
         self._course, self._root, self.archive = course, root, archive
         self._reloading = Lock()
         self._listeners = listeners
-        self.pipeline = Pipeline(load(root), secret=archive.secret)
+        self.refused: tuple[Fault, ...] = ()
+        """What was wrong with the folder when it was last loaded again; the content before it stays in use."""
+        self.pipeline = Pipeline(certified(load(root)), secret=archive.secret)
         archive.keep(course, self.pipeline)
 
     @property
@@ -110,14 +113,31 @@ class Content:
         return self.pipeline.library
 
     def reload(self) -> None:
-        """Loads the folder again. Raises ContentError, and then keeps what was loaded before."""
+        """Loads the folder again. Raises ContentError as when it was made, and then keeps what was loaded before."""
         with self._reloading:
-            pipeline = replace(self.pipeline, library=load(self._root))
+            try:
+                library = certified(load(self._root), self.library)
+            except ContentError as error:
+                self.refused = error.faults
+                raise
+            self.refused = ()
+            pipeline = replace(self.pipeline, library=library)
             self.archive.keep(self._course, pipeline)  # before the first submission that is made against it
             self.pipeline = pipeline
         for listener in self._listeners:
             listener()
         log.info("content loaded", course=self._course, quizzes=len(self.library.quizzes))
+
+
+def certified(library: Library, known: Library = NO_CONTENT) -> Library:
+    """The library itself. Raises ContentError for every answer key that simulation refuses.
+
+    Quizzes that are the same in a `known` library, with their models, are not derived again.
+    """
+    changed = [quiz for quiz, digest in library.digests.items() if known.digests.get(quiz) != digest]
+    if faults := list(refused_keys(library, changed)):
+        raise ContentError(faults)
+    return library
 
 
 class Contents:

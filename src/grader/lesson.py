@@ -1,8 +1,9 @@
 """Imports quizzes and labs from a lesson in Markdown: its fenced `quiz` and `lab` blocks become quiz JSON.
 
 The course's format: a fence of backquotes (or tildes) whose first word is `quiz`, `debug` or `lab`, the latter followed
-by the kind (`simlab`, which may be left out, or `integrators`), around one JSON object. Quiz blocks with the same id
-form one quiz, and so do `debug` blocks that ask something; all labs of a lesson go into one file.
+by the kind (`simlab`, which may be left out, or `integrators`), around one JSON object. `sim` and `simlab` are short
+for `lab simlab`. Quiz blocks with the same id form one quiz, and so do `debug` blocks that ask something; all labs of
+a lesson go into one file.
 """
 
 import re
@@ -25,6 +26,8 @@ TITLE = re.compile(r"^#[ \t]+(.+?)[ \t#]*$")
 NEWLINE = re.compile(r"\r\n|\r|\n")
 UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
 SLUG = re.compile(r"[^a-z0-9]+")
+SIMULATIONS = (("sim",), ("simlab",))
+"""What a fence may begin with in place of `lab simlab`."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
         if block.words[:1] == ("quiz",):
             reading.add_quiz(block)
         elif block.words[:1] == ("lab",):
+            reading.add_lab(block, block.words[1:2])
+        elif block.words[:1] in SIMULATIONS:
             reading.add_lab(block)
         elif block.words[:1] == ("debug",):
             reading.add_debug(block)
@@ -143,12 +148,12 @@ class _Reading:
             if isinstance(question, PredictQuestion) and question.sim is not None:
                 self._check_programs(question.sim, f"{question.id}.sim", line)
 
-    def add_lab(self, block: Block) -> None:
-        """Add a lab; the default of its id comes from its title."""
+    def add_lab(self, block: Block, kinds: tuple[str, ...] = ()) -> None:
+        """Add a lab; `kinds` is what the fence says of its kind. The default of its id comes from its title."""
         raw = self._object(block)
         if raw is None:
             return
-        kind = str(raw.get("kind", block.words[1] if len(block.words) > 1 else LAB_KINDS[0]))
+        kind = str(raw.get("kind", next(iter(kinds), LAB_KINDS[0])))
         if kind not in LAB_KINDS:
             self.remark(block.line, unknown_kind(kind))
         taken = {str(lab["id"]) for lab in self.labs}

@@ -164,6 +164,15 @@ def test_a_lab_without_a_kind_runs_one_scene_and_one_of_an_unknown_kind_costs_no
     assert "no lab 'policies'" in remark.why
 
 
+def test_a_sim_fence_is_a_lab_beside_those_of_lab_fences() -> None:
+    lab = {"model": "pendulum", "readouts": [{"label": "angle", "expr": "data.qpos[0]"}]}
+    fences = [f"```{words}\n{json.dumps(lab | {'title': words})}\n```" for words in ("lab simlab", "sim", "simlab")]
+    labs = import_lesson("\n".join(fences), "9.9").quizzes["9.9-labs"]["labs"]
+    assert [(one["title"], one["kind"]) for one in labs] == [
+        (name, "simlab") for name in ("lab simlab", "sim", "simlab")
+    ]
+
+
 def test_a_debug_block_becomes_a_question_or_a_remark() -> None:
     lesson = import_lesson(
         """```debug

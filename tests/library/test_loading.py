@@ -390,7 +390,7 @@ def test_a_dollar_with_a_backslash_is_a_dollar(root: Path) -> None:
     assert load(root).warnings == ()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.text(max_size=60) | st.text('{}[]":,0123456789eE.-NaN\n', max_size=60))
 def test_any_text_is_json_or_a_fault(text: str) -> None:
     parsed = parse_json(text, "quizzes/a.json")
@@ -412,7 +412,7 @@ def ways(value: Any, so_far: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from ways(inner, (*so_far, step))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(list(ways(LESSON))), ANYTHING)
 def test_any_value_anywhere_in_the_lesson_is_right_or_a_fault_of_that_file(root: Path, way: Any, value: Any) -> None:
     quiz = copy.deepcopy(LESSON)
