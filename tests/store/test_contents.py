@@ -1,7 +1,7 @@
 """Content is kept by digest, once, as a whole; what is missing or damaged is never taken for whole."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from threading import Thread
 
@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 
 from databases import BACKENDS, database_url
 from grader.content import Archive, Content, Contents
-from grader.errors import ContentError, ContentLost
-from grader.library import load, load_files
+from grader.errors import ContentError, ContentLost, Fault
+from grader.library import Library, load, load_files
 from grader.pipeline import Pipeline
 from grader.store.contents import EVERY, ContentFile, ContentInUse, ContentManifest
 from grader.store.database import Database
@@ -153,3 +153,39 @@ def test_a_course_with_a_folder_of_its_own_has_its_quizzes_alone(database: Datab
         assert archive.library_now(session, "other", "two").quizzes
     both = Contents(every, {}, database)  # the course has its folder no longer
     assert keys("mechanics") == [1, 1]
+
+
+def test_a_key_that_simulation_refuses_is_not_served(database: Database, tmp_path: Path) -> None:
+    """As is one that is changed while the server runs: the old content stays, and the course's page says why."""
+    root, verify = tmp_path / "content", {"by": "expression", "expr": "2 * 3"}
+    write(root, 6, "one", "two")
+    content = Content(EVERY, root, Archive(database))
+    before = content.pipeline
+    path = root / "quizzes" / "two.json"
+    question = {"kind": "numeric", "q": "é?", "answer": 7, "tol": 0, "verify": verify}
+    path.write_text(json.dumps({"id": "two", "title": "two", "questions": [question]}))
+    with pytest.raises(ContentError, match=r"quizzes/two.json: q1.answer: .*6"):
+        content.reload()
+    assert [(fault.file, fault.key) for fault in content.refused] == [("quizzes/two.json", "q1.answer")]
+    assert content.pipeline is before
+    with pytest.raises(ContentError, match=r"quizzes/two.json: q1.answer"):
+        Content(EVERY, root, Archive(database))
+    path.write_text(json.dumps({"id": "two", "title": "two", "questions": [question | {"answer": 6}]}))
+    content.reload()
+    assert content.refused == ()
+
+
+def test_quizzes_that_stayed_the_same_are_not_derived_again(
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    derived: list[str] = []
+
+    def refused(_library: Library, quizzes: Iterable[str]) -> Iterator[Fault]:
+        derived.extend(quizzes)
+        return iter(())
+
+    monkeypatch.setattr("grader.content.refused_keys", refused)
+    content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
+    write(tmp_path / "content", 5, "one", "two", "three")
+    content.reload()
+    assert derived == ["one", "two", "three"]

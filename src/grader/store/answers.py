@@ -6,16 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    String,
-    and_,
-    bindparam,
-    case,
-    func,
-    literal,
-    select,
-)
+from sqlalchemy import ColumnElement, String, and_, case, exists, func, literal, select
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session, aliased
 from sqlalchemy.sql.functions import FunctionElement
@@ -23,6 +14,8 @@ from sqlalchemy.sql.functions import FunctionElement
 from grader.domain.policy import Extension, Progress
 from grader.domain.verdict import Status
 from grader.store import extensions
+from grader.store.given import GIVEN, Part
+from grader.store.outbox import Destination
 from grader.store.results import LearnerAt
 from grader.store.rows import insert_rows
 from grader.store.tables import (
@@ -37,26 +30,9 @@ from grader.store.tables import (
     values_of,
 )
 
-PARTS = 6
-"""The most texts of an item that a statement can name."""
-
-
-class Given(FunctionElement[Any]):
-    """The items of a JSON list of lists of texts, as rows: one parameter, however many they are."""
-
-    name = "given"
-    inherit_cache = True
-
-
-class Part(FunctionElement[str]):
-    """The text at a place of such an item."""
-
-    type = String()
-    inherit_cache = True
-
 
 class Listed(FunctionElement[str]):
-    """Numbers as the text of a JSON list: several aggregates of one subquery."""
+    """Values as the text of a JSON list: several aggregates of one subquery."""
 
     type = String()
     inherit_cache = True
@@ -70,34 +46,6 @@ def _listed_in_sqlite(element: Listed, compiler: Any, **kw: Any) -> str:
 @compiles(Listed, "postgresql")
 def _listed_in_postgresql(element: Listed, compiler: Any, **kw: Any) -> str:
     return f"CAST(json_build_array({compiler.process(element.clauses, **kw)}) AS text)"
-
-
-@compiles(Given, "sqlite")
-def _given_in_sqlite(element: Given, compiler: Any, **kw: Any) -> str:
-    return f"json_each({compiler.process(element.clauses, **kw)})"
-
-
-@compiles(Given, "postgresql")
-def _given_in_postgresql(element: Given, compiler: Any, **kw: Any) -> str:
-    # Taken apart once: `->>` reads the whole text again, and would do so for every row that it is compared with.
-    parts = ", ".join(f"item ->> {place} AS value{place}" for place in range(PARTS))
-    items = f"json_array_elements(CAST({compiler.process(element.clauses, **kw)} AS json)) AS item"
-    return f"(SELECT {parts} FROM {items} OFFSET 0)"  # noqa: S608  no values; without OFFSET the parts are put back
-
-
-@compiles(Part, "sqlite")
-def _part_in_sqlite(element: Part, compiler: Any, **kw: Any) -> str:
-    item, place = element.clauses
-    return f"json_extract({compiler.process(item, **kw)}, '$[{place.value}]')"
-
-
-@compiles(Part, "postgresql")
-def _part_in_postgresql(element: Part, compiler: Any, **kw: Any) -> str:
-    item, place = element.clauses
-    return f"{compiler.process(item, **kw)}{place.value}"
-
-
-GIVEN = Given(bindparam("given", type_=String)).table_valued("value", name="given")
 
 
 class Asked(NamedTuple):
@@ -131,11 +79,13 @@ ATTEMPTS = (
             func.count(),
             func.count(case((Submission.outcome.is_(None), 1))),
             func.count(case((Submission.outcome == Status.CORRECT.value, 1))),
+            func.max(Submission.id),
         )
     )
     .where(_same(Submission, *LearnerAt._fields), Submission.uses_attempt)
     .scalar_subquery()
 )
+DESTINATIONS = exists().where(_same(Destination, "course"), Destination.disabled_at.is_(None))
 SOURCE = aliased(Submission)
 NEWEST = (VerdictRow.submission_id == SOURCE.id) & (VerdictRow.revision == SOURCE.revision)
 RESULT_COLUMNS = tuple(Result.__table__.columns.keys())
@@ -144,6 +94,7 @@ QUERY = (
         *Result.__table__.columns,
         *(_given(name).label(f"given_{name}") for name in Asked._fields),
         ATTEMPTS.label("attempts_made"),
+        DESTINATIONS.label("has_destinations"),
         Credential.id.label("alive"),
         Credential.expires_at,
         SOURCE.id.label("source_id"),
@@ -184,9 +135,13 @@ class Found:
     """What is stored of a learner at a question."""
 
     progress: Progress = field(default_factory=Progress)
+    newest: str = ""
+    """The id of the newest attempt; empty without one."""
     result: Result | None = None
     source: Source | None = None
     extension: Extension | None = None
+    has_destinations: bool = True
+    """Whether changes of results of the course are sent anywhere."""
 
 
 class Earlier(NamedTuple):
@@ -225,8 +180,8 @@ def stored(session: Session, asked: Iterable[Asked], clock: datetime) -> Stored:
 
 
 def _found(row: Any) -> Found:
-    made, pending, correct = json.loads(row.attempts_made)
-    found = Found(Progress(made, pending, bool(correct)))
+    made, pending, correct, newest = json.loads(row.attempts_made)
+    found = Found(Progress(made, pending, bool(correct)), newest or "", has_destinations=row.has_destinations)
     if row.submission_id is not None:
         found.result = plain(Result, dict(zip(RESULT_COLUMNS, row, strict=False)))
     if row.source_id is not None:

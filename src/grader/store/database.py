@@ -20,7 +20,15 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from grader.store import schema
+from grader.store.later import LATER, LaterStatements
+from grader.store.names import folded
 from grader.store.signals import Signals
+
+CONNECTIONS = 64
+"""Connections that a database may have at once, with default settings; PostgreSQL itself allows 100."""
+
+KEPT = 16
+"""So many of them stay open."""
 
 BUSY_S = 30.0
 """How long SQLite waits for the lock of another process [s]."""
@@ -55,22 +63,27 @@ LOCK_ALL = (
 class Database:
     """Sessions on one database. `read()` and `write()` are transactions; nothing else commits."""
 
-    def __init__(self, url: str) -> None:
-        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file."""
+    def __init__(self, url: str, connections: int = CONNECTIONS) -> None:
+        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file.
+
+        Threads beyond the number of `connections` wait for one.
+        """
         parsed = make_url(url)
         if parsed.drivername == "postgresql":
             parsed = parsed.set(drivername="postgresql+psycopg")
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         if self.is_sqlite and parsed.database:
             _create_private(Path(parsed.database))
+        kept = min(connections, KEPT)
         # Last in, first out: few connections are in use, and those have prepared their statements.
         self.engine = create_engine(
-            parsed, poolclass=QueuePool, pool_size=16, max_overflow=48, pool_use_lifo=True,
+            parsed, poolclass=QueuePool, pool_size=kept, max_overflow=connections - kept, pool_use_lifo=True,
             connect_args=patience_with(parsed), hide_parameters=True,
         )  # fmt: skip
         if self.is_sqlite:
             _set_up_sqlite(self.engine)
         else:
+            LaterStatements(self.engine)  # before other listeners to `begin`, whose statements come after BEGIN
             _set_up_postgresql(self.engine)
         self.signals = Signals(self.engine, self.is_sqlite)
         self._writer = self.engine.execution_options(writes=True)
@@ -118,7 +131,7 @@ class Database:
         """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
-            session.connection().exec_driver_sql(LOCK_ALL, {"names": names})
+            session.connection().exec_driver_sql(LOCK_ALL, {"names": names}, LATER)
 
     def tell_planner(self, session: Session, stored: int) -> None:
         """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
@@ -225,7 +238,6 @@ def _set_up_postgresql(engine: Engine) -> None:
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:
         connection.execute("SET jit = off")
-        connection.commit()
 
     @event.listens_for(engine, "checkin")
     def on_checkin(_connection: Any, record: Any) -> None:
@@ -243,7 +255,7 @@ def _set_up_postgresql(engine: Engine) -> None:
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:
         if connection.get_execution_options().get("hasty", False):
-            connection.exec_driver_sql("SET LOCAL synchronous_commit = off")
+            connection.exec_driver_sql("SET LOCAL synchronous_commit = off", execution_options=LATER)
 
 
 def _has_news(connection: Any) -> bool:
@@ -256,13 +268,14 @@ def _has_news(connection: Any) -> bool:
 
 
 def _set_up_sqlite(engine: Engine) -> None:
-    """Sets WAL, durable commits and foreign keys, and begins transactions: the driver's own miss DDL and reads."""
+    """Sets WAL, durable commits, foreign keys and functions, and begins transactions: the driver's own miss DDL."""
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:
         connection.isolation_level = None
         for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
             connection.execute(f"PRAGMA {pragma}")
+        connection.create_function("folded", 1, folded, deterministic=True)
 
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:

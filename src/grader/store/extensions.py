@@ -7,6 +7,7 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Extension
+from grader.store.names import Folded
 from grader.store.tables import ExtensionRow, Member, Publication, now
 
 
@@ -20,7 +21,7 @@ def of_quiz(session: Session, course: str, quiz: str) -> list[tuple[ExtensionRow
     """Every extension in a quiz with the learner's name, in the order of names."""
     rows = select(ExtensionRow, Member.name).join(Member, Member.id == ExtensionRow.learner)
     here = rows.where(ExtensionRow.course == course, ExtensionRow.quiz == quiz)
-    return [(row, name) for row, name in session.execute(here.order_by(Member.name, Member.id))]
+    return [(row, name) for row, name in session.execute(here.order_by(Folded(Member.name), Member.id))]
 
 
 def put(session: Session, key: tuple[str, str, str], granted: Extension, by: str) -> None:

@@ -34,7 +34,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.answers import GIVEN, Part
+from grader.store.given import GIVEN, Part
 from grader.store.results import LearnerAt
 from grader.store.tables import NAME, Base, Result, UtcDateTime, new_id, now
 

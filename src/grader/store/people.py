@@ -1,11 +1,13 @@
 """Every query on the members of courses."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from sqlalchemy import delete, exists, func, select
 from sqlalchemy.orm import Session
 
-from grader.store.tables import Credential, Member, Submission
+from grader.store.names import Folded, holds
+from grader.store.tables import Credential, Member, Result, Submission
 
 
 def get(session: Session, member_id: str, course: str) -> Member | None:
@@ -44,6 +46,61 @@ def sharing_email(session: Session, course: str, members: Sequence[Member]) -> d
 def everybody(session: Session, course: str) -> Sequence[Member]:
     """All members of a course by name, with those who were removed."""
     return session.scalars(select(Member).where(Member.course == course).order_by(Member.name, Member.id)).all()
+
+
+ENROLLED = (Member.id, Member.name, Member.role, Member.account, Member.namespace, Member.external_id, Member.email)
+
+
+def enrolled(session: Session, course: str) -> Sequence[Any]:
+    """The columns `ENROLLED` of the students and instructors of a course, by name; removed ones are left out."""
+    here = (Member.course == course, Member.role != "service", Member.removed_at.is_(None))
+    return session.execute(select(*ENROLLED).where(*here).order_by(Member.name, Member.id)).all()
+
+
+def learners(session: Session, course: str, limit: int | None = None) -> Sequence[Member]:
+    """At most `limit` learners of a course, by name; removed ones are left out."""
+    here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None))
+    return session.scalars(select(Member).where(*here).order_by(Folded(Member.name), Member.id).limit(limit)).all()
+
+
+def has_learners(session: Session, course: str) -> bool:
+    """Whether a course has a learner."""
+    here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None))
+    return session.scalar(select(exists().where(*here))) or False
+
+
+def by_name(session: Session, course: str, start: int, limit: int) -> Sequence[Member]:
+    """At most `limit` members in the order of their names, after the first `start`; removed ones are left out."""
+    wanted = select(Member).where(Member.course == course, Member.removed_at.is_(None))
+    return session.scalars(wanted.order_by(Folded(Member.name), Member.id).offset(start).limit(limit)).all()
+
+
+def bearers(session: Session, course: str, name: str) -> int:
+    """How many members of a course bear a name; removed ones do not count."""
+    here = (Member.course == course, Member.name == name, Member.removed_at.is_(None))
+    return session.scalar(select(func.count()).select_from(Member).where(*here)) or 0
+
+
+def namesakes(session: Session, course: str) -> Sequence[str]:
+    """The ids of the members of a course whose name another bears too; removed ones count."""
+    shared = select(Member.name).where(Member.course == course).group_by(Member.name).having(func.count() > 1)
+    return session.scalars(select(Member.id).where(Member.course == course, Member.name.in_(shared))).all()
+
+
+def without_results(
+    session: Session, course: str, quizzes: Sequence[str], find: str = "", limit: int | None = None
+) -> Sequence[Member]:
+    """At most `limit` learners of a course without a result in these quizzes, by name.
+
+    Those whom only a browser session knows are left out: they may merely have opened a page. `find` is a part of the
+    name, in any case.
+    """
+    here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None), Member.account.is_not(None))
+    begun = exists().where(Result.course == Member.course, Result.learner == Member.id, Result.quiz.in_(quizzes))
+    wanted = select(Member).where(*here, ~begun).order_by(Folded(Member.name), Member.id).limit(limit)
+    if find:
+        wanted = wanted.where(holds(Member.name, find))
+    return session.scalars(wanted).all()
 
 
 def prune(session: Session, member_ids: Iterable[str]) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, String, Text, func, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from grader.store.submissions import NEWEST, STOP
 from grader.store.tables import ERASED, NAME, Base, Submission, VerdictRow, new_id, now
 
 QUEUED, RUNNING, DONE, CANCELLED, FAILED = "queued", "running", "done", "cancelled", "failed"
@@ -83,11 +84,9 @@ def candidates(
     session: Session, course: str, quiz: str, questions: Sequence[str], ids: Sequence[str] | None
 ) -> Iterable[Any]:
     """The submissions with the points of their newest verdicts, by learner and question, oldest first."""
-    newest = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
     columns = (Submission.id, Submission.learner, Submission.question, Submission.attempt, Submission.created_at)
-    rows = select(*columns, Submission.uses_attempt, Submission.outcome, VerdictRow.points).outerjoin(
-        VerdictRow, newest
-    )
+    rows = select(*columns, Submission.uses_attempt, Submission.outcome, VerdictRow.points)
+    rows = rows.outerjoin(VerdictRow, NEWEST)
     rows = rows.where(Submission.course == course, Submission.quiz == quiz, Submission.question.in_(questions))
     rows = rows.where(Submission.answer != ERASED)
     if ids is not None:
@@ -160,8 +159,9 @@ def at_place(session: Session, regrade_id: str, place: int) -> Sequence[RegradeI
 
 
 def reviewed(session: Session, ids: Sequence[str]) -> set[str]:
-    """Which of these submissions a person has decided."""
-    rows = select(VerdictRow.submission_id).where(VerdictRow.submission_id.in_(ids), VerdictRow.cause == "review")
+    """Which of these submissions a person has decided: a reviewer, or the learner who stopped the script."""
+    decided = VerdictRow.cause.in_(("review", STOP))
+    rows = select(VerdictRow.submission_id).where(VerdictRow.submission_id.in_(ids), decided)
     return set(session.scalars(rows))
 
 

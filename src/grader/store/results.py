@@ -4,13 +4,28 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
-from sqlalchemy import ColumnElement, Text, bindparam, case, func, select, tuple_, update
+from sqlalchemy import (
+    ColumnElement,
+    Integer,
+    Select,
+    SQLColumnExpression,
+    Text,
+    bindparam,
+    case,
+    func,
+    or_,
+    select,
+    tuple_,
+    update,
+)
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
+from grader.store.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.rows import insert_rows
+from grader.store.submissions import NEWEST
 from grader.store.tables import (
     Credential,
     Member,
@@ -27,6 +42,9 @@ COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_fi
 BATCH = 1000
 """Rows fetched at a time."""
 
+NAMED_MAX = 500
+"""Learners whom a query names; to find more of them, it reads all."""
+
 
 class LearnerAt(NamedTuple):
     """A learner at a question: the key of a result."""
@@ -42,11 +60,10 @@ class LearnerAt(NamedTuple):
         return cls(submission.course, submission.learner, submission.quiz, submission.question)
 
 
-NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
 ATTEMPTS = (
     select(
         Submission.id, Submission.attempt, Submission.created_at, Submission.outcome,
-        VerdictRow.points, VerdictRow.max_points, VerdictRow.body,
+        VerdictRow.points, VerdictRow.max_points,
     )
     .outerjoin(VerdictRow, NEWEST)
     .where(*(getattr(Submission, name) == bindparam(name) for name in LearnerAt._fields), Submission.uses_attempt)
@@ -118,29 +135,26 @@ def everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, s
     return {(result.quiz, result.question): result for result in session.scalars(theirs)}
 
 
-def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> Iterator[Any]:
-    """Learner, quiz, points by question as a JSON object, name and member; a row for each learner and quiz, by name.
+def points_by_learner(
+    session: Session, course: str, quizzes: Sequence[str], learners: Collection[str]
+) -> Iterator[Any]:
+    """Learner, quiz, points by question as a JSON object, name and member; a row for each learner and quiz, by learner.
 
+    Points are null while an answer waits for its first mark.
     The database gathers the questions: to fetch one row for each takes several times as long.
     """
-    gathered = select(Result.learner, Result.quiz, Gathered(Result.question, Result.points).label("points"))
-    theirs = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz).subquery()
-    name = func.coalesce(Member.name, theirs.c.learner).label("name")
+    known_yet = case((or_(Result.is_final, Result.points > 0), Result.points))  # null while the first answer waits
+    gathered = select(Result.learner, Result.quiz, Gathered(Result.question, known_yet).label("points"))
+    theirs = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz)
+    if len(learners) <= NAMED_MAX:
+        theirs = theirs.where(Result.learner.in_(learners))
+    points = theirs.subquery()
+    name = func.coalesce(Member.name, points.c.learner).label("name")
     known = [getattr(Member, column) for column in KNOWN]
-    rows = (
-        select(theirs, name, *known).outerjoin(Member, Member.id == theirs.c.learner).order_by(name, theirs.c.learner)
-    )
-    yield from session.execute(rows.execution_options(yield_per=BATCH))
-
-
-class Standing(NamedTuple):
-    """A learner in a quiz: the points that count, at how many questions, and at how many something waits."""
-
-    learner: str
-    name: str
-    points: float
-    answered: int
-    waiting: int
+    rows = select(points, name, *known).outerjoin(Member, Member.id == points.c.learner).order_by(points.c.learner)
+    for row in session.execute(rows.execution_options(yield_per=BATCH)):
+        if row.learner in learners:
+            yield row
 
 
 @dataclass(frozen=True)
@@ -159,40 +173,53 @@ class Ranking:
     """Of `ORDERS`."""
     descending: bool = False
     reviewer: str = ""
-    """The instructor who looks: first marks that they must not see yet add no points."""
+    """The instructor who looks: first marks that they must not see yet add no points. Empty where there are none."""
 
 
 SHOWS = ("all", "waiting", "incomplete")
 ORDERS = ("name", "points", "answered")
 
 
-def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[Standing]:
-    """At most `limit` learners of a quiz after the first `start`. Reads the results of the quiz once."""
-    name = func.coalesce(Member.name, Result.learner)
-    waits = func.sum(case((Result.is_final, 0), else_=1))
-    unseen = tuple_(Result.learner, Result.quiz, Result.question).in_(unseen_places(wanted.course, wanted.reviewer))
-    points = func.sum(case((unseen, 0.0), else_=Result.points))
-    columns = {"name": func.lower(name), "points": points, "answered": func.count()}
+def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
+    """The ids and names of at most `limit` learners of a quiz after the first `start`.
+
+    Sums up what the order and the filter need, and nothing else: the index alone tells who has results, and how many.
+    """
+    key: ColumnElement[Any] = func.count()
+    if wanted.by == "points":
+        seen: SQLColumnExpression[float] = Result.points
+        if wanted.reviewer:
+            place = tuple_(Result.learner, Result.quiz, Result.question)
+            seen = case((place.in_(unseen_places(wanted.course, wanted.reviewer)), 0.0), else_=Result.points)
+        key = func.sum(seen)
     theirs = (Result.course == wanted.course, Result.quiz == wanted.quiz, Result.learner.not_in(wanted.without))
-    rows = (
-        select(Result.learner, name, columns["points"], columns["answered"], waits)
-        .outerjoin(Member, Member.id == Result.learner)
-        .where(*theirs, func.lower(name).contains(wanted.find.lower(), autoescape=True))
-        .group_by(Result.learner, Member.name)
-    )
+    each = select(Result.learner, key.label("key")).where(*theirs).group_by(Result.learner)
     if wanted.show == "waiting":
-        rows = rows.having(waits > 0)
+        each = each.having(func.min(Result.is_final.cast(Integer)) == 0)
     elif wanted.show == "incomplete":
-        rows = rows.having(columns["answered"] < wanted.questions)
-    first = columns[wanted.by].desc() if wanted.descending else columns[wanted.by]
-    found = session.execute(rows.order_by(first, columns["name"], Result.learner).offset(start).limit(limit))
-    return [Standing(*row) for row in found]
+        each = each.having(func.count() < wanted.questions)
+    found = each.subquery()  # a name is looked up once for each learner
+    name = func.coalesce(Member.name, found.c.learner)
+    rows = select(found.c.learner, name).outerjoin(Member, Member.id == found.c.learner)
+    if wanted.find:
+        rows = rows.where(holds(name, wanted.find))
+    first, *then = (Folded(name),) if wanted.by == "name" else (found.c.key, Folded(name))
+    order = (first.desc() if wanted.descending else first, *then, found.c.learner)
+    return [(row[0], row[1]) for row in session.execute(rows.order_by(*order).offset(start).limit(limit))]
 
 
-def of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[tuple[str, str], Result]:
-    """The results of some learners in a quiz, by (learner, question)."""
-    theirs = select(Result).where(Result.course == course, Result.quiz == quiz, Result.learner.in_(learners))
-    return {(result.learner, result.question): result for result in session.scalars(theirs)}
+AT_PAGE = (Result.course, Result.learner, Result.quiz, Result.question, Result.points, Result.max_points,
+           Result.is_late, Result.is_final)  # fmt: skip
+"""The columns of a result that a page of the gradebook shows."""
+
+
+def of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[str, list[Any]]:
+    """The columns `AT_PAGE` of the results of some learners in a quiz, by learner."""
+    theirs = select(*AT_PAGE).where(Result.course == course, Result.quiz == quiz, Result.learner.in_(learners))
+    found: dict[str, list[Any]] = {learner: [] for learner in learners}
+    for row in session.connection().execute(theirs):
+        found[row.learner].append(row)
+    return found
 
 
 KNOWN = ("account", "namespace", "external_id", "email")
@@ -221,22 +248,50 @@ STATISTICS = (
         Result.learner, Result.question, Result.points, Result.max_points,
         Result.first_status, Result.first_option, Result.first_value, Result.diagnoses,
     )
-    .where(Result.course == bindparam("course"), Result.quiz == bindparam("quiz"), Result.is_final)
+    .where(
+        Result.course == bindparam("course"), Result.quiz == bindparam("quiz"), Result.is_final,
+        Result.question.in_(bindparam("questions", expanding=True)),
+    )
 )  # fmt: skip
 
 
-def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
-    """What statistics need of every result of a quiz; without those that still wait for a verdict or a person."""
-    return session.execute(STATISTICS, {"course": course, "quiz": quiz}).all()
+def of_questions(session: Session, course: str, quiz: str, questions: Collection[str]) -> Sequence[Any]:
+    """The columns of `STATISTICS` of every result of these questions that waits neither for a verdict nor a person."""
+    return _rows(session, STATISTICS, {"course": course, "quiz": quiz, "questions": sorted(questions)})
 
 
-def state(session: Session, course: str, quizzes: Sequence[str]) -> tuple[int, int]:
-    """Two numbers that change whenever a result of these quizzes does."""
-    theirs = (Result.course == course, _among(quizzes))
-    count, changes = session.execute(
-        select(func.count(), func.coalesce(func.sum(Result.changes), 0)).where(*theirs)
-    ).one()
-    return count, changes
+def _rows(session: Session, query: Select[*tuple[Any, ...]], values: Mapping[str, Any]) -> Sequence[Any]:
+    """The driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands."""
+    with session.connection().execute(query, values) as found:
+        return found.cursor.fetchall()
+
+
+State = tuple[int, int]
+"""The number of some results and of their changes: it changes whenever one of them does, as none is ever deleted."""
+
+STATE = (func.count(), func.coalesce(func.sum(Result.changes), 0))
+
+
+def state(session: Session, course: str, quizzes: Sequence[str]) -> State:
+    """The state of the results of these quizzes."""
+    count, changes = session.execute(select(*STATE).where(Result.course == course, _among(quizzes))).one()
+    return count, int(changes)
+
+
+def states_of_questions(session: Session, course: str, quiz: str) -> dict[str, State]:
+    """The state of each question of a quiz that has results."""
+    theirs = select(Result.question, *STATE).where(Result.course == course, Result.quiz == quiz)
+    return _states(session, theirs.group_by(Result.question))
+
+
+def states_of_learners(session: Session, course: str, quizzes: Sequence[str]) -> dict[str, State]:
+    """The state of each learner with results in these quizzes."""
+    theirs = select(Result.learner, *STATE).where(Result.course == course, _among(quizzes))
+    return _states(session, theirs.group_by(Result.learner))
+
+
+def _states(session: Session, query: Select[*tuple[Any, ...]]) -> dict[str, State]:
+    return {key: (count, int(changes)) for key, count, changes in _rows(session, query, {})}
 
 
 def touch(session: Session, course: str, learner: str) -> None:

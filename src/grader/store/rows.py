@@ -16,6 +16,7 @@ from sqlalchemy import Connection, Table
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.orm import Session
 
+from grader.store.later import LATER
 from grader.store.tables import Base
 
 WAITING = "rows"
@@ -71,7 +72,7 @@ def insert_waiting(session: Session) -> None:
 
 def _insert_in_postgresql(session: Session, rows: dict[_Kind, Any]) -> None:
     values = {f"rows{place}": _as_json(kind, several) for place, (kind, several) in enumerate(rows.items())}
-    session.connection().exec_driver_sql(_statement(tuple(rows)), values)
+    session.connection().exec_driver_sql(_statement(tuple(rows)), values, LATER)
 
 
 def _as_json(kind: _Kind, rows: Sequence[dict[str, Any]]) -> str:

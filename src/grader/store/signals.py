@@ -16,6 +16,8 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from grader.store.later import LATER
+
 CHANNEL = "grader"
 PENDING = "signals"
 CLOSE_S = 0.5
@@ -70,7 +72,7 @@ class Signals:
         """Sends the session's signals with its transaction, to all processes."""
         if not self._is_sqlite and (pending := session.info.get(PENDING)):
             notes = json.dumps([f"{topic} {subject}" for topic, subject in pending])
-            session.connection().execute(NOTIFY, {"notes": notes})
+            session.connection().execute(NOTIFY, {"notes": notes}, execution_options=LATER)
 
     def after_commit(self, session: Session) -> None:
         """Calls the listeners in this process, if no server does it."""

@@ -1,11 +1,13 @@
 """Every query on submissions, their verdicts and their events."""
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from datetime import datetime
+from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, bindparam, case, func, insert, literal, select
+from sqlalchemy import ColumnElement, String, bindparam, case, delete, func, insert, select, tuple_
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
@@ -13,16 +15,58 @@ from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
 from grader.store.rows import insert_rows
 from grader.store.signals import announce
-from grader.store.tables import Event, Submission, UtcDateTime, VerdictRow, now, values_of
+from grader.store.tables import (
+    Event,
+    IdempotencyKey,
+    Member,
+    Review,
+    Submission,
+    UtcDateTime,
+    VerdictRow,
+    first_id,
+    now,
+    values_of,
+)
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
 
+STOP = "stop"
+"""The cause of the verdict on a script that its learner stopped. As a reviewer's, it stays when others are regraded."""
+
 NEW = {"status": QUEUED, "uses_attempt": True, "outcome": None, "revision": 0}
 """The state of a submission that waits for its first verdict."""
 
+NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
+"""Joins a submission with its newest verdict."""
+
+AT_CASE = re.compile(r"case (\d+) of (\d+)")
+"""The name of an event that tells how far a running script is."""
+
 EVENTS = "events"
 """The channel on which new events are announced, by submission."""
+
+
+class Try(NamedTuple):
+    """A graded attempt of a member at a question."""
+
+    learner: str
+    name: str
+    quiz: str
+    question: str
+    submission: str
+    created_at: datetime
+    points: float
+
+
+class Mark(NamedTuple):
+    """A verdict in short: what caused it (as in `VerdictRow`), its status, its points and when it was given."""
+
+    cause: str
+    status: str
+    points: float
+    max_points: float
+    at: datetime
 
 
 @dataclass(frozen=True)
@@ -59,7 +103,8 @@ def append_verdict(
     for name, value in _settled(verdict, submission.revision + 1).items():
         setattr(submission, name, value)
     session.add(VerdictRow(**_verdict_values(submission, verdict, cause), reviewer=reviewer))
-    _add_event(session, submission)
+    session.flush()
+    _add_event(session, submission.id, submission.status)
 
 
 def get(session: Session, submission_id: str) -> Submission | None:
@@ -81,6 +126,24 @@ def start(session: Session, submission_id: str) -> Submission:
 def put_back(session: Session, submission_id: str) -> Submission:
     """Marks the submission as queued again, after a try that failed through our fault."""
     return _change_status(session, submission_id, QUEUED)
+
+
+def tell_case(session: Session, submission_id: str, case: int, cases: int) -> None:
+    """Adds an event that tells which case a running script is at; nothing if it does not run any more."""
+    submission = session.get(Submission, submission_id, with_for_update=True)
+    if submission is not None and submission.status == RUNNING:
+        _add_event(session, submission_id, f"case {case} of {cases}")
+
+
+def forget_keys(session: Session, submission_id: str) -> None:
+    """Lets the idempotency keys of a submission make another one."""
+    session.execute(delete(IdempotencyKey).where(IdempotencyKey.submission_id == submission_id))
+
+
+def case_of(event: Event | None) -> tuple[int, int] | None:
+    """The case that an event tells of, and the number of cases; None for other events."""
+    found = None if event is None else AT_CASE.fullmatch(event.name)
+    return None if found is None else (int(found[1]), int(found[2]))
 
 
 def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
@@ -127,6 +190,33 @@ def progress(session: Session, course: str, learner: str) -> dict[tuple[str, str
     return {(row[0], row[1]): Progress(row[2], row[3], bool(row[4])) for row in found}
 
 
+def unsolved(
+    session: Session, course: str, since: datetime, attempts: int, *, newest: int, limit: int
+) -> Sequence[Try]:
+    """The graded attempts since a moment at questions where a member has made that many and none was right, in order.
+
+    Among the `newest` submissions of the course, and of at most `limit` learners at a question, who tried last. Leaves
+    out what a person marks, and who was removed.
+    """
+    here = select(Submission.id).where(Submission.course == course).order_by(Submission.id.desc())
+    oldest = max(first_id(since), session.scalar(here.offset(newest - 1).limit(1)) or "")
+    is_marked = select(Review.submission_id).where(Review.submission_id == Submission.id).exists()
+    recent = (Submission.course == course, Submission.id >= oldest, Submission.uses_attempt)
+    graded = (*recent, Submission.status == GRADED, ~is_marked)
+    right = func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0))
+    at = (Submission.learner, Submission.quiz, Submission.question)
+    places = select(*at).where(*graded).group_by(*at).having(func.count() >= attempts, right == 0)
+    last = places.order_by(func.max(Submission.id).desc()).limit(limit).subquery()
+    rows = (
+        select(Submission.learner, Member.name, *at[1:], Submission.id, Submission.created_at, VerdictRow.points)
+        .join(Member, (Member.id == Submission.learner) & Member.removed_at.is_(None))
+        .join(VerdictRow, NEWEST)
+        .where(*graded, tuple_(*at).in_(select(last)))
+        .order_by(*at, Submission.id)
+    )
+    return [Try(*row) for row in session.execute(rows)]
+
+
 def pending(session: Session, wanted: SubmissionFilter) -> int:
     """The number of submissions without a verdict."""
     waiting = select(func.count()).select_from(Submission).where(*wanted.conditions())
@@ -135,16 +225,50 @@ def pending(session: Session, wanted: SubmissionFilter) -> int:
 
 def verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:
     """The newest verdict of each submission as plain JSON, by id; submissions without one are left out."""
-    same = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
-    bodies = select(VerdictRow.submission_id, VerdictRow.body).join(Submission, same)
-    wanted = bodies.where(Submission.id.in_([submission.id for submission in submissions]))
-    return {submission_id: json.loads(body) for submission_id, body in session.execute(wanted)}
+    return verdicts_of(session, [submission.id for submission in submissions])
+
+
+BODIES = (
+    select(VerdictRow.submission_id, VerdictRow.body)
+    .join(Submission, NEWEST)
+    .where(Submission.id.in_(bindparam("ids", expanding=True)))
+)
+
+
+def verdicts_of(session: Session, ids: Iterable[str]) -> dict[str, Any]:
+    """As `verdicts`, for the ids of submissions."""
+    found = session.execute(BODIES, {"ids": list(ids)})
+    return {submission_id: json.loads(body) for submission_id, body in found}
+
+
+def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str, tuple[Mark, Mark]]:
+    """The last verdict but one and the last one in short, by submission; those with one verdict are left out."""
+    regraded = [one.id for one in submissions if one.revision > 1]
+    if not regraded:
+        return {}
+    marks = (getattr(VerdictRow, name) for name in ("cause", "status", "points", "max_points", "created_at"))
+    rows = (
+        select(VerdictRow.submission_id, *marks)
+        .join(Submission, Submission.id == VerdictRow.submission_id)
+        .where(Submission.id.in_(regraded), VerdictRow.revision >= Submission.revision - 1)
+        .order_by(VerdictRow.submission_id, VerdictRow.revision)
+    )
+    found: dict[str, list[Mark]] = {}
+    for submission_id, *mark in session.execute(rows):
+        found.setdefault(submission_id, []).append(Mark(*mark))
+    return {submission_id: (pair[0], pair[1]) for submission_id, pair in found.items()}
+
+
+EVENTS_AFTER = (
+    select(Event)
+    .where(Event.submission_id == bindparam("of"), Event.number > bindparam("after"))
+    .order_by(Event.number)
+)
 
 
 def events_after(session: Session, submission_id: str, number: int) -> Sequence[Event]:
     """The submission's events after event `number`, in order."""
-    later = select(Event).where(Event.submission_id == submission_id, Event.number > number)
-    return session.scalars(later.order_by(Event.number)).all()
+    return session.scalars(EVENTS_AFTER, {"of": submission_id, "after": number}).all()
 
 
 def last_event(session: Session, submission_id: str) -> int:
@@ -152,10 +276,17 @@ def last_event(session: Session, submission_id: str) -> int:
     return session.scalar(select(func.max(Event.number)).where(Event.submission_id == submission_id)) or 0
 
 
+def case_now(session: Session, submission_id: str) -> tuple[int, int] | None:
+    """The case that a running script is at, and the number of cases, as far as its newest event tells."""
+    newest = select(Event).where(Event.submission_id == submission_id).order_by(Event.number.desc()).limit(1)
+    return case_of(session.scalar(newest))
+
+
 def _change_status(session: Session, submission_id: str, status: str) -> Submission:
     submission = session.get_one(Submission, submission_id)
     submission.status = status
-    _add_event(session, submission)
+    session.flush()
+    _add_event(session, submission_id, status)
     return submission
 
 
@@ -184,11 +315,18 @@ def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dic
     }
 
 
-def _add_event(session: Session, submission: Submission) -> None:
-    """Adds the submission's new status as an event, and announces it."""
-    session.flush()
-    number = 1 + func.coalesce(func.max(Event.number), 0)
-    values = (literal(submission.id), number, literal(submission.status), literal(now(), UtcDateTime))
-    added = select(*values).where(Event.submission_id == submission.id)
-    session.execute(insert(Event).from_select(["submission_id", "number", "name", "created_at"], added))
-    announce(session, EVENTS, submission.id)
+NEW_EVENT = insert(Event).from_select(
+    ["submission_id", "number", "name", "created_at"],
+    select(
+        bindparam("of", type_=String),
+        1 + func.coalesce(func.max(Event.number), 0),
+        bindparam("called", type_=String),
+        bindparam("at", type_=UtcDateTime),
+    ).where(Event.submission_id == bindparam("of", type_=String)),
+)
+
+
+def _add_event(session: Session, submission_id: str, name: str) -> None:
+    """Adds an event, and announces it."""
+    session.connection().execute(NEW_EVENT, {"of": submission_id, "called": name, "at": now()})
+    announce(session, EVENTS, submission_id)

@@ -54,9 +54,18 @@ def now() -> datetime:
     return datetime.now(UTC)
 
 
-def new_id() -> str:
-    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits."""
-    return f"{int(now().timestamp() * 1000):012x}{secrets.token_hex(10)}"
+def new_id(after: str = "") -> str:
+    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits.
+
+    It sorts behind the id `after`, also where the clock has been set back or shows the same millisecond.
+    """
+    earliest = int(after[:12], 16) + 1 if after else 0
+    return f"{max(int(now().timestamp() * 1000), earliest):012x}{secrets.token_hex(10)}"
+
+
+def first_id(moment: datetime) -> str:
+    """The least id that `new_id` makes at a moment."""
+    return f"{int(moment.timestamp() * 1000):012x}{'0' * 20}"
 
 
 def age_s(new_id_: str) -> float | None:
@@ -162,7 +171,7 @@ class VerdictRow(Base):
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
     revision: Mapped[int]
     cause: Mapped[str] = mapped_column(String(20))
-    """grading, regrade, review, or rubric where its points have changed."""
+    """grading, regrade, review, rubric where its points have changed, or stop."""
     status: Mapped[str] = mapped_column(String(20))
     points: Mapped[float]
     max_points: Mapped[float]
@@ -180,7 +189,10 @@ class Result(Base):
     """What counts for one learner at one question, and what statistics need of the attempts."""
 
     __tablename__ = "results"
-    __table_args__ = (Index("ix_results_quiz", "course", "quiz", "learner", "question", "changes"),)
+    __table_args__ = (
+        # All that a gradebook sorts by: sums of points do not read the table.
+        Index("ix_results_quiz", "course", "quiz", "learner", "question", "changes", "points", "is_final"),
+    )
 
     course: Mapped[str] = mapped_column(String(NAME), primary_key=True)
     learner: Mapped[str] = mapped_column(String(32), primary_key=True)
@@ -272,7 +284,7 @@ class Publication(Base):
 
 
 class Event(Base):
-    """A change of a submission's status; numbered from 1 within the submission."""
+    """A new status of a submission, or the case that its script is at; numbered from 1 within the submission."""
 
     __tablename__ = "events"
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 import structlog
-from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import DataError, IntegrityError, InterfaceError, OperationalError
 from sqlalchemy.orm import Session
 
 from grader.errors import TooManyRequests
@@ -19,6 +20,8 @@ BATCH_MAX = 200
 """Items of one transaction."""
 WAITING_MAX = 2000
 """Items that may wait; more are refused."""
+ROW_ERRORS = (IntegrityError, DataError)
+"""What a database says of rows that it refuses, on PostgreSQL with the commit: nothing of the transaction is stored."""
 
 Item = TypeVar("Item")
 
@@ -35,8 +38,9 @@ class _Waiting(Generic[Item]):
 class Writer(Generic[Item]):
     """Calls `keep` with the items that wait, in a transaction of `database`, and reports only after its commit.
 
-    An item that breaks `keep` does so alone: the transaction is rolled back, and every item is tried by itself. After
-    a failed commit, or without the database, nothing is tried again: an item that was stored would be stored twice.
+    An item that breaks `keep`, or whose rows are refused, does so alone: the transaction is rolled back, and every item
+    is tried by itself. After another failed commit, or without the database, nothing is tried again: an item that was
+    stored would be stored twice.
     """
 
     def __init__(self, database: Database, keep: Callable[[Session, Sequence[Item]], None]) -> None:
@@ -69,12 +73,19 @@ class Writer(Generic[Item]):
 
     def _run(self) -> None:
         while not (self._closing and self._queue.empty()):
-            batch = [self._queue.get()]
-            while len(batch) < BATCH_MAX and not self._queue.empty():
-                batch.append(self._queue.get())
-            if waiting := [one for one in batch if one is not None]:
+            if waiting := [one for one in self._gathered() if one is not None]:
                 self._store(waiting)
                 tell(waiting)
+
+    def _gathered(self) -> list[_Waiting[Item] | None]:
+        """What waits, once there is something, and what the event loop reads while it has requests to read."""
+        batch, before = [self._queue.get()], 0
+        while before < len(batch) < BATCH_MAX:
+            before = len(batch)
+            time.sleep(0)  # the interpreter's lock goes to the event loop: larger transactions cost less
+            while len(batch) < BATCH_MAX and not self._queue.empty():
+                batch.append(self._queue.get())
+        return batch
 
     def _store(self, batch: list[_Waiting[Item]]) -> None:
         kept = False
@@ -83,7 +94,8 @@ class Writer(Generic[Item]):
                 self._keep(session, [one.item for one in batch])
                 kept = True
         except Exception as error:
-            if kept or len(batch) == 1 or isinstance(error, OperationalError | InterfaceError):
+            may_be_stored = kept and not isinstance(error, ROW_ERRORS)
+            if may_be_stored or len(batch) == 1 or isinstance(error, OperationalError | InterfaceError):
                 for one in batch:
                     one.error = error
                 return

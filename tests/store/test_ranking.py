@@ -1,0 +1,97 @@
+"""A page of the gradebook shows whom a computation from scratch would show, in the same order, with the same sums."""
+
+import random
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import product
+from math import fsum
+
+import pytest
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from databases import BACKENDS, database_url
+from grader.store import results
+from grader.store.database import Database
+from grader.store.results import ORDERS, SHOWS, Ranking
+from grader.store.reviews import WAITING, unseen_marks
+from grader.store.tables import Member, Result, Review
+from seeding import Course, seed
+
+COURSE = Course(learners=16, questions=3, submissions=48)
+REVIEWER = "tina"
+
+
+@pytest.fixture(scope="module", params=BACKENDS)
+def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    """A course in which some have not answered everything, wait, share a name, left, or have a first mark only."""
+    with database_url(request.param, tmp_path_factory.mktemp("ranking")) as url:
+        database = Database(url)
+        database.migrate()
+        seed(database, COURSE)
+        with database.write() as session:
+            scramble(session, random.Random(5))
+        yield database
+        database.close()
+
+
+def scramble(session: Session, chance: random.Random) -> None:
+    for one in session.scalars(select(Result).order_by(Result.learner, Result.question)).all():
+        one.points, one.is_final = chance.choice((0.0, 0.5, 1.0)), chance.random() < 0.9
+        if chance.random() < 0.2:
+            session.delete(one)
+        elif chance.random() < 0.2:
+            at = {"course": COURSE.name, "quiz": COURSE.quiz, "question": one.question, "name": "Tom", "points": 0.5}
+            session.add(Review(submission_id=one.submission_id, reviewer="tom", second=WAITING, **at))
+    session.get_one(Member, COURSE.learner(3)).name = session.get_one(Member, COURSE.learner(4)).name = "Zoe"
+    session.execute(delete(Member).where(Member.id == COURSE.learner(5)))
+
+
+def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
+    """Every learner who is wanted, in order: reads all results and members, and sorts here."""
+    names = {one.id: one.name for one in session.scalars(select(Member))}
+    unseen = {tuple(row[1:]) for row in unseen_marks(session, wanted.course, wanted.reviewer)}
+    unseen = unseen if wanted.reviewer else set()
+    theirs: dict[str, list[Result]] = defaultdict(list)
+    for one in session.scalars(select(Result)):
+        theirs[one.learner].append(one)
+
+    def name(learner: str) -> str:
+        return names.get(learner, learner).lower()
+
+    def is_wanted(learner: str) -> bool:
+        several = theirs[learner]
+        shown = {
+            "all": True,
+            "waiting": not all(one.is_final for one in several),
+            "incomplete": len(several) < wanted.questions,
+        }
+        return learner not in wanted.without and wanted.find.lower() in name(learner) and shown[wanted.show]
+
+    def key(learner: str) -> float | str:
+        if wanted.by == "points":
+            at = ("course", "learner", "quiz", "question")
+            seen = [one for one in theirs[learner] if tuple(getattr(one, name) for name in at) not in unseen]
+            return fsum(one.points for one in seen)
+        return name(learner) if wanted.by == "name" else len(theirs[learner])
+
+    order = sorted(filter(is_wanted, theirs), key=lambda one: (name(one), one))
+    if wanted.by == "name" and wanted.descending:  # names that are equal stay in the order of the ids
+        order.sort()
+    order.sort(key=key, reverse=wanted.descending)
+    return [(one, names.get(one, one)) for one in order]
+
+
+@pytest.mark.parametrize("reviewer", ["", REVIEWER])
+@pytest.mark.parametrize("find", ["", "SER1", "_"])
+@pytest.mark.parametrize("show", SHOWS)
+def test_a_page_has_whom_a_computation_from_scratch_has(
+    database: Database, show: str, find: str, reviewer: str
+) -> None:
+    of_quiz = (COURSE.name, COURSE.quiz, COURSE.questions, {COURSE.learner(0)})
+    with database.read() as session:
+        for by, descending in product(ORDERS, (False, True)):
+            wanted = Ranking(*of_quiz, find, show, by, descending, reviewer)
+            everybody = from_scratch(session, wanted)
+            assert results.ranked(session, wanted, 0, 100) == everybody
+            assert results.ranked(session, wanted, 2, 3) == everybody[2:5]
