@@ -26,8 +26,11 @@ PAUSES = "import time\ntime.sleep(0.3)\n\ndef largest_stable_timestep(model, int
 
 
 @contextmanager
-def process_of(command: str, settings: Settings) -> Iterator[subprocess.Popen[bytes]]:
-    """`grader serve` or `grader worker` with these settings; killed at the end, whatever the test has done to it."""
+def process_of(command: str, settings: Settings, before: str = "") -> Iterator[subprocess.Popen[bytes]]:
+    """`grader serve` or `grader worker` with these settings; killed at the end, whatever the test has done to it.
+
+    The process runs the code `before` first.
+    """
     environment = {
         **os.environ,
         "GRADER_CONTENT": str(settings.content),
@@ -40,7 +43,7 @@ def process_of(command: str, settings: Settings) -> Iterator[subprocess.Popen[by
     }
     if settings.database_url:
         environment["GRADER_DATABASE_URL"] = settings.database_url
-    main = f"import sys; sys.argv = ['grader', {command!r}]; from grader.cli import main; main()"
+    main = f"{before}\nimport sys; sys.argv = ['grader', {command!r}]; from grader.cli import main; main()"
     process = subprocess.Popen([sys.executable, "-c", main], env=environment, stdout=subprocess.DEVNULL)
     try:
         yield process
@@ -86,10 +89,15 @@ def client_of(settings: Settings, user: str, role: str = "student") -> httpx.Cli
 
 def hand_in(client: httpx.Client, number: int, source: str = PAUSES) -> str:
     """The id of an acknowledged submission."""
-    body = {"quiz": "1.3-exercises", "question": "servo-threshold", "answer": {"source": f"{source}# {number}\n"}}
-    made = client.post("/api/v1/submissions", json=body)
+    made = handed_in(client, f"{source}# {number}\n")
     assert made.status_code == 202, made.text
     return str(made.json()["id"])
+
+
+def handed_in(client: httpx.Client, source: str) -> httpx.Response:
+    """What the server answers to a script."""
+    body = {"quiz": "1.3-exercises", "question": "servo-threshold", "answer": {"source": source}}
+    return client.post("/api/v1/submissions", json=body)
 
 
 def descendants(pid: int) -> list[tuple[int, str]]:

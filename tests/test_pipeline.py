@@ -1,14 +1,19 @@
 """The pipeline: reading, seeds, retries; a fault of ours never costs the learner an attempt."""
 
 import hashlib
+import threading
 from pathlib import Path
 
 import pytest
 
+from grader import pipeline
+from grader.domain.quiz import CodeQuestion
 from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
+from grader.exercises import Plan, prepare_exercise
 from grader.library import Library, load
+from grader.numerics import scene
 from grader.numerics.version import INSTALLED
 from grader.pipeline import COMMAND_RETRIES, Pipeline, Retries, canonical, keyed_seed, submission_digest
 from grader.sandbox.jail import Jail
@@ -67,6 +72,57 @@ def test_a_crash_of_our_own_code_is_a_grader_fault(library: Library) -> None:
         raise ValueError("a bug of ours")
 
     assert Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT).status is Status.GRADER_FAULT
+
+
+@pytest.mark.parametrize(
+    ("report", "status"),
+    [
+        (RunReport(RunStatus.CRASHED, "NameError"), Status.CRASHED),
+        (RunReport(RunStatus.TIMED_OUT, "too slow"), Status.TIMED_OUT),
+        (RunReport(RunStatus.RETURNED), Status.GRADER_FAULT),
+    ],
+)
+def test_a_fault_in_preparing_hides_no_crash_of_the_script(
+    report: RunReport, status: Status, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def prepare(*_: object) -> None:
+        raise ValueError("a bug of the kind's")
+
+    monkeypatch.setattr(pipeline, "prepare_exercise", prepare)
+    graded = Pipeline(library, lambda _: report)
+    verdict = graded.judge(graded.read("1.3-exercises", "servo-threshold", SCRIPT))
+    assert verdict.status is status
+
+
+def test_models_are_compiled_while_the_script_runs(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planning compiles none, nor does what comes before the script runs, and judging no further one."""
+    counts, prepared = [compiled()], threading.Event()
+
+    def prepare(question: CodeQuestion, plan: Plan) -> None:
+        counts.append(compiled())
+        prepare_exercise(question, plan)
+        prepared.set()
+
+    def run(job: Job) -> RunReport:
+        assert not prepared.is_set()
+        job.sent()
+        assert prepared.wait(60)
+        counts.append(compiled())
+        drawn.update(trial["inputs"]["model"] for trial in job.hidden_inputs["trials"])
+        return RunReport(RunStatus.RETURNED)
+
+    drawn: set[str] = set()
+    monkeypatch.setattr(pipeline, "prepare_exercise", prepare)
+    verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
+    before, planned, running = counts
+    assert verdict.status is Status.INCORRECT
+    assert planned == before
+    assert compiled() == running >= before + len(drawn) > before
+
+
+def compiled() -> int:
+    """How many models were compiled in this process."""
+    return scene._compiled.cache_info().misses
 
 
 def test_a_byte_order_mark_is_no_mistake_of_the_students(library: Library) -> None:

@@ -4,6 +4,7 @@ A process takes the content and submissions over a socket, and returns verdicts.
 standard input does, so that none outlives the server or worker that started it, however that ended.
 """
 
+import gc
 import os
 import queue
 import shutil
@@ -12,6 +13,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -25,18 +27,24 @@ import structlog
 
 from grader.domain.verdict import Verdict
 from grader.errors import JailFault, JailRefused
+from grader.exercises import Tell
 from grader.library import Library
 from grader.logs import log_to_stderr, logs_json
 from grader.metrics import GRADERS_BROKEN
-from grader.pipeline import Pipeline
+from grader.pipeline import Pipeline, untold
 from grader.sandbox.jail import Jail
 
 START_S = 180.0
 """Longest start of a process with its jail and self-test [s]."""
 VERDICT_S = 900.0
 """Longest wait for a verdict, far above every limit of a script; then the process is ended and started anew [s]."""
+PROGRESS_S = 0.5
+"""Pause between two reports of how far a script is: a quick script makes none [s]."""
 END_S = 10.0
 """Longest end of a process; then it is killed [s]."""
+
+SWITCH_S = 0.0005
+"""As in the server: a script waits for its inputs while another thread compiles the models that judging needs [s]."""
 
 MAIN = "from grader.grading_process import main; main()"
 """Not `-m`, which would load this module twice: what is pickled here would be another class there."""
@@ -52,6 +60,14 @@ class Script:
     question: str
     answer: Any
     seed: int | None
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the script is: at a case, counted from 1."""
+
+    case: int
+    cases: int
 
 
 class GradingProcess:
@@ -81,8 +97,11 @@ class GradingProcess:
         """Waits for the jail. Raises JailRefused if this machine cannot hold it, JailFault if the process ends."""
         self.jail = self._receive(START_S)
 
-    def judge(self, library: Library, script: Script) -> Verdict:
-        """Judges a script against this content. Raises JailFault if the process ends or breaks, and ends it then."""
+    def judge(self, library: Library, script: Script, tell: Tell = untold) -> Verdict:
+        """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most.
+
+        Raises JailFault if the process ends or breaks, and ends it then.
+        """
         try:
             if library is not self._library:
                 write_models(library, Path(self._models.name))
@@ -91,7 +110,7 @@ class GradingProcess:
             self._connection.send(script)
         except OSError as error:
             raise self._broken(str(error)) from error
-        verdict = self._receive(VERDICT_S)
+        verdict = self._receive(VERDICT_S, tell)
         assert isinstance(verdict, Verdict)
         return verdict
 
@@ -112,16 +131,25 @@ class GradingProcess:
         self._connection.close()
         self._models.cleanup()
 
-    def _receive(self, patience_s: float) -> Any:
+    def _receive(self, patience_s: float, tell: Tell = untold) -> Any:
+        """Returns the answer; hands on the newest progress on the way, and only that."""
+        deadline = time.monotonic() + patience_s
+        due, newest = time.monotonic() + PROGRESS_S, None
         try:
-            if not self._connection.poll(patience_s):
-                raise self._broken("it did not answer")
-            reply = self._connection.recv()
+            while (now := time.monotonic()) < deadline:
+                if newest and now >= due:
+                    tell(newest.case, newest.cases)
+                    due, newest = now + PROGRESS_S, None
+                if self._connection.poll(min(due if newest else deadline, deadline) - now):
+                    reply = self._connection.recv()
+                    if isinstance(reply, Exception):
+                        raise reply
+                    if not isinstance(reply, Progress):
+                        return reply
+                    newest = reply
         except (EOFError, OSError) as error:
             raise self._broken(str(error) or "it ended") from error
-        if isinstance(reply, Exception):
-            raise reply
-        return reply
+        raise self._broken("it did not answer")
 
     def _broken(self, why: str) -> JailFault:
         GRADERS_BROKEN.inc()
@@ -151,10 +179,10 @@ class Graders:
             self._free.put(place)
         self.jail = self._all[0].jail
 
-    def judge(self, library: Library, script: Script) -> Verdict:
+    def judge(self, library: Library, script: Script, tell: Tell = untold) -> Verdict:
         """Judges a script in a free process; waits for one. Raises JailFault as a process does."""
         with self._free_process() as process:
-            return process.judge(library, script)
+            return process.judge(library, script, tell)
 
     def pids(self) -> list[int]:
         """The ids of the processes."""
@@ -245,7 +273,7 @@ def serve(connection: "Connection[Any, Any]", jail: Jail) -> None:
         assert pipeline is not None and isinstance(message, Script)
         try:
             parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
-            connection.send(pipeline.judge(parsed))
+            connection.send(pipeline.judge(parsed, lambda case, cases: connection.send(Progress(case, cases))))
         except Exception as error:
             log.exception("grading failed", quiz=message.quiz, question=message.question)
             connection.send(JailFault(f"grading failed: {type(error).__name__}"))
@@ -270,6 +298,7 @@ def main() -> None:
     log_to_stderr(as_json="--json-log" in sys.argv)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent decides when to end
         signal.signal(number, signal.SIG_IGN)
+    sys.setswitchinterval(SWITCH_S)
     connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
     try:
         jail = Jail(Path(sys.argv[2]), 1, allow_t2="--allow-t2" in sys.argv)
@@ -279,6 +308,7 @@ def main() -> None:
     threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
     with jail, suppress(BrokenPipeError):
         integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
+        gc.freeze()
         connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
         serve(connection, jail)
         shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well

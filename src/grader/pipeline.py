@@ -11,7 +11,9 @@ import platform
 import secrets
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -23,7 +25,7 @@ from grader.domain.quiz import CodeQuestion, Question
 from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, TooLarge, Unprocessable
-from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise
 from grader.library import Library
 
 OUR_FAULT = "The grader itself failed; this is not your mistake, and it used up no attempt."
@@ -36,6 +38,9 @@ LEVELS_MAX = 16
 
 SEED_BITS = 53
 """Integers up to 2**53 are exact in every JSON reader. Source: RFC 8259, section 6."""
+
+JUDGED = {Status.CORRECT, Status.PARTIAL, Status.INCORRECT, Status.NEEDS_REVIEW}
+"""The statuses of scripts whose results were judged; the others say how a script ended."""
 
 ENVIRONMENT = {
     "mujoco": mujoco.__version__,
@@ -103,6 +108,10 @@ COMMAND_RETRIES = Retries(tries=2, pause_s=0.5)
 """The retries of commands: enough for a jail that broke once, and short if the fault remains."""
 
 
+def untold(*_: object) -> None:
+    """Ignores how far a script is."""
+
+
 @dataclass(frozen=True)
 class Pipeline:
     """Grades against one snapshot of the content.
@@ -157,8 +166,11 @@ class Pipeline:
             time.sleep(pause_s)
             tried += 1
 
-    def judge(self, submission: ParsedSubmission) -> Verdict:
-        """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer."""
+    def judge(self, submission: ParsedSubmission, tell: Tell = untold) -> Verdict:
+        """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer.
+
+        While a script runs, `tell` is called with the number of the case it is at, and the number of cases.
+        """
         started = time.perf_counter()
         question = submission.question
         measured = Measured()
@@ -167,7 +179,7 @@ class Pipeline:
                 verdict = ungraded(question, Status.INVALID_ANSWER, submission.refusal)
             elif isinstance(question, CodeQuestion):
                 assert submission.source is not None and submission.seed is not None
-                verdict, measured = self._judge_script(question, submission.source, submission.seed)
+                verdict, measured = self._judge_script(question, submission.source, submission.seed, tell)
             else:
                 verdict = grade_answer(question, submission.answer)
         except Exception:
@@ -181,14 +193,30 @@ class Pipeline:
         verdict = ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
         return self._completed(verdict, quiz_id, submission_digest(quiz_id, question_id, text), Measured())
 
-    def _judge_script(self, question: CodeQuestion, source: str, seed: int) -> tuple[Verdict, Measured]:
+    def _judge_script(self, question: CodeQuestion, source: str, seed: int, tell: Tell) -> tuple[Verdict, Measured]:
         if self.run is None:
             raise JailFault("no jail is set up: scripts cannot be run")
         plan = plan_exercise(question, self.library.model_xml, seed, self.library.text)
-        report = self.run(plan.job(source, question.limits))
+        job = plan.job(source, question.limits)
+
+        def prepare() -> float:
+            prepare_exercise(question, plan)
+            return time.thread_time()  # all of it: the thread is new
+
+        with ThreadPoolExecutor(1) as beside:
+            begin = cache(lambda: beside.submit(prepare))  # not before the script runs, which it would hold up
+            report = self.run(replace(job, sent=begin, heard=Progress(plan.trials, tell).heard))
+            prepared = begin()
         started = time.thread_time()
         verdict = judge_exercise(question, plan, report)
-        judge_ms = 1000 * (time.thread_time() - started)
+        judge_s = time.thread_time() - started
+        if (fault := prepared.exception()) is None:
+            judge_s += prepared.result()
+        elif verdict.status in JUDGED:
+            raise fault
+        else:  # the script ended by itself, whatever there was to compare it with
+            log.error("preparing failed", question=question.id, exc_info=fault)
+        judge_ms = 1000 * judge_s
         timing_ms = {"script_cpu": 1000 * report.cpu_s, "script_wall": 1000 * report.wall_s, "judge_cpu": judge_ms}
         return verdict, Measured(report.stdout, report.stderr, timing_ms)
 

@@ -4,8 +4,10 @@ import json
 import signal
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -22,16 +24,18 @@ from grader.errors import ContentLost, NotFound, Unprocessable
 from grader.grading_process import Graders, Script
 from grader.logs import is_json, log_to_stderr
 from grader.monitoring import Monitor
-from grader.pipeline import OUR_FAULT, Retries
+from grader.pipeline import OUR_FAULT, Retries, untold
 from grader.queue import jobs
 from grader.queue.worker import Outcome, Task, Worker
 from grader.settings import Settings
 from grader.store import submissions
-from grader.store.database import Database
+from grader.store.database import AWAY, Database
 from grader.store.pruning import prune
 from grader.store.tables import Submission
 
 Judge = Callable[[Submission], Verdict]
+TellCase = Callable[[str, int, int], object]
+"""Called with a submission's id, the number of the case that its script is at, and the number of cases."""
 Append = Callable[[Session, Submission, Verdict, str], None]
 
 OTHERS = 4
@@ -114,7 +118,17 @@ def schedule_pruning(database: Database) -> None:
             jobs.put(session, jobs.PRUNE, DAILY, DAILY)
 
 
-def judge_with(archive: Archive, graders: Graders) -> JudgeBy:
+def tell_learner(database: Database) -> TellCase:
+    """Lets those who follow a submission know which case its script is at. A database that is away is ignored."""
+
+    def tell(submission_id: str, case: int, cases: int) -> None:
+        with suppress(*AWAY), database.write(hasty=True) as session:
+            submissions.tell_case(session, submission_id, case, cases)
+
+    return tell
+
+
+def judge_with(archive: Archive, graders: Graders, tell: TellCase = untold) -> JudgeBy:
     """Judges a stored submission by the content of a digest, with its recorded seed; scripts in a grading process."""
 
     def judge(submission: Submission, digest: str) -> Verdict:
@@ -122,14 +136,15 @@ def judge_with(archive: Archive, graders: Graders) -> JudgeBy:
         parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
         if parsed.is_instant:
             return pipeline.judge(parsed)
-        return graders.judge(pipeline.library, Script(submission.quiz, submission.question, answer, parsed.seed))
+        script = Script(submission.quiz, submission.question, answer, parsed.seed)
+        return graders.judge(pipeline.library, script, partial(tell, submission.id))
 
     return judge
 
 
-def grade_with(archive: Archive, graders: Graders) -> Judge:
+def grade_with(archive: Archive, graders: Graders, tell: TellCase = untold) -> Judge:
     """As `judge_with`, by the content that the submission was made against."""
-    judge = judge_with(archive, graders)
+    judge = judge_with(archive, graders, tell)
     return lambda submission: judge(submission, submission.content_digest)
 
 
@@ -167,7 +182,9 @@ def worker_of(
     """The worker that the settings describe; `more` are the tasks of further topics."""
     retries = Retries(settings.tries)
     topics: dict[str, Task] = {
-        jobs.GRADE: Grading(grade_with(archive, graders), fault_with(archive), append_with(database, archive)),
+        jobs.GRADE: Grading(
+            grade_with(archive, graders, tell_learner(database)), fault_with(archive), append_with(database, archive)
+        ),
         jobs.REGRADE: Regrading(database, archive, judge_with(archive, graders), retries),
         jobs.PRUNE: Pruning(database, timedelta(days=settings.prune_days)),
         **more,
@@ -190,7 +207,7 @@ def run_worker(
     """
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
-    database = Database(settings.database)
+    database = Database(settings.database, settings.connections)
     if database.is_sqlite:
         raise Unprocessable(
             "A SQLite database is worked on by `grader serve` alone. Set GRADER_WORKERS for more grading processes, "

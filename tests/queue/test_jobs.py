@@ -94,6 +94,31 @@ def test_jobs_are_done_in_order_and_once(database: Database) -> None:
         assert jobs.waiting(session) == 0
 
 
+def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Database) -> None:
+    submission_id = hand_in(database)
+
+    def tell(case: int) -> None:
+        with database.write() as session:
+            submissions.tell_case(session, submission_id, case, 7)
+
+    def told() -> tuple[int, int] | None:
+        with database.read() as session:
+            return submissions.case_now(session, submission_id)
+
+    def grade(_: Submission) -> Verdict:
+        assert told() is None
+        tell(1)
+        tell(3)
+        assert told() == (3, 7)
+        return GOOD
+
+    tell(1)  # it waits: there is nothing to tell
+    a_worker(database, grade).do_one()
+    tell(4)
+    assert state(database, submission_id)[1] == ["queued", "running", "case 1 of 7", "case 3 of 7", "graded"]
+    assert told() is None
+
+
 def test_a_waiting_job_knows_how_many_are_claimed_before_it(database: Database) -> None:
     made = [hand_in(database, user) for user in ("ann", "ann", "bob", "cem")]
     with database.read() as session:

@@ -14,10 +14,13 @@ from sqlalchemy import func, select
 from grader.queue import jobs
 from grader.store.database import Database
 from grader.store.tables import VerdictRow
+from outages import Disk
 from queue_kills import (
+    PAUSES,
     client_of,
     descendants,
     hand_in,
+    handed_in,
     kill_grading_process,
     kill_zygote,
     process_of,
@@ -25,6 +28,8 @@ from queue_kills import (
     verdicts_of,
     wait_until_ready,
 )
+
+LONG = PAUSES + f"# {'long ' * 8000}\n"
 
 TRIES = 20
 """Tries of a job: a test kills more often than a service is killed."""
@@ -76,6 +81,35 @@ def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_re
     with process_of("serve", settings) as server:
         wait_until_ready(server, settings)
         with client_of(settings, "ann") as client:
+            shown = verdicts_of(client, ids)
+        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    assert_graded_once(url, ids)
+
+
+def test_a_full_disk_beside_kills_costs_nobody_a_verdict(url: str, tmp_path: Path) -> None:
+    """Filled while scripts run; then a grading process and the server are killed, and only then there is room again."""
+    settings, disk, draw = (
+        settings_on(url, tmp_path / "data", tries=TRIES),
+        Disk(url, tmp_path / "full"),
+        random.Random(1),
+    )
+    ids: list[str] = []
+    with process_of("serve", settings, disk.before) as server:
+        wait_until_ready(server, settings)
+        with client_of(settings, "ann") as client:
+            ids += [hand_in(client, number) for number in range(2)]
+            disk.fill()
+            while (refused := handed_in(client, LONG + f"# {len(ids)}")).status_code == 202:
+                ids.append(refused.json()["id"])  # into pages that are free within the file
+            assert refused.status_code == 503
+            assert int(refused.headers["retry-after"]) > 0
+            kill_grading_process(server.pid, draw)
+            time.sleep(0.4)
+    disk.free()
+    with process_of("serve", settings, disk.before) as server:
+        wait_until_ready(server, settings)
+        with client_of(settings, "ann") as client:
+            ids.append(hand_in(client, 99))
             shown = verdicts_of(client, ids)
         assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
     assert_graded_once(url, ids)

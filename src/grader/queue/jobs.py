@@ -23,6 +23,7 @@ from sqlalchemy import (
     Integer,
     String,
     and_,
+    bindparam,
     case,
     delete,
     func,
@@ -44,9 +45,6 @@ GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune
 
 NEWS = "jobs"
 """The channel on which new jobs are announced, by topic."""
-
-
-UNCHANGED = {"synchronize_session": False}
 
 
 class QueueBase(DeclarativeBase):
@@ -132,26 +130,35 @@ def put_all(session: Session, topic: str, subjects: Sequence[str], share: str) -
     announce(session, NEWS, topic)
 
 
+DUE = or_(JobRow.delayed_at.is_(None), Clock() < JobRow.delayed_at, Clock() >= JobRow.due_at)
+AMONG = (
+    # As a range, so that the entries of other topics in the index are not read.
+    JobRow.priority.between(bindparam("from"), bindparam("to")),
+    JobRow.topic.in_(bindparam("topics", expanding=True)),
+)
+FIRST = select(JobRow.id).where(WAITS, DUE, *AMONG).order_by(*ORDER).limit(1).with_for_update(skip_locked=True)
+CLAIM = (
+    update(JobRow)
+    .where(JobRow.id == FIRST.scalar_subquery())
+    .values(tries=JobRow.tries + 1, owner=bindparam("by"), lease=bindparam("new"))
+    .returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries)
+)
+
+
 def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Claim | None:
     """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none."""
-    due = or_(JobRow.delayed_at.is_(None), Clock() < JobRow.delayed_at, Clock() >= JobRow.due_at)
-    places = [TOPICS.index(topic) for topic in topics]
-    # As a range, so that the entries of other topics in the index are not read.
-    among = (JobRow.priority.between(min(places), max(places)), JobRow.topic.in_(topics))
-    first = select(JobRow.id).where(WAITS, due, *among).order_by(*ORDER).limit(1).with_for_update(skip_locked=True)
-    lease = secrets.token_hex(16)
-    ours = update(JobRow).where(JobRow.id == first.scalar_subquery())
-    ours = ours.values(tries=JobRow.tries + 1, owner=owner, lease=lease)
-    found = session.execute(
-        ours.returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries), execution_options=UNCHANGED
-    ).first()
+    places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
+    values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
+    found = session.connection().execute(CLAIM, values).first()
     return None if found is None else Claim(*found, lease)
+
+
+FINISH = delete(JobRow).where(JobRow.id == bindparam("job"), JobRow.lease == bindparam("held")).returning(JobRow.id)
 
 
 def finish(session: Session, claimed: Claim) -> bool:
     """Removes a job that is done. False if it was released since the claim; this try then counts for nothing."""
-    done = delete(JobRow).where(_holds(claimed)).returning(JobRow.id)
-    return session.execute(done).first() is not None
+    return session.connection().execute(FINISH, {"job": claimed.job_id, "held": claimed.lease}).first() is not None
 
 
 def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> bool:
@@ -160,6 +167,12 @@ def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -
     again = update(JobRow).where(_holds(claimed)).values(**_delayed(delay_s), tries=tries).returning(JobRow.id)
     announce(session, NEWS, claimed.topic)
     return session.execute(again).first() is not None
+
+
+def withdraw(session: Session, topic: str, subject: str) -> bool:
+    """Removes the job of a subject if it waits. False if it has been claimed, or is done."""
+    waits = delete(JobRow).where(JobRow.topic == topic, JobRow.subject == subject, WAITS).returning(JobRow.id)
+    return session.execute(waits).first() is not None
 
 
 def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
