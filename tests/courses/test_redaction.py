@@ -17,7 +17,6 @@ from grader.domain.quiz import NumericQuestion, OpenQuestion, Reveal
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
 from grader.library import load
 from grader.pipeline import Pipeline
-from properties import patient
 
 NOW = datetime(2026, 3, 10, tzinfo=UTC)
 QUESTION = OpenQuestion(kind="open", id="q1", q="Why?")
@@ -80,7 +79,6 @@ def seen(verdict: Verdict, decision: Decision) -> str:
     return redact(verdict, decision).model_dump_json()
 
 
-@patient
 @given(answers(), outcomes(), outcomes())
 def test_before_the_feedback_right_and_wrong_look_the_same(
     answer: dict[str, Any], one: dict[str, Any], other: dict[str, Any]
@@ -91,7 +89,6 @@ def test_before_the_feedback_right_and_wrong_look_the_same(
     assert json.loads(first).items() >= answer.items()  # what is the learner's own is not held back
 
 
-@patient
 @given(answers(), outcomes(), st.floats(0, 1), secrets)
 def test_before_the_feedback_a_review_does_not_show(
     answer: dict[str, Any], outcome: dict[str, Any], share: float, comment: str
@@ -100,7 +97,6 @@ def test_before_the_feedback_a_review_does_not_show(
     assert seen(reviewed(verdict, share * verdict.max_points, comment), RECEIPT) == seen(verdict, RECEIPT)
 
 
-@patient
 @given(answers(), outcomes())
 def test_before_the_solution_neither_explanation_nor_expected_value_is_shown(
     answer: dict[str, Any], outcome: dict[str, Any]
@@ -121,7 +117,6 @@ def directed(finding: Finding, points: float) -> Finding:
     return finding.model_copy(update=same)
 
 
-@patient
 @given(answers(), outcomes(), outcomes(), st.lists(st.tuples(findings, findings), max_size=3))
 def test_where_only_the_direction_is_told_verdicts_of_one_direction_look_the_same(
     answer: dict[str, Any], one: dict[str, Any], other: dict[str, Any], pairs: list[tuple[Finding, Finding]]
@@ -150,7 +145,6 @@ def test_a_reviewers_finding_is_told_as_it_was_written() -> None:
     assert [finding.message for finding in shown.findings] == ["Look at the sign."]
 
 
-@patient
 @given(answers(), outcomes())
 def test_with_the_value_the_expected_values_are_shown_and_the_explanation_is_not(
     answer: dict[str, Any], outcome: dict[str, Any]
@@ -164,7 +158,6 @@ KEYS = st.floats(1, 1e3).map(lambda key: float(f"{key:.6g}"))
 FACTORS = st.sampled_from([1.05, 1.5, 2, 5, 57.29578, 1000]) | st.floats(1.05, 1e6)
 
 
-@patient
 @given(KEYS, st.tuples(FACTORS, FACTORS), st.booleans(), st.sampled_from([None, "ms", "rad"]))
 def test_a_wrong_number_tells_its_direction_alone(
     given_number: float, factors: tuple[float, float], below: bool, unit: str | None
@@ -201,14 +194,12 @@ def test_a_command_reports_as_far_as_the_author_reveals() -> None:
         assert reported(grade_answer(asked, 73.313), asked).explain == "KEY"
 
 
-@patient
 @given(answers(), outcomes())
 def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: dict[str, Any]) -> None:
     verdict = Verdict(**answer, **outcome)
     assert redact(verdict, SOLUTION) == verdict
 
 
-@patient
 @given(answers(), outcomes(), st.sampled_from(list(Shown)), st.sampled_from(["direction", "size", "value"]))
 def test_redacting_twice_changes_nothing(
     answer: dict[str, Any], outcome: dict[str, Any], shown: Shown, reveal: Reveal

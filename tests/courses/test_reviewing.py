@@ -29,7 +29,6 @@ from grader.store.database import Database
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Result, Submission, VerdictRow, now
-from properties import patient
 
 RUBRICS = ({"a": 3.0, "b": 1.0, "c": -0.5}, {"a": 2.0, "b": 2.0, "c": -2.0})
 QUIZZES: dict[str, dict[str, Any]] = {
@@ -344,4 +343,4 @@ class Reviewing(RuleBasedStateMachine):
 @pytest.mark.slow
 def test_reviewing_is_what_the_model_says(database: Database, libraries: list[Library]) -> None:
     machine = type("Machine", (Reviewing,), {"database": database, "libraries": libraries})
-    run_state_machine_as_test(machine, settings=settings(patient, max_examples=20, stateful_step_count=35))
+    run_state_machine_as_test(machine, settings=settings(max_examples=20, stateful_step_count=35))

@@ -11,7 +11,6 @@ from grader.courses.rubric import recomputed, reviewed_by_rubric, rubric_points
 from grader.domain.quiz import CodeQuestion, OpenQuestion
 from grader.domain.rubric import RubricItem
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
-from properties import patient
 
 WAITING = Verdict(
     status=Status.NEEDS_REVIEW,
@@ -100,7 +99,6 @@ rubrics = st.lists(st.integers(-4, 8), min_size=1, max_size=5).map(
 )
 
 
-@patient
 @given(rubrics, rubrics, st.sets(st.integers(0, 4)))
 def test_recomputing_is_reviewing_again_with_the_new_rubric(
     old: list[dict[str, Any]], new: list[dict[str, Any]], ticked: set[int]

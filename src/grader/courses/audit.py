@@ -50,6 +50,8 @@ class Action(StrEnum):
     PLATFORM_ADDED = "platform added"
     PLATFORM_APPROVED = "platform approved"
     PLATFORM_REMOVED = "platform removed"
+    SIGNING_KEY_ROTATED = "signing key rotated"
+    HIDDEN_CASES_ROTATED = "key of the hidden cases rotated"
     CONTEXT_WANTED = "platform course asks for a link"
     CONTEXT_LINKED = "platform course linked"
     CONTEXT_UNLINKED = "platform course unlinked"

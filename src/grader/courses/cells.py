@@ -28,7 +28,7 @@ def guarded(text: str) -> str:
 
     Guarding a guarded text adds another apostrophe, so removing one always gives the text back.
     """
-    return f"'{text}" if FORMULA.match(text) else text
+    return f"'{text}" if text and FORMULA.match(text) else text
 
 
 def unguarded(cell: str) -> str:

@@ -3,7 +3,7 @@
 from sqlalchemy.orm import Session
 
 from grader.courses.audit import Action, record
-from grader.errors import Conflict, NotFound
+from grader.errors import Conflict, NotFound, Unprocessable
 from grader.identity import Identity
 from grader.store import saved_comments
 from grader.store.database import Database
@@ -11,6 +11,12 @@ from grader.store.tables import SavedComment, new_id, now
 
 COMMENTS_MAX = 200
 """For one question of a course."""
+
+CHARACTERS_MAX = 2000
+"""Of a saved comment."""
+
+REVIEW_CHARACTERS_MAX = 10_000
+"""Of the comment of a review."""
 
 
 def save(database: Database, session: Session, who: Identity, at: tuple[str, str], text: str) -> SavedComment:
@@ -25,6 +31,12 @@ def save(database: Database, session: Session, who: Identity, at: tuple[str, str
     session.add(comment)
     record(session, who, who.course, Action.COMMENT_SAVED, comment.id, quiz=quiz, question=question)
     return comment
+
+
+def check(text: str) -> None:
+    """Raises Unprocessable for a text that cannot be saved."""
+    if not 1 <= len(text) <= CHARACTERS_MAX:
+        raise Unprocessable(f"A saved comment has 1 to {CHARACTERS_MAX} characters.")
 
 
 def change(session: Session, who: Identity, comment_id: str, text: str) -> SavedComment:

@@ -152,21 +152,18 @@ def change(session: Session, by: Identity | None, member: Member, changes: dict[
 
 def roster_of(session: Session, course: str) -> list[Entry]:
     """The students and instructors of a course, as a roster in our own form: whom a name finds has no id."""
-    return [entry_of(member, None if is_named(member) else known_as(member)) for member in enrolled(session, course)]
+    return [
+        entry_of(member, None if is_named(member) else known_as(member)) for member in people.enrolled(session, course)
+    ]
 
 
 def roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
     """As `roster_of`, each with an id: that of the namespace, else ours."""
     found = []
-    for member in enrolled(session, course):
+    for member in people.enrolled(session, course):
         known = known_as(member)
         found.append(entry_of(member, known if known.namespace == namespace else External(OWN, member.id)))
     return found
-
-
-def enrolled(session: Session, course: str) -> list[Member]:
-    """Students and instructors who were not removed, by name."""
-    return [one for one in people.everybody(session, course) if one.removed_at is None and one.role != Role.SERVICE]
 
 
 def is_named(member: Member) -> bool:

@@ -4,11 +4,14 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from types import MappingProxyType
+from typing import NamedTuple
 
 from grader.courses.cells import BOM, guarded, lines
+from grader.courses.kept import Parts
 from grader.domain.verdict import POINT_DIGITS
 
 
@@ -31,28 +34,41 @@ class Column:
     lms_id: str = ""
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """One learner, with the points that count by (quiz, question); what is missing is an empty cell.
 
+    `user` is the name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that
+    another bears too: without one Canvas gives the points of both to the first whom it finds by name.
     `login` is a name that an instructor gave. A name that learners chose themselves is left out: in an LMS it may be
     the login of another person. `lms_id` is the learner's number in Canvas.
     """
 
     user: str
     login: str = ""
-    name: str = ""
+    id: str = ""
     email: str = ""
     section: str = ""
     lms_id: str = ""
     sis_id: str = ""
-    points: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    points: Mapping[tuple[str, str], float] = MappingProxyType({})
+    mark: str = ""
 
+
+class Sheet(NamedTuple):
+    """Which gradebook: the lines of its learners depend on this and on their results."""
+
+    course: str
+    columns: tuple[Column, ...]
+    form: Form
+
+
+SheetLines = Parts[Sheet, str, tuple[str, str]]
+"""The name and the line of each learner, by id."""
 
 LEARNER: Mapping[Form, Mapping[str, Callable[[Row], str]]] = {
-    Form.GENERIC: {"user": lambda row: row.user, "name": lambda row: row.name, "email": lambda row: row.email},
+    Form.GENERIC: {"user": lambda row: row.user, "id": lambda row: row.id, "email": lambda row: row.email},
     Form.CANVAS: {
-        "Student": lambda row: no_points_row(row.name or row.user),
+        "Student": lambda row: no_points_row(f"{row.user} {row.mark}" if row.mark else row.user),
         "ID": lambda row: row.lms_id,
         "SIS User ID": lambda row: row.sis_id,
         "SIS Login ID": lambda row: row.login,
@@ -86,25 +102,34 @@ def gradebook_csv(
     for Canvas has a second row with the points of each assignment, or new ones would be made without.
     """
     mark = BOM if bom else ""
-    for line in lines(cells_of(rows, columns, form)):
+    for line in lines(heading_cells(columns, form)):
         yield mark + line
         mark = ""
+    yield from row_lines(rows, columns, form)
 
 
-def cells_of(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
-    """The heading, for Canvas the points of the assignments, and a row for each learner."""
-    names, cells = headings(columns, form), LEARNER[form]
-    sums = ["points", "max_points"] if form is Form.GENERIC else []
-    yield [*cells, *names, *sums]
+def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
+    """The heading, and for Canvas the points of the assignments."""
+    cells, sums = LEARNER[form], ["points", "max_points"] if form is Form.GENERIC else []
+    yield [*cells, *headings(columns, form), *sums]
     if form is Form.CANVAS:
         blank = [""] * (len(cells) - 1)
         yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
+
+
+def row_lines(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[str]:
+    """The line of each learner."""
+    return lines(row_cells(rows, columns, form))
+
+
+def row_cells(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
+    """The cells of each learner."""
     full = number(math.fsum(column.max_points for column in columns))
+    keys, learner = [(column.quiz, column.question) for column in columns], list(LEARNER[form].values())
     for row in rows:
-        points = [row.points.get((column.quiz, column.question)) for column in columns]
-        total = [number(math.fsum(value for value in points if value is not None)), full] if sums else []
-        texts = [guarded(cell(row)) for cell in cells.values()]
-        yield [*texts, *("" if value is None else number(value) for value in points), *total]
+        points = list(map(row.points.get, keys))
+        total = [number(math.fsum(filter(None, points))), full] if form is Form.GENERIC else []
+        yield [*(guarded(cell(row)) for cell in learner), *map(number, points), *total]
 
 
 def no_points_row(name: str) -> str:
@@ -143,7 +168,9 @@ def canvas_heading(title: str, column: Column) -> str:
 
 
 @lru_cache(maxsize=4096)
-def number(value: float) -> str:
-    """Points to 9 digits without an exponent, which Canvas does not read, and without trailing zeros."""
+def number(value: float | None) -> str:
+    """Points to 9 digits without an exponent, which Canvas does not read, or trailing zeros; empty for None."""
+    if value is None:
+        return ""
     text = f"{value:.{POINT_DIGITS}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -114,9 +114,10 @@ class Batch:
             raise Conflict(decision.why_not)
         if answer.verdict is None:
             self._refuse_flood(answer)
-        submission = submission_of(answer, 1 + standing.progress_at(quiz, question).used)
+        here = self._stored.at[answer.at]
+        submission = submission_of(answer, new_id(here.newest), 1 + here.progress.used)
         after = standing.with_attempt((quiz, question), None if answer.verdict is None else answer.verdict.status)
-        self._stored.at[answer.at].progress = after.progress_at(quiz, question)
+        here.progress, here.newest = after.progress_at(quiz, question), submission.id
         receipt = Receipt(submission, answer.verdict, ACCEPTED if answer.verdict is None else CREATED, after)
         self._taken[submission.id] = answer, receipt
         if answer.key is not None:
@@ -176,12 +177,12 @@ class Batch:
         self._queued[who.id] += 1
 
 
-def submission_of(answer: Answer, attempt: int) -> Submission:
+def submission_of(answer: Answer, submission_id: str, attempt: int) -> Submission:
     """The row of a new answer."""
     parsed = answer.parsed
     values = {
         **answer.at._asdict(),
-        "id": new_id(),
+        "id": submission_id,
         "user": answer.who.user,
         "answer": parsed.text,
         "seed": parsed.seed,

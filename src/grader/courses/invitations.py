@@ -17,6 +17,9 @@ from grader.store.tables import Credential, Member, now
 
 INVITATION = timedelta(days=14)
 
+NAMES_AT_ONCE = 1000
+"""Names of one invitation, at most."""
+
 CLOSED = "This course link is unknown or closed. Ask your instructor for the current one."
 
 

@@ -138,7 +138,8 @@ def entry_of(row: Line, namespace: str, roles: dict[str, tuple[Role, Line]], not
     if user not in roles or not is_active(row) or row.get("enabledUser").lower() not in ("", "true"):
         return None
     parts = [row.get(f"preferred{part}") or row.get(part[0].lower() + part[1:]) for part in ("GivenName", "FamilyName")]
-    name = name_in(" ".join(part for part in parts if part and part != MISSING), note)
+    told = [part for part in parts if part and part != MISSING] or parts[1:]  # of somebody whose name is MISSING itself
+    name = name_in(" ".join(told), note)
     external = external_in(namespace, user, note)
     email = email_in(row.get("email"), note) if "email" in row.cells else None
     return None if external is None else Entry(row.number, name, roles[user][0], email, external)
@@ -176,9 +177,12 @@ def manifest() -> list[Sequence[str]]:
 def user_row(entry: Entry) -> list[str]:
     """A row of users.csv."""
     given, _, family = entry.name.rpartition(" ")
+    given = given.strip() or MISSING
+    if MISSING in (given, family):
+        given, family = MISSING, entry.name
     cells = {
         "sourcedId": sourced_id(entry), "enabledUser": "true", "username": entry.name,
-        "givenName": given.strip() or MISSING, "familyName": family, "email": entry.email or "",
+        "givenName": given, "familyName": family, "email": entry.email or "",
     }  # fmt: skip
     return [cells.get(column, "") for column in USER_COLUMNS]
 

@@ -22,6 +22,12 @@ def named(session: Session, name: str, role: Role, course: str | None = None) ->
     return with_account(session, f"name:{name}", name, role, course)
 
 
+def known(session: Session, name: str, course: str) -> bool:
+    """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
+    found = people.with_account(session, course, f"name:{checked_name('user', name)}")
+    return found is not None and found.removed_at is None
+
+
 def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
     """The member with this account; made now with the name and role at the first call."""
     if found := people.with_account(session, course, account):

@@ -271,8 +271,8 @@ def solution_is_open(policy: Policy, progress: Progress, left: int | None, close
 
 
 def spoken(moment: datetime) -> str:
-    """A moment as it is written in sentences, in UTC."""
-    return f"{moment:%Y-%m-%d %H:%M} UTC"
+    """A moment as every page and sentence writes it: `27 Nov 2026, 18:00 UTC`."""
+    return f"{moment.day} {moment:%b %Y, %H:%M} UTC"
 
 
 def redact(verdict: Verdict, decision: Decision) -> Verdict:

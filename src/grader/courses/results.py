@@ -37,7 +37,7 @@ def append_verdict(
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
     session.flush()
-    recount(session, library, LearnerAt.of(submission))
+    recount(session, library, LearnerAt.of(submission), New(library, submission, verdict))
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Fo
             if values["submission_id"] == one.submission.id:
                 here.source = source_of(one.submission, one.verdict)
     answers.put_results(session, list(changed.values()), told)
-    outbox.note(session, {LearnerAt(*(row[name] for name in LearnerAt._fields)) for row in told})
+    keys = {LearnerAt(*(row[name] for name in LearnerAt._fields)) for row in told}
+    outbox.note(session, {key for key in keys if found[key].has_destinations})
     if averages:
         insert_waiting(session)
     for key, library in averages.items():
@@ -94,14 +95,14 @@ def with_new(new: New, found: Found) -> dict[str, Any] | None:
     attempts = [attempt_of(source) for source in sources if source is not None]
     policy = policy_of(new.library, submission.quiz)
     values = counting(attempts, policy, found.extension or NO_EXTENSION, {submission.id: verdict.max_points}, before)
-    if before is None:
+    if found.source is None:
         values |= first_answer(verdict.status, verdict.evidence)
     told = [] if before is None else json.loads(before.diagnoses)
     return values | {"diagnoses": listed([*told, verdict.diagnosis])}
 
 
-def recount(session: Session, library: Library, key: LearnerAt) -> None:
-    """Counts a result from all attempts. The caller holds the learner's lock."""
+def recount(session: Session, library: Library, key: LearnerAt, new: New | None = None) -> None:
+    """Counts a result from all attempts; `new` is what has just got a verdict. The caller holds the learner's lock."""
     before, rows = results.find(session, key), results.attempts_of(session, key)
     decided = [row for row in rows if row.outcome is not None]
     if before is None and not decided:
@@ -109,11 +110,25 @@ def recount(session: Session, library: Library, key: LearnerAt) -> None:
     policy, extension = rules_at(session, library, key)
     worth = {row.id: row.max_points for row in decided}
     values = counting([attempt_of(row) for row in rows], policy, extension, worth, before)
-    bodies = [json.loads(row.body) for row in decided]
-    if bodies:
-        values |= first_answer(Status(decided[0].outcome), bodies[0]["evidence"])
-    if results.put(session, before, key, values | {"diagnoses": listed([body["diagnosis"] for body in bodies])}):
+    values |= told_by(session, [row.id for row in decided], before, new)
+    if results.put(session, before, key, values):
         outbox.note(session, [key])
+
+
+def told_by(session: Session, decided: Sequence[str], before: Result | None, new: New | None) -> dict[str, Any]:
+    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict.
+
+    A first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read.
+    """
+    if before is not None and new is not None and new.verdict is not None and new.submission.revision == 1:
+        if new.submission.id not in decided:
+            return {}
+        first = first_answer(new.verdict.status, new.verdict.evidence) if decided[0] == new.submission.id else {}
+        return first | {"diagnoses": listed([*json.loads(before.diagnoses), new.verdict.diagnosis])}
+    verdicts = submissions.verdicts_of(session, decided)
+    oldest = verdicts[decided[0]] if decided else None
+    first = first_answer(Status(oldest["status"]), oldest["evidence"]) if oldest else {}
+    return first | {"diagnoses": listed([verdict["diagnosis"] for verdict in verdicts.values()])}
 
 
 def would_count(

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from grader.courses.cells import guarded, lines, unguarded
 from grader.courses.external import OWN, External, checked
@@ -199,8 +200,12 @@ def external_in(namespace: str, external_id: str, note: Note) -> External | None
 
 def write_roster(entries: Iterable[Entry]) -> Iterator[str]:
     """The lines of a roster in our own form, which `read_roster` reads back."""
-    yield from lines([COLUMNS])
-    for entry in entries:
-        external = entry.external or External("", "")
-        row = (entry.name, entry.email or "", entry.role.value, external.namespace, external.id)
-        yield from lines([[guarded(cell) for cell in row]])
+    return lines(chain([COLUMNS], map(cells_of, entries)))
+
+
+def cells_of(entry: Entry) -> list[str]:
+    """A person as a row of our own form."""
+    external = entry.external or External("", "")
+    return [
+        guarded(cell) for cell in (entry.name, entry.email or "", entry.role.value, external.namespace, external.id)
+    ]

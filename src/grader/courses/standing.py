@@ -1,7 +1,7 @@
 """Where a learner stands: reads what `decide` needs, and shows verdicts as decided. Every face asks here."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
@@ -41,9 +41,16 @@ class Standing:
     progress: Mapping[tuple[str, str], Progress]
     extensions: Mapping[str, Extension]
     published: Mapping[str, datetime]
+    _decisions: dict[tuple[str, str], Decision] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def decision(self, quiz: str, question: str) -> Decision:
         """What the user may do and see at a question, also one that the content has lost."""
+        at = quiz, question
+        if at not in self._decisions:
+            self._decisions[at] = self._decide(quiz, question)
+        return self._decisions[at]
+
+    def _decide(self, quiz: str, question: str) -> Decision:
         if self.role in ROLES_THAT_SEE_ALL:
             return UNRESTRICTED
         try:
@@ -114,10 +121,12 @@ def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
 
 
 def shown_verdict(verdict: Any | None, decision: Decision) -> Any | None:
-    """A stored verdict as plain JSON, without what is not to be seen yet; the only way to a learner."""
+    """A verdict, new or stored, as plain JSON, without what is not to be seen yet; the only way to a learner."""
+    if isinstance(verdict, Verdict):
+        return redact(verdict, decision).model_dump(mode="json")
     if verdict is None or decision.shown is Shown.SOLUTION:
         return verdict
-    return redact(Verdict.model_validate(verdict), decision).model_dump(mode="json")
+    return shown_verdict(Verdict.model_validate(verdict), decision)
 
 
 def progress_in(session: Session, standing: Standing, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:

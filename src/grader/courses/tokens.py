@@ -13,6 +13,9 @@ from grader.identity import DEFAULT_COURSE, Identity, Kind, Role, checked_role, 
 from grader.store import credentials, people
 from grader.store.tables import Credential, now
 
+DAYS_MAX = 3650
+"""The longest life of a token that is not unlimited [days]."""
+
 
 def create_token(
     session: Session,

@@ -1,0 +1,25 @@
+"""Tells learners of one name apart: by a short mark, the end of the id, which never changes."""
+
+from collections.abc import Mapping
+
+from sqlalchemy.orm import Session
+
+from grader.store import people
+
+DIGITS = 4
+"""Digits of the id in a mark."""
+
+
+def marks_in(session: Session, course: str) -> Mapping[str, str]:
+    """The marks of the members of a course whose name another bears too, by id; of removed ones as well."""
+    return {one: mark_of(one) for one in people.namesakes(session, course)}
+
+
+def mark_of(member: str) -> str:
+    """The mark of the member with this id, such as `…7f3a`."""
+    return f"…{member[-DIGITS:]}"
+
+
+def marked(name: str, member: str | None, marks: Mapping[str, str]) -> str:
+    """A name with its mark, if it has one, as plain text."""
+    return f"{name} {marks[member]}" if member is not None and member in marks else name
