@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 
 from grader.domain.lab import LabConfig
@@ -89,16 +90,25 @@ def test_a_lab_without_controls_shows_a_tumbling_box() -> None:
 
 
 @pytest.mark.cost
-def test_a_lab_run_costs_a_few_milliseconds() -> None:
+def test_a_lab_run_costs_a_few_steps_by_hand() -> None:
+    """A run of 1,000 steps with 501 frames, as JSON and compressed, beside stepping by hand in Python.
+
+    Measured: as much as 11,000 such steps. Not quite twice that is allowed.
+    """
     config = question_3()
-    best = math.inf
+    model = mujoco.MjModel.from_xml_string(SERVO)
+    data = mujoco.MjData(model)
+    ours, by_hand = [], []
     for _ in range(10):
         began = time.process_time()
-        text = json.dumps(run_lab(config, SERVO).to_json())
-        packed = gzip.compress(text.encode(), 5)
-        best = min(best, time.process_time() - began)
+        packed = gzip.compress(json.dumps(run_lab(config, SERVO).to_json()).encode(), 5)
+        ours.append(time.process_time() - began)
+        began = time.process_time()
+        for _ in range(5_000):
+            mujoco.mj_step(model, data)
+        by_hand.append(time.process_time() - began)
     assert len(packed) < 5_000
-    assert best < 0.02
+    assert min(ours) < 4 * min(by_hand)
 
 
 def test_a_run_is_the_same_bit_for_bit() -> None:

@@ -17,7 +17,6 @@ from grader.domain.verdict import Finding, Status, Verdict
 from grader.errors import JailFault
 from grader.library import load
 from grader.reports import Graded, junit_xml, results_json
-from properties import patient
 
 ROOT = Path(__file__).parents[2]
 QUIZ = load(ROOT).quiz("1.3-exercises")
@@ -75,7 +74,6 @@ VERDICT = Verdict(
 # -- Gradescope --------------------------------------------------------------------------------------------------------
 
 
-@patient
 @given(
     verdicts.filter(lambda verdict: verdict.status is not Status.GRADER_FAULT),
     st.sampled_from(["immediate", "after_publish"]),
@@ -192,7 +190,6 @@ def check_shape(element: ElementTree.Element) -> None:
         check_shape(child)
 
 
-@patient
 @given(verdicts)
 def test_every_verdict_is_a_junit_document_whose_counts_hold(verdict: Verdict) -> None:
     root = ElementTree.fromstring(junit_xml(graded(verdict)))

@@ -11,6 +11,8 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from grader.courses.audit import Action, record
+from grader.identity import DEFAULT_COURSE
 from grader.store import installation
 from grader.store.database import Database
 from grader.store.tables import now
@@ -43,13 +45,15 @@ class ToolKeys:
         return {"keys": [RSAKey.import_key(one["jwk"]).as_dict(private=False) for one in self._kept()]}
 
     def rotate(self) -> str:
-        """Makes a new key that signs from now on. Returns its `kid`."""
+        """Makes a new key that signs from now on, and records it. Returns its `kid`."""
         made = new_key()
+        kid = str(made["jwk"]["kid"])
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
             kept = [{**one, "until": one["until"] or self._end()} for one in self._read(session)]
             self._write(session, [*kept, made])
-        return str(made["jwk"]["kid"])
+            record(session, None, DEFAULT_COURSE, Action.SIGNING_KEY_ROTATED, kid)
+        return kid
 
     def _kept(self) -> list[dict[str, Any]]:
         """The keys that are published, the newest last; the first call on a database makes one."""

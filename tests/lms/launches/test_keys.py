@@ -15,9 +15,11 @@ from joserfc.jwk import KeySet
 
 from databases import BACKENDS, database_url
 from grader.errors import Unauthorized
+from grader.identity import DEFAULT_COURSE
 from grader.lms.addresses import is_at
 from grader.lms.fetching import COOL_DOWN_S, FRESH_S, PlatformKeys, keys_in
 from grader.lms.keys import PUBLISHED, ToolKeys
+from grader.store.courses import audit_page
 from grader.store.database import Database
 from grader.store.tables import now
 from lms.platform import KEYS
@@ -160,6 +162,9 @@ def test_this_tools_keys_rotate_and_are_published_for_a_day(backend: str, tmp_pa
         assert jwt.decode(token, KeySet.import_key_set(keys.public()), algorithms=["RS256"]).claims == {"a": 1}  # type: ignore[arg-type]
         clock += PUBLISHED + timedelta(seconds=1)
         assert [one["kid"] for one in keys.public()["keys"]] == [second]
+        with database.read() as session:
+            entries = [(one.name, one.action, one.subject) for one in audit_page(session, DEFAULT_COURSE, None, 9)]
+        assert entries == [("command line", "signing key rotated", second)]
         database.close()
 
 
