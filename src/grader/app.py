@@ -76,7 +76,7 @@ def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> Fast
     Rate limits count in `buckets` together with other processes.
     """
     log_to_stderr(as_json=is_json(settings.log_format))
-    database = Database(settings.database)
+    database = Database(settings.database, settings.connections)
     database.migrate()
     content = Contents(settings.content, settings.courses, database)
     graders = graders_of(settings)
@@ -102,7 +102,7 @@ def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> Fast
     app.state.context = context
     app.state.pages = PageContext(
         content, sessions, public_origin, provider_of(settings), tool, context.writer, settings.queue_per_user,
-        context.blinding, worker.alive_on,
+        context.blinding, worker.alive_on, context.statistics,
     )  # fmt: skip
     problems.install(app)
     app.router.routes += [HAND_IN, HAND_IN_ON_BEHALF]

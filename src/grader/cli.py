@@ -328,7 +328,9 @@ def numbers_of(text: str | None, option: str) -> list[float] | None:
 
 @cli.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="precision, stability, skip or service")],
+    name: Annotated[
+        str, typer.Argument(help="precision, stability, regions, energy, adaptive, skip, models or service")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for JSON, CSV and pictures.")] = Path("out"),
     quick: Annotated[bool, typer.Option(help="A small part of the benchmark.")] = False,
 ) -> None:
@@ -461,3 +463,7 @@ def invite(
     for one in made:
         say(f"{one.member.name}, until {one.expires_at:%Y-%m-%d %H:%M} UTC:")
         print(f"{settings.origin}/signin?code={one.code}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

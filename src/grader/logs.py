@@ -12,6 +12,22 @@ from typing import Any
 
 import structlog
 
+PROCESSORS: list[Any] = []
+"""Of all loggers, which are kept from their first use on: to make one takes as long as a line."""
+
+BoundLogger = structlog.make_filtering_bound_logger(logging.INFO)
+
+
+class Lines:
+    """Writes lines to stderr, whatever that is by then."""
+
+    def msg(self, line: str) -> None:
+        """Writes one line."""
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+    debug = info = warning = error = critical = exception = msg
+
 
 def is_json(log_format: str) -> bool:
     """Whether `log_format` (json, text or auto) means JSON here; auto does unless stderr is a terminal."""
@@ -34,10 +50,12 @@ def log_to_stderr(*, as_json: bool = False) -> None:
     encode = json.JSONEncoder(default=str).encode  # made once: `json.dumps` makes one for every line
     to_json = structlog.processors.JSONRenderer(serializer=lambda line, **_: encode(line))
     renderer: Any = to_json if as_json else structlog.dev.ConsoleRenderer(colors=False)
+    PROCESSORS[:] = [*steps, renderer]
     structlog.configure(
-        processors=[*steps, renderer],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=lambda *_: structlog.WriteLogger(sys.stderr),
+        processors=PROCESSORS,
+        wrapper_class=BoundLogger,
+        logger_factory=lambda *_: Lines(),
+        cache_logger_on_first_use=True,
     )
     handler = logging.StreamHandler()
     handler.setFormatter(structlog.stdlib.ProcessorFormatter(renderer, foreign_pre_chain=steps))

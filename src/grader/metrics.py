@@ -3,10 +3,21 @@
 Times are in seconds. Counters begin at zero with the process, as Prometheus expects it.
 """
 
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory, gettempdir
+
 from prometheus_client import Counter, Histogram, disable_created_metrics
 
 FOLDER = "PROMETHEUS_MULTIPROC_DIR"
 """The variable that makes the Prometheus client keep what it counts in files of a folder, to add up processes."""
+
+FOLDERS = "grader-metrics-"
+"""How the names of such folders begin."""
 
 # They would double the series: beside every counter and histogram, when it was made.
 disable_created_metrics()  # type: ignore[no-untyped-call]
@@ -30,3 +41,28 @@ RUNNING_S = Histogram(
 JOBS_FAILED = Counter("grader_job_failures", "Tries of jobs that failed through a fault of ours.", ["topic"])
 
 GRADERS_BROKEN = Counter("grader_grading_process_breaks", "Grading processes that broke or ended, and are replaced.")
+
+
+@contextmanager
+def shared_folder() -> Iterator[str]:
+    """A new folder for what several processes count, removed at the end; removes those that killed processes left.
+
+    The lock of a folder is its owner's, and ends with it. Only a locked folder has files, so an empty one is left.
+    """
+    for left in Path(gettempdir()).glob(f"{FOLDERS}*"):
+        with suppress(OSError), locked(left):  # it is in use, or another user's
+            if any(left.iterdir()):
+                shutil.rmtree(left)
+    with TemporaryDirectory(prefix=FOLDERS) as folder, locked(Path(folder)):
+        yield folder
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Holds the lock of a folder, which child processes do not inherit. Raises OSError if another process has it."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)

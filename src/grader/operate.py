@@ -101,10 +101,13 @@ def erase(
 @operate.command()
 def rotate_secret(data: Data = None) -> None:
     """Replace the key of the hidden cases. Restart servers afterwards: they go on with the old one until then."""
+    from grader.courses.audit import Action, record
+    from grader.identity import DEFAULT_COURSE
     from grader.store.installation import rotate_hidden_case_secret
 
     with opened(data) as database, database.write() as session:
         rotate_hidden_case_secret(session)
+        record(session, None, DEFAULT_COURSE, Action.HIDDEN_CASES_ROTATED)
 
 
 @operate.command()

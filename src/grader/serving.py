@@ -17,7 +17,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import structlog
@@ -25,7 +24,7 @@ import structlog
 from grader.accounts import tell_addresses
 from grader.api.rate import SharedBuckets
 from grader.logs import is_json, log_to_stderr
-from grader.metrics import FOLDER
+from grader.metrics import FOLDER, shared_folder
 from grader.settings import Settings
 
 MAIN = "from grader.cli import main; from grader.serving import run_part; main(run_part)"
@@ -152,7 +151,7 @@ def serve(settings: Settings) -> None:
     with ExitStack() as stack:
         listener = stack.enter_context(listening(settings.host, settings.port))
         bound = settings.model_copy(update={"port": listener.getsockname()[1]})
-        buckets, metrics = SharedBuckets.create(), stack.enter_context(TemporaryDirectory(prefix="grader-metrics-"))
+        buckets, metrics = SharedBuckets.create(), stack.enter_context(shared_folder())
         stack.callback(os.close, buckets)
         make = partial(Kept, buckets=buckets, metrics=metrics, stopping=stopping)
         servers = [make(bound.model_copy(update={"workers": 0}), listener.fileno()) for _ in range(settings.processes)]

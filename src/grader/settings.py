@@ -15,6 +15,9 @@ CONTAINER_SECRETS = "/run/secrets"
 PREFIX = "GRADER_"
 OF_TESTS = "GRADER_TEST_"
 
+CONNECTIONS, CONNECTIONS_MIN = 64, 8
+"""Connections to PostgreSQL of all processes of `grader serve`, and the least of each."""
+
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -190,6 +193,12 @@ class Settings(BaseSettings):
         """Accepted `Host` names. Any other may be DNS rebinding: a foreign page that resolves to this address."""
         public = urlsplit(self.public_origin or "").hostname
         return frozenset({*LOOPBACK, *self.allowed_hosts, *([public] if public else [])})
+
+    @property
+    def connections(self) -> int:
+        """The connections to PostgreSQL that each process of `grader serve` may have, the worker too."""
+        parts = 1 if self.processes == 1 else self.processes + 1
+        return max(CONNECTIONS // parts, CONNECTIONS_MIN)
 
     @property
     def database(self) -> str:

@@ -3,6 +3,7 @@
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 from typing import Any
 
 import httpx
@@ -11,6 +12,7 @@ from sqlalchemy import func, select
 
 from grader.accounts import revoke_tokens
 from grader.courses import handing_in
+from grader.store import tables
 from grader.store.tables import Event, IdempotencyKey, Result, ResultRevision, Submission, VerdictRow
 from sites import Site
 
@@ -82,8 +84,19 @@ def test_attempts_of_one_learner_in_one_batch_are_numbered_and_limited(
     ann = either_site.client("ann")
     made = together(one_batch, [ann] * 5, "q2", "6 ms")
     assert sorted(one.status_code for one in made) == [201, 201, 409, 409, 409]
-    assert sorted(one.json()["attempt"] for one in made if one.status_code == 201) == [1, 2]
+    taken = sorted((one.json()["id"], one.json()["attempt"]) for one in made if one.status_code == 201)
+    assert [attempt for _, attempt in taken] == [1, 2], "ids in the order of attempts"
     assert counts(either_site)["results"] == 1
+
+
+def test_attempts_stay_in_order_where_the_clock_is_set_back(either_site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    ann, real = either_site.client("ann"), tables.now
+    made = [hand_in(ann, "q1", 0).json()["id"]]
+    monkeypatch.setattr(tables, "now", lambda: real() - timedelta(hours=1))
+    made += [hand_in(ann, "q1", option).json()["id"] for option in (0, 1)]
+    assert made == sorted(made)
+    shown = ann.get(SUBMISSIONS).json()["items"]
+    assert [one["attempt"] for one in shown] == [3, 2, 1], "newest first"
 
 
 def test_a_repeated_key_in_one_batch_makes_one_submission(either_site: Site, one_batch: threading.Event) -> None:
@@ -99,8 +112,8 @@ def test_an_answer_that_cannot_be_stored_fails_alone(
 ) -> None:
     made_of = handing_in.submission_of
 
-    def poisoned(answer: handing_in.Answer, attempt: int) -> Submission:
-        made = made_of(answer, attempt)
+    def poisoned(answer: handing_in.Answer, submission_id: str, attempt: int) -> Submission:
+        made = made_of(answer, submission_id, attempt)
         if answer.who.user == "eve":
             vars(made)["quiz"] = None  # the database refuses the row, and with it the batch
         return made

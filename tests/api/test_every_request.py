@@ -67,7 +67,7 @@ def ask(
     known = {name: ids[name] for name in ids if f"{{{name}}}" in operation.path} or None
 
     @settings(
-        max_examples=n, deadline=None, database=None, derandomize=True, phases=[Phase.generate],
+        max_examples=n, database=None, derandomize=True, phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
     @given(case=operation.as_strategy(mode, path_parameters=known))

@@ -25,7 +25,6 @@ from grader.domain.verdict import Finding, Status, Verdict
 from grader.identity import COOKIE, Role
 from grader.settings import Settings
 from grader.store.tables import Submission
-from properties import patient
 from sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
@@ -235,7 +234,7 @@ def act(site: Site, quiz: str, deeds: list[tuple[str, Any]], verdicts: list[tupl
     done=deeds,
     verdicts=st.tuples(st.lists(outcomes, min_size=2, max_size=2), st.lists(outcomes, min_size=2, max_size=2)),
 )
-@hypothesis_settings(patient, max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@hypothesis_settings(max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_before_the_feedback_no_document_depends_on_the_key(
     pair: list[Site], quiz: str, done: list[tuple[str, Any]], verdicts: tuple[list[Any], list[Any]]
 ) -> None:

@@ -14,12 +14,16 @@ import pytest
 from sqlalchemy import event, make_url, text
 
 from databases import database_url
+from grader.courses.sign_in import create_sign_in_code, redeem_sign_in_code
+from grader.identity import COOKIE
 from grader.settings import Settings
 from outages import Cable, cable_to
 from sites import Site, open_site
 
 API = "/api/v1"
 ANSWER = {"quiz": "small", "question": "q1", "answer": 1}
+
+PAGES = ("/", "/instructor", "/instructor/review", "/instructor/gradebook", "/instructor/statistics")
 
 Cabled = tuple[Cable, Site]
 
@@ -66,6 +70,24 @@ def test_a_lost_postgresql_is_503_until_it_is_back(cabled: Cabled, capsys: pytes
 
 
 @pytest.mark.postgres
+def test_no_route_fails_otherwise_while_postgresql_is_away(cabled: Cabled) -> None:
+    """Every address without parts of its own, of the API and the pages: 503 with Retry-After, or it needs no rows."""
+    cable, site = cabled
+    teacher = site.client("tina", "instructor")
+    with site.app.state.context.database.write() as session:
+        code = create_sign_in_code(session, "tina", "instructor")
+        teacher.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
+    documented = {path for path, has in site.app.openapi()["paths"].items() if "get" in has and "{" not in path}
+    assert {f"{API}/submissions", f"{API}/gradebook.csv", f"{API}/reviews"} <= documented
+    cable.cut()
+    answers = {path: teacher.get(path) for path in sorted({*documented, *PAGES})}
+    away = {path for path, response in answers.items() if response.status_code == 503}
+    assert {*PAGES, *(path for path in documented if path.startswith(API))} - away == set()
+    assert [path for path in away if int(answers[path].headers.get("retry-after", 0)) < 1] == []
+    assert [path for path, response in answers.items() if response.status_code >= 500 and path not in away] == []
+
+
+@pytest.mark.postgres
 def test_readiness_and_metrics_follow_a_lost_postgresql(cabled: Cabled) -> None:
     cable, site = cabled
     nobody = site.anonymous()
@@ -93,7 +115,7 @@ def test_sessions_that_the_server_ends_are_opened_again(content: Path, tmp_path:
         with open_site(Settings(content=content, database_url=url, workers=0)) as site:
             ann = site.client("ann")
             assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
-            end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = %s"
+            end = "SELECT pg_terminate_backend(pid, 10000) FROM pg_stat_activity WHERE application_name = %s"
             with psycopg.connect(plain, autocommit=True) as other:
                 assert other.execute(end, (name,)).fetchall()
             assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201

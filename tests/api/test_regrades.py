@@ -158,8 +158,9 @@ def test_the_pages_try_out_apply_and_cancel_without_a_script(site: Site, content
     made = hand_in(site, "ann", 2)
     browser, teacher = signed_in(site), site.client("tina", "instructor")
     change_key(teacher, content, 2)
-    assert "small: q1" in browser.get("/instructor/regrades").text
-    shown = browser.post("/instructor/regrades", data={"what": "small/q1", "scope": "all"})
+    assert "q1: Which?" in browser.get("/instructor/regrades").text
+    hasty = {"what": "small/q1", "scope": "all", "apply": "yes"}
+    shown = browser.post("/instructor/regrades", data=hasty)  # the difference is seen first all the same
     assert 'http-equiv="refresh"' in shown.text
     assert "Cancel" in shown.text
     work(site)

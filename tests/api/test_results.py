@@ -102,7 +102,10 @@ def test_who_may_fetch_what(site: Site, path: str) -> None:
 
 
 def test_the_gradebook_has_a_row_for_each_learner_and_none_for_instructors(either_site: Site) -> None:
+    """Also for one who has not begun, but not for a browser that merely opened the page."""
     ann, bob, tina = either_site.client("ann"), either_site.client("bob"), either_site.client("tina", "instructor")
+    either_site.client("abel")
+    either_site.anonymous().post("/session", headers={"Sec-Fetch-Site": "same-origin"})
     for client in (bob, ann, tina):
         hand_in(client, "q1", 1)
     hand_in(ann, "q2", "6 ms")
@@ -112,12 +115,15 @@ def test_the_gradebook_has_a_row_for_each_learner_and_none_for_instructors(eithe
     assert [(row["user"], row["small/q1"], row["small/q2"], row["points"], row["max_points"]) for row in rows] == [
         ("ann", "1", "0", "1", "4"),
         ("bob", "1", "", "1", "4"),
+        ("abel", "", "", "0", "4"),
     ]
     for form, who, before in (("canvas", "SIS Login ID", [""]), ("moodle", "Username", [])):  # Canvas: the points first
         text = tina.get(f"{API}/gradebook.csv", params={"quiz": "small", "format": form}).text
-        assert [row[who] for row in csv.DictReader(io.StringIO(text))] == [*before, "ann", "bob"]
+        assert [row[who] for row in csv.DictReader(io.StringIO(text))] == [*before, "ann", "bob", "abel"]
     tag = {"If-None-Match": response.headers["etag"]}
     assert tina.get(f"{API}/gradebook.csv?quiz=small", headers=tag).status_code == 304
+    either_site.client("zoe")
+    assert "zoe" in tina.get(f"{API}/gradebook.csv?quiz=small", headers=tag).text
     assert tina.get(f"{API}/gradebook.csv?quiz=none").status_code == 404
     assert tina.get(f"{API}/gradebook.csv?format=excel").status_code == 422
 

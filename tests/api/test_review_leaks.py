@@ -22,7 +22,6 @@ from grader.identity import COOKIE, Identity, Role
 from grader.settings import Settings
 from grader.store import reviews as stored
 from grader.store.tables import Submission
-from properties import patient
 from sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
@@ -89,7 +88,7 @@ graded = st.sampled_from([None, Status.CRASHED, Status.PARTIAL])
 
 
 @given(quiz=st.sampled_from(sorted(POLICIES)), done=st.tuples(deeds, deeds), earlier=graded)
-@hypothesis_settings(patient, max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@hypothesis_settings(max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_before_the_feedback_no_document_tells_of_a_review(
     shared: Site, quiz: str, done: tuple[list[Any], list[Any]], earlier: Status | None
 ) -> None:

@@ -1,9 +1,6 @@
 """ETags of documents, and the requests that carry one."""
 
 import hashlib
-from collections import OrderedDict
-from collections.abc import Callable
-from threading import Lock
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -77,25 +74,3 @@ def can_be_tagged(start: Message) -> bool:
     headers = Headers(raw=start["headers"])
     is_stream = headers.get("content-type", "").startswith("text/event-stream")
     return start["status"] == 200 and not is_stream and "no-store" not in headers.get("cache-control", "")
-
-
-class Bodies:
-    """Bodies of documents by their ETag: the `count` that were used last. Safe to use from several threads."""
-
-    def __init__(self, count: int) -> None:
-        self._count, self._lock = count, Lock()
-        self._kept: OrderedDict[str, bytes] = OrderedDict()
-
-    def get(self, etag: str, make: Callable[[], bytes]) -> bytes:
-        """The body with this ETag; calls `make` if it is not kept. Several threads may make the same one at once."""
-        with self._lock:
-            if etag in self._kept:
-                self._kept.move_to_end(etag)
-                return self._kept[etag]
-        body = make()
-        with self._lock:
-            self._kept[etag] = body
-            self._kept.move_to_end(etag)
-            if len(self._kept) > self._count:
-                self._kept.popitem(last=False)
-        return body

@@ -9,24 +9,23 @@ from fastapi.security import HTTPBearer
 from pydantic import SecretStr
 
 from grader.api.admission import identity_in
-from grader.api.conditional import Bodies
 from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
 from grader.api.readiness import Readiness
 from grader.content import Contents
 from grader.courses.desk import Desk
+from grader.courses.gradebook import SheetLines
 from grader.courses.handing_in import Answer
+from grader.courses.kept import Kept, Parts
+from grader.courses.measuring import Statistics
 from grader.courses.pseudonyms import Blinding
 from grader.identity import Identity, Role
 from grader.lms.tool import Tool
 from grader.store.database import Database
 from grader.store.writer import Writer
 
-STATISTICS_KEPT = 256
-"""Statistics that are kept; those of a quiz are a few kilobytes."""
-
 GRADEBOOKS_KEPT = 8
-"""Gradebooks that are kept: half a megabyte for 5,000 learners and 8 questions."""
+"""Gradebooks that are kept: two megabytes for 5,000 learners and 8 questions."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,10 @@ class Context:
     """Hosts of webhooks that are allowed although they are not public."""
     tool: Tool | None = None
     """The LTI tool; None without the packages of the extra `lti`."""
-    gradebooks: Bodies = field(default_factory=lambda: Bodies(GRADEBOOKS_KEPT))
-    statistics: Bodies = field(default_factory=lambda: Bodies(STATISTICS_KEPT))
+    gradebooks: Kept[str, bytes] = field(default_factory=lambda: Kept(GRADEBOOKS_KEPT))
+    """By ETag."""
+    gradebook_lines: SheetLines = field(default_factory=lambda: Parts(GRADEBOOKS_KEPT))
+    statistics: Statistics = field(default_factory=Statistics)
 
     def desk_of(self, course: str) -> Desk:
         """What reviewing in a course works with, on its content as it is now."""

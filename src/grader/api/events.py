@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, HTTPException
 from fastapi.concurrency import run_in_threadpool
-from fastapi.encoders import jsonable_encoder
 from fastapi.sse import EventSourceResponse, ServerSentEvent
+from pydantic_core import to_json
 from sqlalchemy.orm import Session
 
 from grader.api.context import AppContext, Context, Learner
@@ -24,8 +24,11 @@ from grader.store.tables import Event, Submission
 
 router = APIRouter()
 
-LOOK_S = 15.0
-"""Pause between two looks into the database where no event is announced [s]."""
+PROGRESS = "progress"
+"""The name of events that tell how far a script is."""
+
+LOOK_S = 60.0
+"""Pause between two looks into the database where no event is announced [s]. All events are: this is for our faults."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +48,11 @@ def listen(
     last = int(last_event_id) if last_event_id and last_event_id.isdecimal() and len(last_event_id) < 10 else 0
     with context.database.read() as session:
         submission = visible(session, submission_id, who)
-        over = submission.status in submissions.AT_REST
-        last = min(last, submissions.last_event(session, submission_id))
-        standing = standing_of(
-            session, context.content.of(who.course).library, who, (submission.quiz, submission.question)
-        )
-        if over and not events_shown(session, standing, submission, last):
-            raise HTTPException(204)
+        if last:  # else the first event is still to be told
+            last = min(last, submissions.last_event(session, submission_id))
+            standing = standing_at(session, context, who, submission)
+            if submission.status in submissions.AT_REST and not events_shown(session, standing, submission, last):
+                raise HTTPException(204)
     return Listener(context, who, submission_id, last)
 
 
@@ -73,30 +74,44 @@ async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterato
         while not over:
             changed.clear()
             try:
-                events, shown, over = await run_in_threadpool(read_events, listener, last)
+                events, over = await run_in_threadpool(read_events, listener, last)
             except AWAY:  # when the database is back, every listener is called
-                events, shown = [], {}
+                events = []
             for event in events:
-                last = event.number
-                data = event_data(event, shown)
-                yield ServerSentEvent(id=str(event.number), event=event_name(event, shown), data=data)
+                last = int(event.id or last)
+                yield event
             if not over:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(changed.wait(), LOOK_S)
 
 
-def read_events(listener: Listener, last: int) -> tuple[list[Event], dict[str, Any], bool]:
-    """The events after number `last`, the submission as it is now, and whether no more will come."""
-    library = listener.context.content.of(listener.who.course).library
+def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], bool]:
+    """The events after number `last`, as they are sent, and whether no more will come."""
     with listener.context.database.read() as session:
         submission = session.get_one(Submission, listener.submission_id)
-        over = submission.status in submissions.AT_REST
-        standing = standing_of(session, library, listener.who, (submission.quiz, submission.question))
-        events = events_shown(session, standing, submission, last)
-        blind = seen_by(session, listener.context, listener.who, [submission])
-        verdict = blind.verdicts.get(submission.id) if over else None
-        shown = view_for(standing, submission, verdict, blind.names.get(submission.id), with_answer=False)
-    return events, jsonable_encoder(shown), over
+        over, shown = submission.status in submissions.AT_REST, dict[str, Any]()
+        if over:
+            standing = standing_at(session, listener.context, listener.who, submission)
+            events = events_shown(session, standing, submission, last)
+            blind = seen_by(session, listener.context, listener.who, [submission])
+            verdict, name = blind.verdicts.get(submission.id), blind.names.get(submission.id)
+            shown = view_for(standing, submission, verdict, name, with_answer=False)
+        else:  # a verdict that PostgreSQL has committed meanwhile is announced, and read then
+            later = submissions.events_after(session, submission.id, last)
+            events = [event for event in later if event.name not in submissions.AT_REST]
+    return [told(event, shown) for event in events], over
+
+
+def standing_at(session: Session, context: Context, who: Identity, submission: Submission) -> Standing:
+    """The standing of a user at the question of a submission."""
+    library = context.content.of(who.course).library
+    return standing_of(session, library, who, (submission.quiz, submission.question))
+
+
+def told(event: Event, shown: dict[str, Any]) -> ServerSentEvent:
+    """An event as it is sent. Its JSON is made here, in the thread that reads, and not while the event loop waits."""
+    data = to_json(event_data(event, shown), inf_nan_mode="null").decode()
+    return ServerSentEvent(id=str(event.number), event=event_name(event, shown), raw_data=data)
 
 
 def events_shown(session: Session, standing: Standing, submission: Submission, last: int) -> list[Event]:
@@ -110,12 +125,19 @@ def events_shown(session: Session, standing: Standing, submission: Submission, l
 
 def event_name(event: Event, shown: dict[str, Any]) -> str:
     """The name of an event: that of a withheld verdict is `needs_review`, as is the status that is shown."""
+    if submissions.case_of(event):
+        return PROGRESS
     withheld = event.name in submissions.AT_REST and shown["status"] == submissions.NEEDS_REVIEW
     return submissions.NEEDS_REVIEW if withheld else event.name
 
 
 def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
-    """The data of an event: the submission with its verdict once it is graded, before that its id and status."""
+    """The data of an event: the submission with its verdict once it is graded, before that its id and status.
+
+    Of a script that takes long, also the number of the case that it is at, and of all cases.
+    """
     if event.name in submissions.AT_REST:
         return shown
+    if at := submissions.case_of(event):
+        return {"id": event.submission_id, "status": submissions.RUNNING, "case": at[0], "cases": at[1]}
     return {"id": event.submission_id, "status": event.name}

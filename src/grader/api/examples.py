@@ -59,6 +59,13 @@ QUEUED = GRADED | {
     "quiz": "1.3-exercises", "question": "rk4-step", "status": "queued", "revision": 0, "verdict": None,
     "answer": {"source": "def rk4_step(model, data): ..."},
 }  # fmt: skip
+STOPPED = QUEUED | {
+    "status": "graded", "revision": 1,
+    "verdict": VERDICT | {
+        "status": "invalid_answer", "findings": [], "evidence": {}, "timing_ms": {}, "environment": {}, "read_as": None,
+        "diagnosis": "You stopped this script before it ran. No attempt was used.", "submission_digest": "",
+    },
+}  # fmt: skip
 WAITING = LISTED | {"question": "q6", "status": "needs_review", "verdict": VERDICT | {"status": "needs_review"}}
 CLAIM = {"by": "tina", "expires_at": "2026-10-05T09:45:00Z"}
 COMMENT = {
@@ -201,6 +208,7 @@ EXAMPLES: dict[str, dict[int, Any]] = {
     "GET /reviews/comments": {200: page(COMMENT)},
     "POST /reviews/comments": {201: COMMENT},
     "PUT /reviews/comments/{comment_id}": {200: COMMENT},
+    "POST /submissions/{submission_id}:stop": {200: STOPPED},
     "GET /submissions/{submission_id}/review": {200: FOR_REVIEW},
     "PUT /submissions/{submission_id}/review": {200: GRADED | {"revision": 2}},
     "PUT /submissions/{submission_id}/review/second": {

@@ -26,9 +26,6 @@ from grader.store.tables import Member
 
 router = APIRouter()
 
-NAMES_AT_ONCE = 1000
-DAYS_MAX = 3650
-
 
 class ListQuery(BaseModel):
     """Which page of a list."""
@@ -60,7 +57,7 @@ class InvitationBody(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    names: list[str] = Field(default_factory=list, max_length=NAMES_AT_ONCE)
+    names: list[str] = Field(default_factory=list, max_length=invitations.NAMES_AT_ONCE)
     role: Role = Role.STUDENT
     member: str | None = None
 
@@ -73,7 +70,7 @@ class TokenBody(BaseModel):
     user: str
     role: Role
     scopes: list[Scope] | None = None
-    days: float | None = Field(default=None, gt=0, le=DAYS_MAX)
+    days: float | None = Field(default=None, gt=0, le=tokens.DAYS_MAX)
 
 
 @router.get("/members", response_model=Page[MemberView], responses=documented(401, 403, 422, 429))

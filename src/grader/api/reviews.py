@@ -15,6 +15,7 @@ from grader.api.saved_comments import comment_view
 from grader.api.submissions import SubmissionView, etag_of, is_current, view, visible
 from grader.courses import recomputing, reviews
 from grader.courses.blinding import blinded
+from grader.courses.comments import REVIEW_CHARACTERS_MAX
 from grader.courses.rubric import Mark
 from grader.domain.quiz import OpenQuestion, Reviewable
 from grader.domain.rubric import ITEMS_MAX
@@ -26,8 +27,6 @@ from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
 router = APIRouter()
-
-COMMENT_CHARACTERS_MAX = 10_000
 
 CHANGED = "The submission has changed since you saw it; look at it again."
 
@@ -84,7 +83,7 @@ class ReviewBody(BaseModel):
 
     points: float | None = Field(default=None, ge=0, strict=True)
     rubric: list[Annotated[str, Field(max_length=64)]] | None = Field(default=None, max_length=ITEMS_MAX)
-    comment: str = Field(default="", max_length=COMMENT_CHARACTERS_MAX, pattern=NO_NUL)
+    comment: str = Field(default="", max_length=REVIEW_CHARACTERS_MAX, pattern=NO_NUL)
 
     @model_validator(mode="after")
     def _points_or_items(self) -> Self:

@@ -14,10 +14,8 @@ from grader.store.tables import SavedComment
 
 router = APIRouter()
 
-CHARACTERS_MAX = 2000
-
 CommentText = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=CHARACTERS_MAX, pattern=NO_NUL)
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=comments.CHARACTERS_MAX, pattern=NO_NUL)
 ]
 Name = Annotated[str, Query(max_length=64, pattern=NO_NUL)]
 

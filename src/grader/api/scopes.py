@@ -8,7 +8,7 @@ RULES = (
     (r"GET", r"/results|/gradebook\.csv|/quizzes/[^/]+/statistics", Scope.RESULTS),
     (r".*", r"/quizzes/[^/]+/(extensions|publication|results:recount)", Scope.REVIEW),
     (r"GET", r"/quizzes(/.*)?|/submissions(/[^/]+(/events)?)?", Scope.READ),
-    (r"POST", r"/submissions|/answers:validate|/labs:run", Scope.ANSWER),
+    (r"POST", r"/submissions|/submissions/[^/]+:stop|/answers:validate|/labs:run", Scope.ANSWER),
     (r".*", r"/reviews.*|/submissions/[^/]+/review.*", Scope.REVIEW),
     (r".*", r"/regrades.*", Scope.REGRADE),
     (r".*", r"/lms/.*|/(webhooks|deliveries)([:/].*)?", Scope.LMS),

@@ -11,10 +11,8 @@ from grader.api.conditional import etag_of, unchanged
 from grader.api.context import AppContext, IfNoneMatch, Instructor
 from grader.api.problems import documented
 from grader.api.views import StatisticsView
-from grader.courses.blinding import unseen_by
-from grader.courses.measuring import QuizStatistics, measured
+from grader.courses.measuring import QuizStatistics
 from grader.courses.statistics import QuestionStatistics
-from grader.store import results
 
 router = APIRouter()
 
@@ -28,19 +26,12 @@ def show_statistics(quiz_id: str, who: Instructor, context: AppContext, known: I
     library = context.content.of(who.course).library
     quiz = library.quiz(quiz_id)
     with context.database.read() as session:
-        instructors = results.instructors(session, who.course)
-        state = results.state(session, who.course, [quiz_id])
-        unseen = unseen_by(session, who).results
-        etag = etag_of(who.course, library.digest(quiz_id), sorted(instructors), state, sorted(unseen))
+        version = context.statistics.version(session, library, quiz_id, who)
+        etag = etag_of(version.parts)
         if unchanged(known, etag):
             return Response(status_code=304, headers={"ETag": etag})
-
-        def measure() -> bytes:
-            found = results.of_quiz(session, who.course, quiz_id)
-            return written(quiz_id, measured(quiz, found, who.course, instructors, unseen))
-
-        body = context.statistics.get(etag, measure)
-    return Response(body, media_type="application/json", headers={"ETag": etag})
+        found = context.statistics.of(session, quiz, version)
+    return Response(written(quiz_id, found), media_type="application/json", headers={"ETag": etag})
 
 
 def written(quiz: str, statistics: QuizStatistics) -> bytes:

@@ -24,6 +24,7 @@ from grader.courses.blinding import Blinded, blinded
 from grader.courses.handing_in import Receipt
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
+from grader.courses.stopping import stop
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, InvalidAnswer, NotFound, Unprocessable
 from grader.identity import Identity, Role
@@ -86,9 +87,8 @@ async def answered(
     except (CallerError, HTTPException, RequestValidationError):
         await authenticate_again(request.scope, context.database)
         raise
-    submission, verdict = receipt.submission, receipt.verdict
-    plain = None if verdict is None else verdict.model_dump(mode="json")
-    shown = {"seed": None, **view_for(receipt.standing, submission, plain)}
+    submission = receipt.submission
+    shown = {"seed": None, **view_for(receipt.standing, submission, receipt.verdict)}
     body = to_json(shown, inf_nan_mode="null")
     headers = {"Location": f"{route.path}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
     return Response(body, receipt.http_status, headers, "application/json")
@@ -139,6 +139,19 @@ def show_submission(submission_id: str, who: Learner, context: AppContext, respo
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with context.database.read() as session:
         return document(session, context, who, visible(session, submission_id, who), response)
+
+
+@router.post(
+    "/submissions/{submission_id}:stop",
+    response_model=SubmissionView,
+    responses=documented(401, 403, 404, 409, 422, 429),
+)
+def stop_submission(submission_id: str, who: Learner, context: AppContext, response: Response) -> dict[str, Any]:
+    """Takes one's own script out of the queue, which uses no attempt. 409 once it runs."""
+    library = context.content.of(who.course).library
+    with context.database.write() as session:
+        stopped = stop(context.database, library, session, who, submission_id)
+        return document(session, context, who, stopped, response)
 
 
 def document(
