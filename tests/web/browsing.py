@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, sync_playwright
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from grader.app import create_app
 from grader.settings import Settings
@@ -37,3 +38,14 @@ def chromium(*more: str) -> Iterator[Browser]:
             yield browser
         finally:
             browser.close()
+
+
+def findings(page: Page) -> list[tuple[str, list[str]]]:
+    """What axe-core finds, and what it cannot decide, but for contrast: test_style.py computes that of every colour.
+
+    It cannot decide the contrast of text in a plot, which stands on the plot's own card, and of signs such as the arrow
+    at a sorted column, which is hidden from readers and has the ink of its heading.
+    """
+    found = Axe().run(page, options={"rules": {"region": {"enabled": True}}}).response
+    undecided = [one for one in found["incomplete"] if one["id"] != "color-contrast"]
+    return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*found["violations"], *undecided]]

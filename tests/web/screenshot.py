@@ -55,7 +55,7 @@ def attempt(page: Page, place: int) -> str:
     """The id of an attempt of the page; 0 is the newest."""
     address = page.locator("#attempts .chip").nth(place).get_attribute("href")
     assert address is not None
-    return address.partition("attempt=")[2]
+    return address.partition("attempt=")[2].partition("#")[0]
 
 
 def lab(site: Site, browser: Browser, target: Path) -> None:

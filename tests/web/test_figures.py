@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.web.figures import number, points, quantity, unbroken
+from grader.web.figures import number, points, quantity, remark, unbroken
 
 WRITTEN = {0.0: "0", -2.5: "−2.5", 1 / 3: "0.3333", 1e-11: "10⁻¹¹", -2.5e7: "−2.5·10⁷", math.inf: "∞", 120: "120"}
 
@@ -33,6 +33,11 @@ def test_a_unit_stays_on_the_line_of_its_number() -> None:
     assert quantity(22.0521, "ms") == "22.05\u202fms"
     assert unbroken("from 22.05 to 22.44 ms, -3 rad") == "from 22.05 to 22.44\u202fms, −3\u202frad"
     assert unbroken("3 cases of 5 messages, a-3, 2026-11-21") == "3 cases of 5 messages, a-3, 2026-11-21"
+
+
+def test_a_remark_is_a_sentence_and_its_names_are_code() -> None:
+    assert remark("no key: add a `verify` <b>") == "No key: add a <code>verify</code> &lt;b&gt;"
+    assert remark("kp = 5") == "kp = 5"
 
 
 def test_points_have_at_most_two_decimals() -> None:

@@ -6,14 +6,20 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
+from playwright.sync_api import expect
+from sqlalchemy.orm import Session
 
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
+from grader.courses.stopping import STOPPED
 from grader.identity import COOKIE, Role
+from grader.queue import jobs
 from grader.settings import Settings
-from web.browsing import service
+from grader.store import regrades, submissions
+from web.browsing import chromium, findings, service
 
 BROWSER = {"Accept": "text/html,*/*;q=0.8", "Sec-Fetch-Site": "same-origin"}
+expect.set_options(timeout=30_000)
 HOSTILE = "<script>alert(1)</script></textarea><b>\"'&amp; \u202e"
 
 
@@ -157,8 +163,8 @@ def test_an_answer_typed_by_another_learner_of_the_browser_is_not_taken(browser:
 
 
 def test_a_return_to_another_site_is_not_possible(browser: httpx.Client) -> None:
-    for back in ("//evil.example", "https://evil.example", "/instructor", "/lessons/../x"):
-        response = send(browser, "1.3-check/q1", "1", back=back)
+    for option, back in enumerate(("//evil.example", "https://evil.example", "/instructor", "/lessons/../x")):
+        response = send(browser, "1.3-check/q1", str(option), back=back)
         assert response.url.path == "/"
         assert response.url.host == "127.0.0.1"
 
@@ -222,3 +228,83 @@ def test_attempts_are_the_learners_own(browser: httpx.Client, origin: str) -> No
         assert other.get(address).status_code == 404
         assert other.get(f"/quizzes/1.3-exercises/rk4-step/attempts?left={mine['id']}").status_code == 404
         assert other.get(f"/quizzes/1.3-exercises/rk4-step/attempts/{mine['id']}/motion.svg").status_code == 404
+
+
+STEP = "/quizzes/1.3-exercises/rk4-step"
+SCRIPT = "def rk4_step(model, data):\n    return None  # <later>\n"
+STOP = re.compile(r'<button [^>]*formaction="([^"]*)" name="stop" value="(\w+)"')
+
+
+def queue(browser: httpx.Client) -> httpx.Response:
+    """Hands in a script that no worker takes."""
+    form = re.search(r"<form .*?</form>", browser.get(STEP).text, re.DOTALL)
+    assert form is not None
+    return browser.post(STEP, data=fields(form[0]) | {"answer": SCRIPT})
+
+
+def stop(browser: httpx.Client, page: str) -> httpx.Response:
+    """Presses the page's button, with the script in the editor."""
+    [(address, name)] = STOP.findall(page)
+    return browser.post(address, data={"stop": name, "answer": SCRIPT})
+
+
+def test_a_script_that_waits_can_be_stopped_and_handed_in_again(browser: httpx.Client, settings: Settings) -> None:
+    stopped = stop(browser, queue(browser).text)
+    assert stopped.status_code == 200
+    assert STOPPED in stopped.text
+    assert "&lt;later&gt;" in stopped.text
+    assert "No attempt yet" in stopped.text
+    [one] = browser.get("/api/v1/submissions").json()["items"]
+    assert (one["status"], one["verdict"]["status"], one["attempt"]) == ("graded", "invalid_answer", 1)
+    assert in_database(settings, lambda session: regrades.reviewed(session, [one["id"]])) == {one["id"]}
+    assert STOP.findall(queue(browser).text) != []
+    assert [row["status"] for row in browser.get("/api/v1/submissions").json()["items"]] == ["queued", "graded"]
+
+
+def test_a_script_that_runs_is_not_stopped(browser: httpx.Client, settings: Settings) -> None:
+    page = queue(browser).text
+    name = STOP.findall(page)[0][1]
+
+    def claim_all(session: Session) -> None:
+        while (claimed := jobs.claim(session, 1, (jobs.GRADE,))) is not None:
+            submissions.start(session, claimed.subject)
+
+    in_database(settings, claim_all)
+    refused = stop(browser, page)
+    assert refused.status_code == 409
+    assert "once it runs, it is graded" in refused.text
+    assert STOP.findall(refused.text) == []
+    assert browser.post(f"/api/v1/submissions/{name}:stop").status_code == 409
+
+
+def test_nobody_stops_the_script_of_another(browser: httpx.Client, origin: str) -> None:
+    page = queue(browser).text
+    name = STOP.findall(page)[0][1]
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as other:
+        assert stop(other, page).status_code == 401
+        queue(other)
+        assert stop(other, page).status_code == 404
+        assert other.post(f"/api/v1/submissions/{name}:stop").status_code == 404
+    stopped = browser.post(f"/api/v1/submissions/{name}:stop")
+    assert (stopped.status_code, stopped.json()["verdict"]["status"]) == (200, "invalid_answer")
+
+
+def test_the_page_stops_a_script_and_keeps_what_is_typed(origin: str) -> None:
+    with chromium() as browser:
+        page = browser.new_page(base_url=origin)
+        page.goto(STEP)
+        page.locator("textarea.code").fill(SCRIPT)
+        page.get_by_role("button", name="Run and judge").click()
+        page.get_by_role("button", name="Stop").click()
+        expect(page.locator("[data-trouble]")).to_have_text(STOPPED)
+        expect(page.locator("#under-way[data-events]")).to_have_count(0)
+        expect(page.locator("textarea.code")).to_have_value(SCRIPT)
+        page.reload()
+        expect(page.locator("textarea.code")).to_have_value(SCRIPT)
+        page.get_by_role("button", name="Run and judge").click()
+        expect(page.get_by_role("button", name="Stop")).to_be_visible()
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            assert findings(page) == []
+        page.set_viewport_size({"width": 320, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 320

@@ -1,5 +1,7 @@
 """An instructor's pages without a browser: statistics, a learner's view, extensions, the service, content, blinding."""
 
+import csv
+import io
 import json
 import re
 from collections.abc import Iterator
@@ -9,13 +11,18 @@ from typing import Any
 import httpx
 import pytest
 
+from grader.certify import Certificate
 from grader.certify.remarks import Luck
+from grader.courses import people
+from grader.courses.invitations import invite_member
 from grader.courses.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.courses.statistics import Estimate, QuestionStatistics
-from grader.identity import COOKIE
+from grader.domain.quiz import NumericQuestion
+from grader.identity import COOKIE, Role
 from grader.library import load
 from grader.settings import Settings
-from grader.web import certificates
+from grader.web import certificates, extensions
+from grader.web.certified import told
 from grader.web.statistics_plots import estimates_plot
 from sites import ROOT, Site, open_site, write_content
 
@@ -85,6 +92,11 @@ def page(client: httpx.Client, path: str) -> str:
 def words(text: str) -> str:
     """The text of a page, without its markup."""
     return " ".join(re.sub(r"<[^>]*>", " ", text).replace("\u202f", " ").split())
+
+
+def unspaced(text: str) -> str:
+    """A text with plain spaces before its units."""
+    return text.replace("\u202f", " ")
 
 
 def decide(client: httpx.Client, submission: str, path: str, points: float) -> None:
@@ -179,22 +191,81 @@ def test_pages_keep_answers_under_review_and_first_marks_from_reviewers(site: Si
     assert "UNDER REVIEW" in page(tom, seen_as)
 
 
+def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site, tina: httpx.Client) -> None:
+    ids, exports = {}, []
+    for account in ("oidc:1", "oidc:2"):
+        kim = site.anonymous({"Origin": site.origin, "Sec-Fetch-Site": "same-origin"})
+        with site.app.state.context.database.write() as session:
+            member = people.with_account(session, account, "Kim", Role.STUDENT, site.course or "")
+            code = invite_member(session, None, member).code
+            kim.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
+            ids[member.id] = ""
+        ids[member.id] = answer(kim, "small", "q1", 1)["id"]
+        exports.append(tina.get(f"{API}/gradebook.csv?quiz=small&format=canvas").text)
+    twins = list(ids)
+    answer(site.client("ann"), "small", "q1", 1)
+    addresses = ["gradebook?quiz=small", "people", "review?which=submissions"]
+    for address in addresses:
+        told = words(page(tina, f"/instructor/{address}"))
+        assert all(f"Kim …{one[-4:]}" in told for one in twins), address
+        assert "ann …" not in told
+    for one, submission in ids.items():
+        for address in (f"learners/{one}", f"learners/{one}/lessons/2", f"review/{submission}?which=submissions"):
+            assert f"Kim …{one[-4:]}" in words(page(tina, f"/instructor/{address}")), address
+    rows = list(csv.DictReader(io.StringIO(tina.get(f"{API}/gradebook.csv?quiz=small").text)))
+    assert {row["id"] for row in rows if row["user"] == "Kim"} == set(twins)
+    students = [{line.partition(",")[0] for line in text.splitlines()[2:]} for text in exports]
+    assert students == [{"Kim"}, {f"Kim …{one[-4:]}" for one in twins}]  # Canvas finds a learner without ids by name
+
+
 def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Client) -> None:
     learner = answer(site.client("ann"), "2-graded", "which", 0)["learner"]
-    address, form = "/instructor/extensions", {"quiz": "2-graded", "learner": learner}
-    assert "Fri 1 Jan, 00:00 UTC" in page(tina, f"{address}?quiz=2-graded")
+    address, form = "/instructor/extensions", {"quiz": "2-graded", f"learner-{learner}": "yes"}
+    assert "Fri 1 Jan 2100, 00:00 UTC" in page(tina, f"{address}?quiz=2-graded")
     for wrong in ({"due": "soon"}, {"attempts": "-1"}, {"attempts": "many"}, {"due": "1999-01-01T00:00"}):
         refused = tina.post(address, data={**form, **wrong})
         assert (refused.status_code, "Check " + next(iter(wrong)) in refused.text) == (422, True)
     given = {**form, "due": "2101-02-03T04:05", "attempts": "2"}
-    assert tina.post(address, data=given).status_code == 303
+    assert "ann: due Thu 3 Feb 2101, 04:05 UTC, 2 further attempts" in words(tina.post(address, data=given).text)
     told = words(page(tina, f"{address}?quiz=2-graded"))
-    assert "ann Thu 3 Feb, 04:05 UTC – 2 tina" in told
+    assert "ann Thu 3 Feb 2101, 04:05 UTC – 2 tina" in told
     assert tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"][0]["attempts"] == 2
-    assert tina.post(address, data=form).status_code == 303
+    assert "ann: has no extension any more" in words(tina.post(address, data=form).text)
     assert "None." in words(page(tina, f"{address}?quiz=2-graded"))
     assert browser(site, "ann").post(address, data=given).status_code == 403
-    assert tina.post(address, data={**form, "learner": "0" * 32}).status_code == 404
+    refused = tina.post(address, data={**given, "learner-" + "0" * 32: "yes"})
+    assert (refused.status_code, "no learner of this course any more" in refused.text) == (422, True)
+
+
+def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina: httpx.Client) -> None:
+    ids = {name: answer(site.client(name), "2-graded", "which", 0)["learner"] for name in ("ann", "bob", "cem")}
+    with site.app.state.context.database.write() as session:
+        for account in ("oidc:1", "oidc:2"):
+            last = people.with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
+    address, wanted = "/instructor/extensions", {"quiz": "2-graded", "attempts": "2"}
+    kept = f"{API}/quizzes/2-graded/extensions"
+    for names, why in (("ann\nAnn", "Ann: no learner"), ("bob\nKim", "Kim: 2 learners bear this name"), ("", "Tick")):
+        refused = tina.post(address, data={**wanted, "names": names})
+        assert (refused.status_code, why in refused.text) == (422, True)
+        assert tina.get(kept).json()["items"] == []
+    ticked = {**wanted, f"learner-{ids['ann']}": "yes", "names": f" bob \nann\n\nKim …{last[-4:]}"}
+    told = words(tina.post(address, data=ticked).text)
+    for name in ("ann", "bob", f"Kim …{last[-4:]}"):
+        assert f"{name}: 2 further attempts" in told
+    assert {one["learner"] for one in tina.get(kept).json()["items"]} == {ids["ann"], ids["bob"], last}
+
+
+def test_learners_beyond_the_boxes_of_a_large_course_are_named(
+    site: Site, tina: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extensions, "BOXES", 1)
+    ids = {name: answer(site.client(name), "2-graded", "which", 0)["learner"] for name in ("ann", "bob")}
+    page = tina.get("/instructor/extensions?quiz=2-graded").text
+    assert "These are the first 1 by name. Name others below." in words(page)
+    assert page.count('name="learner-') == 1
+    given = tina.post("/instructor/extensions", data={"quiz": "2-graded", "attempts": "1", "names": "bob"})
+    assert "bob: 1 further attempt" in words(given.text)
+    assert [one["learner"] for one in tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"]] == [ids["bob"]]
 
 
 def test_the_feedback_is_published_and_withheld_by_form(site: Site, tina: httpx.Client) -> None:
@@ -210,17 +281,41 @@ def test_the_feedback_is_published_and_withheld_by_form(site: Site, tina: httpx.
 
 def test_the_service_page_tells_workers_and_the_queue(site: Site, tina: httpx.Client) -> None:
     told = words(page(tina, "/instructor/service"))
-    assert "No worker lives : scripts wait until one is started." in told
+    assert "No worker is running : scripts wait until one is started." in told
     assert "Scripts to grade 0 0 –" in told
     assert browser(site, "ann").post("/instructor/service/deliveries/1/replay").status_code == 403
     assert browser(site, "ann").post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
 
 
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:
+    assert "The course has no learners yet" in words(page(tina, "/instructor"))
     told = words(page(tina, "/instructor/content"))
     assert "A small quiz small 4 1 Gradebook Plots" in told
     keys = words(page(tina, "/instructor/certificates"))
-    assert "small q2 numeric not derivable by simulation no simulation confirms this key" in keys
+    assert "How long? small q2 not derivable by simulation No simulation confirms this key" in keys
+
+
+def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    number = {
+        "kind": "numeric",
+        "id": "which",
+        "q": "Which?",
+        "tol": 0,
+        "verify": {"by": "expression", "expr": "2 * 3"},
+    }
+    for question, why in (({**number, "answr": 6}, "answr"), ({**number, "answer": 7}, "which.answer")):
+        path.write_text(json.dumps({**GRADED, "questions": [question]}))
+        assert tina.post(f"{API}/content:reload").status_code == 422
+        for address in ("/instructor", "/instructor/content"):
+            told = words(page(tina, address))
+            assert "The changed content was refused" in told
+            assert why in told
+            assert address != "/instructor" or "measured:" not in told
+            assert "Graded" in told or address == "/instructor"
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+    assert "refused" not in words(page(tina, "/instructor"))
 
 
 def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,16 +331,49 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
 
     def exercises(**wanted: bool) -> dict[str, Any]:
         rows = certificates.certificate_rows(library, **wanted)
-        return {row["question"]: row for row in rows if row["kind"] == "code"}
+        return {row["question"]: row for row in rows if row["quiz"] == "1.3-exercises"}
 
-    assert {row["state"] for row in exercises().values()} == {"luck not computed"}
+    assert {row["state"] for row in exercises().values()} == {"guessing not computed"}
     assert asked == []
     first, again = exercises(with_luck=True), exercises()
     assert first == again
     assert sorted(asked) == sorted(first)
-    assert first["rk4-step"]["state"] == "luck"
-    assert "draw more numbers" in first["rk4-step"]["remarks"][0]
-    assert "1.0·10⁻⁸" in first["servo-threshold"]["why"]
+    assert first["rk4-step"]["state"] == "can be guessed"
+    assert "passes every time; at most one in 1\u202f000\u202f000 is allowed" in first["rk4-step"]["why"]
+    assert "Draw more numbers" in first["rk4-step"]["remarks"][0]
+    assert "with a chance of at most one in 100\u202f000\u202f000;" in first["servo-threshold"]["why"]
+
+
+def test_certificates_say_what_was_simulated_what_came_out_and_how_far_from_the_key() -> None:
+    rows = {row["question"]: row["told"] for row in certificates.certificate_rows(load(ROOT))}
+    told = {name: unspaced(" ".join(line for _, lines in rows[name] for line in lines)) for name in ("q1", "q2", "q3")}
+    assert "mj_fwdPosition changes it first: from 0 contacts to 1 contact." in told["q1"]
+    assert "Stable at 4.995 ms, unstable at 5.005 ms. 5 ms, with a tolerance of 0.05 ms." in told["q2"]
+    assert "0 % of the tolerance." in told["q2"]
+    assert "under the setting of each option, 10 s each. Euler: MuJoCo warned of BADQACC at 0.07 s." in told["q3"]
+    assert "discrete: stable to the end. RK4, which is no option: stable; its limit is 10.22 ms." in told["q3"]
+    assert "“discrete”: the simulation finds the same." in told["q3"]
+
+
+MEASURED: dict[str, tuple[dict[str, Any], str]] = {
+    "measurement": ({"h/1": 2.0061, "h/2": 2.0062, "h/4": 2.00625, "nudged": [2.0061, 2.0061], "unit": "s"},
+                    "2.0061 s at the timestep, 2.0062 s at a half of it, 2.00625 s at a quarter of it."),
+    "expression": ({"value": 2.006}, "Nothing: a closed form was evaluated. 2.006 s."),
+    "options": ({"up": {"holds": True, "max": 0.3}, "down": {"holds": False, "final": "-0.2"}},
+                "up: true (its largest value is 0.3). down: not true (the last value is −0.2)."),
+    "outcome": ({"up": True, "down": {"true": False, "first": 1.5}, "off": {"true": True, "times": 3.0}},
+                "up: true. down: not true (it is so first at 1.5 s). off: true (it is so 3 times)."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", MEASURED)
+def test_every_way_to_derive_a_key_is_told_in_sentences(method: str) -> None:
+    measured, sentence = MEASURED[method]
+    numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
+    certificate = Certificate(True, "", method, 2.0062, 2.006, measured, tolerance=0.01)
+    lines = [line for _, several in told(NumericQuestion.model_validate(numeric), certificate) for line in several]
+    assert sentence in unspaced(" ".join(lines))
+    assert "2.006 s, with a tolerance of 0.01 s. What came out is 2·10⁻⁴ s away, 2 % of the" in unspaced(lines[-1])
 
 
 def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: httpx.Client) -> None:
@@ -258,7 +386,7 @@ def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: ht
         said.append(words(page(client, "/quizzes/3-scripts/rk4-step")))
     assert "waiting, you are next" in said[0]
     assert "waiting, 1 before you" in said[1]
-    assert re.search(r"scripts waiting 2 running 0 workers none lives", words(page(tina, "/instructor")))
+    assert re.search(r"scripts waiting 2 running 0 workers none", words(page(tina, "/instructor")))
     seen = page(tina, f"/instructor/learners/{made.json()['learner']}/quizzes/3-scripts/rk4-step")
     assert '<button class="push" disabled>' in seen
     assert "rk4_step(model, data): pass" in seen

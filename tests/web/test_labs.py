@@ -117,8 +117,8 @@ def servo(page: Page) -> Locator:
         field.fill(value)
         field.press("Tab")
         if value == "0.005":
-            expect(told).to_have_text("No warning within 3 s. implicitfast is stable up to 11.8 ms here.")
-    expect(told).to_contain_text("you step 20 ms")
+            expect(told).to_have_text("No warning within 3 s. implicitfast is stable up to 0.01176 s here.")
+    expect(told).to_contain_text("you step 0.02 s")
     return lab
 
 
@@ -195,8 +195,10 @@ def test_what_the_learner_ticks_is_drawn_over_the_scene(cube: Locator, name: str
 
 
 def test_a_run_that_diverges_has_a_flag_and_no_line_behind_it(servo: Locator) -> None:
-    expect(servo.locator(".strips text.fault")).to_have_text("BADQACC 140 ms")
-    expect(servo.locator("[data-message]")).to_contain_text("implicitfast is stable up to 11.8 ms here; you step 20 ms")
+    expect(servo.locator(".strips text.fault")).to_have_text("BADQACC 0.14 s")
+    expect(servo.locator("[data-message]")).to_contain_text(
+        "implicitfast is stable up to 0.01176 s here; you step 0.02 s"
+    )
     flag, line = (servo.locator(f".strips {name}").bounding_box() for name in (".fault-line", ".line"))
     assert flag is not None
     assert line is not None
@@ -216,7 +218,7 @@ def test_scene_and_plot_share_one_time(servo: Locator, page: Page) -> None:
         page.mouse.click(box["x"] + part * box["width"], box["y"] + 80)
         cursor = servo.locator(".cursor").bounding_box()
         assert cursor is not None
-        assert cursor["x"] == pytest.approx(box["x"] + part * box["width"], abs=36)  # a step of 20 ms
+        assert cursor["x"] == pytest.approx(box["x"] + part * box["width"], abs=36)  # a step of 0.02 s
         moments.add((servo.locator("[data-clock]").inner_text(), canvas.evaluate(PICTURE)))
     assert len(moments) == 2
     view = page.viewport_size
@@ -228,7 +230,9 @@ def test_scene_and_plot_share_one_time(servo: Locator, page: Page) -> None:
 
 def test_the_limit_is_a_tick_on_the_slider_of_the_timestep(servo: Locator, page: Page) -> None:
     tick = servo.locator(".ticks .limit")
-    expect(tick).to_have_text("limit 11.8 ms")
+    expect(tick).to_have_text("limit 0.01176 s")
+    ends = servo.locator(".has-limit .ticks > :not(.limit, .beyond)")
+    expect(ends).to_have_text(["0.001 s", "0.02 s"])  # as the field, the axis and the sentences
     assert tick.evaluate("one => parseFloat(one.style.left)") == pytest.approx(100 * (11.76 - 1) / 19, abs=0.1)
     with page.expect_response("**/labs:run"):
         servo.get_by_label("integrator").select_option("discrete")
@@ -268,7 +272,7 @@ def test_a_typed_value_outside_the_range_is_refused_in_a_sentence(servo: Locator
     typed = servo.get_by_label("damping kv", exact=True)
     typed.fill("101")
     typed.press("Enter")
-    expect(servo.locator("[data-message]")).to_have_text("damping kv must be a number from 0 to 100.")
+    expect(servo.locator("[data-message]")).to_have_text("damping kv must be a number from 0 to 100 N m s/rad.")
     expect(typed).to_have_attribute("aria-invalid", "true")
     typed.fill("7.4")
     typed.press("Enter")
@@ -282,7 +286,7 @@ def test_curves_that_coincide_are_one_line_with_one_name(page: Page) -> None:
         "Euler = implicit = implicitfast = discrete here"
     )
     expect(lab.locator(".strips .line")).to_have_count(2)
-    expect(lab.locator(".strips")).to_contain_text("energy error (%), log")
+    expect(lab.locator(".strips")).to_contain_text("size of the energy error (%), log")
     expect(lab.locator("[data-integrator=RK4] td").nth(2)).to_have_text("none")
 
 
@@ -299,6 +303,92 @@ def test_labs_are_accessible_and_fit_narrow_screens(servo: Locator, page: Page) 
         assert stage is not None
         assert stage["height"] <= 500
     page.set_viewport_size({"width": 1280, "height": 720})
+
+
+KEPT_FOCUS = """() => { const { activeElement: one } = document, style = getComputedStyle(one);
+  const mark = one.closest('.speeds') ? getComputedStyle(one.nextElementSibling) : style;
+  return [one.labels?.[0]?.innerText.trim() || one.getAttribute('aria-label') || one.innerText.trim(),
+    mark.outlineStyle !== 'none' && parseFloat(mark.outlineWidth) >= 2]; }"""
+"""The name of what has the focus, and whether the focus is seen."""
+
+STOPS = [
+    "The simulated scene; the arrow keys turn it, plus and minus move it",
+    "Play",
+    "Time in the run",
+    "1×",
+    "contacts",
+    "contact forces",
+    "centres of mass",
+    "cameras",
+    "shadows",
+    "friction",
+    "friction, slider",
+    "length of the run",
+]
+"""What the Tab key reaches in the lab of the cube, in the order in which it is read."""
+
+
+def test_a_lab_is_operated_with_the_keyboard_alone(origin: str, browser: Browser) -> None:
+    page = browser.new_context(base_url=origin, reduced_motion="reduce").new_page()
+    page.goto("/")
+    lab, keys = opened(page, "cube"), page.keyboard
+    clock, canvas = lab.locator("[data-clock]"), lab.locator("canvas")
+    page.evaluate("one => { one.tabIndex = -1; one.focus(); }", lab.element_handle())
+
+    def step() -> None:
+        keys.press("Tab")
+        name, is_seen = page.evaluate(KEPT_FOCUS)
+        assert is_seen, name
+        reached.append(name)
+
+    def run_with(*pressed: str) -> dict[str, Any]:
+        with page.expect_response("**/labs:run") as answer:
+            for key in pressed:
+                keys.press(key)
+        asked: dict[str, Any] = json.loads(answer.value.request.post_data or "{}")
+        return asked
+
+    reached: list[str] = []
+    step()  # the scene
+    front = canvas.evaluate(PICTURE)
+    keys.press("ArrowLeft")
+    assert canvas.evaluate(PICTURE) != front
+    step()  # Play, which becomes Pause
+    keys.press("Space")
+    expect(lab.get_by_role("button", name="Pause")).to_be_focused()
+    keys.press("Space")
+    expect(lab.get_by_role("button", name="Play")).to_be_focused()
+    step()  # time
+    keys.press("End")
+    expect(clock).to_have_text("1.000 s")
+    keys.press("Home")
+    expect(clock).to_have_text("0.000 s")
+    step()  # the speeds are one stop
+    keys.press("ArrowRight")
+    expect(lab.get_by_label("0.1×")).to_be_checked()
+    for _ in range(5):
+        step()
+        was = page.evaluate("document.activeElement.checked")
+        keys.press("Space")
+        assert page.evaluate("document.activeElement.checked") is not was
+        keys.press("Space")
+    step()  # a typed value
+    keys.press("Control+A")
+    keys.type("0.25")
+    assert run_with("Enter")["controls"] == {"friction": 0.25}
+    expect(lab.locator(".ghost.there")).to_be_visible()
+    step()  # its slider
+    assert run_with("ArrowRight")["controls"]["friction"] > 0.25
+    assert run_with("End")["controls"] == {"friction": 1}  # or the next one might be taken for this run
+    expect(lab.get_by_label("friction", exact=True)).to_have_value("1")
+    step()  # the length of the run
+    keys.press("Control+A")
+    keys.type("2")
+    assert run_with("Enter")["seconds"] == 2
+    assert reached == STOPS
+    keys.press("Tab")
+    assert not page.evaluate("one => one.contains(document.activeElement)", lab.element_handle())
+    page.context.close()
 
 
 FRAMES = 60

@@ -7,7 +7,7 @@ import pytest
 from grader.domain.quiz import Quiz
 from grader.library import Library
 from grader.web.exercise_page import following_of
-from grader.web.page import page_of, paragraphs, worth
+from grader.web.page import page_of, paragraphs, short_title, worth
 
 QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry": "f", "check": {"kind": "none"}}
 
@@ -45,6 +45,22 @@ def test_what_a_question_is_worth(points: float, attempts: int | None, text: str
 )
 def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
     assert paragraphs(text) == html
+
+
+@pytest.mark.parametrize(
+    ("text", "short"),
+    [
+        ("How long is the limit at 2 ms?", "How long is the limit at 2\u202fms?"),
+        ("The pendulum is held by a stiff servo (kp = 20000) at 10 ms.", "The pendulum is held by a stiff servo…"),
+        (
+            "Why does the servo grow at 20 ms although 2 ms is stable?",
+            "Why does the servo grow at 20\u202fms although…",
+        ),
+        ("(" * 60, "(" * 44 + "…"),
+    ],
+)
+def test_a_question_without_a_title_is_named_by_whole_words(text: str, short: str) -> None:
+    assert short_title(None, text) == short
 
 
 def test_headings_come_from_the_author_first() -> None:

@@ -79,7 +79,7 @@ def test_no_script_or_style_within_the_html(client: httpx.Client) -> None:
 def test_the_starter_can_be_taken_along(client: httpx.Client) -> None:
     response = client.get("/quizzes/1.3-exercises/servo-threshold/starter.py")
     assert "def largest_stable_timestep" in response.text
-    assert response.headers["content-disposition"] == 'attachment; filename="servo-threshold.py"'
+    assert response.headers["content-disposition"] == 'attachment; filename="servo_threshold.py"'
     assert client.get("/quizzes/1.3-check/q1/starter.py").status_code == 404
 
 

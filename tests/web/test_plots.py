@@ -1,20 +1,26 @@
 """Plots say in words what they show, survive any evidence, and hold no text that could run."""
 
 import json
+import re
 import xml.etree.ElementTree as ET
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grader.courses.policy import FEEDBACK_EVIDENCE
+from grader.web.line_plots import INTEGRATORS, draw_end
 from grader.web.plots import figures_of, light_styles, sketches, standalone
-from grader.web.svg import Axis, decades, round_steps, short
-from properties import patient
+from grader.web.svg import Axis, Drawing, decades, round_steps, short, steps, text_width
 from web.evidence import threshold_verdict
 
 NAMES = ("angles", "claims", "limits", "differences", "order", "charts", "values", "tableau", "stability")
+TEXT_HEIGHT = 10.0
+"""Of the capitals of a label, which is 13 units high."""
+
+coordinates = st.floats(-3000, 3000)
 HOSTILE = "</text><script>alert(1)</script>\"'&"
 
 json_values = st.recursive(
@@ -54,9 +60,19 @@ def test_before_the_solution_the_map_holds_no_limit() -> None:
     assert "Euler and implicitfast" in stability.title
 
 
+def test_the_label_of_a_limit_keeps_clear_of_the_bound() -> None:
+    [stability, *_] = figures("spring")
+    wide, narrow = stability.pictures.split("<svg")[1:]
+    for picture in (wide, narrow):
+        limit, anchor = re.findall(r'x="([\d.]+)" y="[\d.]+"( text-anchor="end")?>(?:limit )?19.98', picture)[0]
+        bound = re.findall(r'"reference" d="m([\d.]+)', picture)[0]
+        assert float(limit) < float(bound)
+        assert anchor
+
+
 def test_a_right_claim_is_magnified() -> None:
     stability, _ = figures("right")
-    assert stability.title == "Your brackets meet every limit"
+    assert stability.title == "Here your brackets meet every limit"
     assert "Euler, magnified" in stability.pictures
     assert "within 3\u202fs 20.12\u202fms" in stability.pictures
     assert "magnified" not in figures("spring")[0].pictures
@@ -69,10 +85,39 @@ CHART = {"case": "a", "title": "energy", "x": {"label": "t"}, "y": {}, "series":
 
 def test_the_order_is_told_by_what_halving_does() -> None:
     [wrong] = figures_of({"order": ORDER}, {})
-    assert wrong.title == "Halve the timestep and your error falls by 4; it should fall by 16"
+    assert wrong.title == "Halve the timestep and your error falls by a factor of 4; it should be 16"
     assert "yours: order 2.00" in wrong.pictures
     [right] = figures_of({"order": ORDER | {"slope": 4.01, "error": [2.56e-6, 1.6e-7, 1e-8]}}, {})
-    assert right.title == "Halve the timestep and your error falls by 16, as it should"
+    assert right.title == "Halve the timestep and your error falls by a factor of 16, as it should"
+
+
+@pytest.mark.parametrize("width", [308.0, 734.0])
+@pytest.mark.parametrize("slope", [1.0, 2.0, 3.0])
+def test_the_name_of_a_line_does_not_lie_on_the_line(width: float, slope: float) -> None:
+    rising = [(x, 200 - slope * (x - 50) / 4) for x in (50.0, (50 + width) / 2, width - 20)]
+    picture = Drawing(width, 300)
+    draw_end(picture, rising, "yours: order 2.01", is_below=True)
+    [(end, baseline)] = re.findall(r'x="([\d.]+)" y="([-\d.]+)"', picture.parts[0])
+    left = float(end) - text_width("yours: order 2.01")
+    assert float(baseline) - TEXT_HEIGHT > 200 - slope * (left - 50) / 4
+
+
+def test_only_integrators_have_the_colours_of_integrators() -> None:
+    [figure] = figures_of({"differences": [DIFFERENCES]}, {"a": "The arm"})
+    assert "line solid" in figure.pictures and "line dashed" in figure.pictures
+    assert not any(f"line {name}" in figure.pictures for name in INTEGRATORS)
+
+
+@given(st.lists(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=9), min_size=1, max_size=3))
+def test_a_path_leads_through_its_points_and_rounding_does_not_add_up(lines: list[list[tuple[float, float]]]) -> None:
+    at, reached = [0.0, 0.0], []
+    for numbers in re.findall(r"[ml]([-\d. ]+)", steps(lines)):
+        values = [float(one) for one in re.findall(r"-?[\d.]+", numbers)]
+        for distance in zip(values[::2], values[1::2], strict=True):
+            at = [sum(pair) for pair in zip(at, distance, strict=True)]
+            reached.append(at)
+    points = [point for line in lines for point in line]
+    assert np.asarray(reached) == pytest.approx(np.asarray(points), abs=0.0501)
 
 
 def test_differences_have_a_band_in_which_they_count_as_right() -> None:
@@ -112,7 +157,7 @@ def test_a_plot_as_a_file_is_whole_and_brings_its_colours(kind: str) -> None:
         assert ".card" not in style.text
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(evidence=st.dictionaries(st.sampled_from(NAMES), json_values, max_size=3))
 def test_evidence_of_any_shape_is_drawn_or_left_out(evidence: dict[str, Any]) -> None:
     figures_of(evidence, {})
@@ -122,7 +167,7 @@ numbers = st.floats(allow_nan=False, allow_infinity=False)
 values = st.lists(st.none() | numbers, min_size=2, max_size=6)
 
 
-@settings(patient, max_examples=150)
+@settings(max_examples=150)
 @given(x=values, y=values, log=st.booleans(), marks=st.lists(numbers, max_size=2))
 def test_any_numbers_give_a_picture(
     x: list[float | None], y: list[float | None], log: bool, marks: list[float]

@@ -3,17 +3,27 @@
 import json
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from sqlalchemy import select
+from sqlalchemy.orm import Session
 
+from grader.accounts import in_database
+from grader.domain.verdict import Status, Verdict
 from grader.settings import Settings
+from grader.store import submissions
+from grader.store.submissions import Mark
+from grader.store.tables import Submission
+from grader.web.work import graded_again
 from web.browsing import service
 from web.test_forms import BROWSER, card, fields
 
-CHOICE = {"id": "q", "kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1, "explain": "SECRET"}
+CHOICE = {"id": "q", "kind": "mcq", "q": "Which?", "options": ["a", "b", "c"], "answer": 1, "explain": "SECRET"}
+LESSON = {"title": "Steps &amp; stages", "summary": "What splits <code>mj_step</code> in two."}
 QUIZZES: dict[str, dict[str, Any]] = {
     "1.1-open": {},
     "1.1-two": {"attempts": 2},
@@ -24,14 +34,20 @@ QUIZZES: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
     content = tmp_path_factory.mktemp("content")
     for folder in ("quizzes", "models", "reference_solutions"):
         (content / folder).mkdir()
     for name, policy in QUIZZES.items():
-        quiz = {"id": name, "title": f"Quiz <i>{name}</i>", "policy": policy, "questions": [CHOICE]}
+        head = {"lesson": LESSON} if name == "1.1-two" else {}
+        quiz = {"id": name, "title": f"Quiz <i>{name}</i>", "policy": policy, "questions": [CHOICE], **head}
         (content / "quizzes" / f"{name}.json").write_text(json.dumps(quiz))
-    with service(Settings(data=tmp_path_factory.mktemp("data"), content=Path(content), workers=0)) as origin:
+    return Settings(data=tmp_path_factory.mktemp("data"), content=Path(content), workers=0)
+
+
+@pytest.fixture(scope="module")
+def origin(settings: Settings) -> Iterator[str]:
+    with service(settings) as origin:
         yield origin
 
 
@@ -53,12 +69,25 @@ def test_several_lessons_are_listed_with_points_and_dates(browser: httpx.Client)
     assert re.findall(r'<a href="/lessons/([\d.]+)">Lesson', page) == ["1.1", "2.1", "2.2", "2.3"]
     assert "Quiz 1.1-open, Quiz 1.1-two" in page
     assert "0 of 2" in page
-    assert "Fri 1 Jan, 18:00 UTC" in page
+    assert "Fri 1 Jan 2190, 18:00 UTC" in page
+    assert "<dt>opens</dt><dd>Fri 1 Jan 2190, " in page
+
+
+def test_a_lesson_says_what_it_is_about_and_what_to_do_first(browser: httpx.Client) -> None:
+    page = browser.get("/lessons/1.1").text
+    assert "<h1>Lesson 1.1: Steps &amp; stages</h1>" in page
+    assert "<code>mj_step</code> in two" in page
+    first = re.compile(r'<p class="meta" id="first">(.*?)</p>')
+    assert first.findall(page) == ['Begin here: <a href="#1.1-open--q">Quiz 1.1-open, question 1</a>']
+    assert first.findall(send(browser, "1.1-open", "0").text) == [
+        'Next: <a href="#1.1-two--q">Quiz 1.1-two, question 1</a>'
+    ]
+    assert first.findall(browser.get("/lessons/2.3").text) == ["There is no question left to begin."]  # it is closed
 
 
 def test_a_quiz_that_has_not_opened_shows_when(browser: httpx.Client) -> None:
     page = browser.get("/lessons/2.1").text
-    assert "opens on 2190-01-01" in page
+    assert "opens on 1 Jan 2190" in page
     assert "Which?" not in page
 
 
@@ -76,11 +105,68 @@ def test_when_attempts_are_spent_the_page_says_so_and_shows_the_solution(browser
     first = send(browser, "1.1-two", "0").text
     assert "1 of 2 attempts left" in first
     assert "SECRET" not in first
-    mine = card(send(browser, "1.1-two", "0").text, "1.1-two--q")
+    again = card(send(browser, "1.1-two", "0").text, "1.1-two--q")
+    assert "This is what you sent last time." in again
+    assert "1 of 2 attempts left" in again
+    mine = card(send(browser, "1.1-two", "2").text, "1.1-two--q")
     assert "SECRET" in mine
 
 
 def test_a_closed_quiz_takes_nothing_and_says_why(browser: httpx.Client) -> None:
     response = send(browser, "2.3-closed", "1")
     assert response.status_code == 409
-    assert "closed on 2020-01-01" in card(response.text, "2.3-closed--q")
+    assert "closed on 1 Jan 2020" in card(response.text, "2.3-closed--q")
+
+
+def grade_again(settings: Settings, quiz: str) -> None:
+    """Replaces the verdict on the newest answer to a quiz, as a regrade does."""
+
+    def change(session: Session) -> None:
+        newest = select(Submission).where(Submission.quiz == quiz).order_by(Submission.id.desc()).limit(1)
+        verdict = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
+        submissions.append_verdict(session, session.scalars(newest).one(), verdict, "regrade")
+
+    in_database(settings, change)
+
+
+def test_a_learner_reads_that_an_answer_was_graded_again(browser: httpx.Client, settings: Settings) -> None:
+    assert "Graded again" not in send(browser, "1.1-open", "0").text
+    grade_again(settings, "1.1-open")
+    told = card(browser.get("/lessons/1.1").text, "1.1-open--q")
+    found = re.search(r"Graded again on [^<]*", told)
+    assert found is not None
+    assert found[0].endswith("UTC, after a change of the question or its key: 1 of 1 now, 0 of 1 before.")
+
+
+def test_a_withheld_verdict_does_not_tell_that_it_was_changed(browser: httpx.Client, settings: Settings) -> None:
+    send(browser, "2.2-withheld", "0")
+    grade_again(settings, "2.2-withheld")
+    assert "Graded again" not in browser.get("/lessons/2.2").text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "ends"),
+    [
+        (
+            ("grading", "incorrect", 0, 1),
+            ("review", "partial", 0.5, 1),
+            "UTC: 0.5 of 1 now, 0 of 1 before.",
+        ),
+        (
+            ("review", "partial", 0.5, 1),
+            ("rubric", "partial", 0.5, 1),
+            "change of the rubric: the points stay 0.5 of 1.",
+        ),
+        (("grading", "correct", 1, 1), ("regrade", "correct", 2, 2), "its key: 2 of 2 now, 1 of 1 before."),
+        (("grading", "correct", 1, 1), ("regrade", "needs_review", 0, 1), "will decide; before, it had 1 of 1."),
+        (("grading", "needs_review", 0, 1), ("review", "correct", 1, 1), ""),
+    ],
+)
+def test_what_changed_is_one_sentence(
+    before: tuple[str, str, float, float], after: tuple[str, str, float, float], ends: str
+) -> None:
+    at = datetime(2026, 11, 22, 6, 5, tzinfo=UTC)
+    told = graded_again(Mark(*before, at), Mark(*after, at))
+    assert told.endswith(ends)
+    assert (told == "") == (ends == "")
+    assert not told or "on 22 Nov 2026, 06:05 UTC" in told

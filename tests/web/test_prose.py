@@ -61,6 +61,29 @@ def test_tex_becomes_mathml_where_it_is_text(prose: str, part: str) -> None:
     assert part in safe_html(prose)
 
 
+@pytest.mark.parametrize(
+    ("prose", "shown"),
+    [
+        ("at 2 ms, up to 5 % in 10 steps", "at 2_ms, up to 5_% in 10~steps"),
+        ("is 2000 N m/rad and 5 N m s/rad.", "is 2000_N~m/rad and 5_N~m~s/rad."),
+        ("about 0.5 kg m² here", "about 0.5_kg~m² here"),
+        ("5 masses at 3 N mass", "5 masses at 3_N mass"),
+        ("<b>at 2 ms</b>", "<b>at 2_ms</b>"),
+        ("<code>sleep 2 s</code> for 2 s", "<code>sleep 2 s</code> for 2_s"),
+        ("<pre>h < 2 s <b>3 s</b></pre>", "<pre>h &lt; 2 s <b>3 s</b></pre>"),
+        ('<img alt="2 ms">', '<img alt="2 ms">'),
+    ],
+)
+def test_no_line_ends_between_a_number_and_its_unit(prose: str, shown: str) -> None:
+    assert safe_html(prose) == shown.replace("_", "\u202f").replace("~", "&nbsp;")
+
+
+def test_a_unit_after_a_formula_stays_on_its_line_if_the_formula_ends_with_a_number() -> None:
+    assert "</math>\u202fms" in safe_html("$h = 5$ ms")
+    assert "</math>\u202fs" in safe_html("$10^{-3}$ s")
+    assert "</math> s" in safe_html("$x$ s")
+
+
 def test_tex_that_cannot_be_read_is_shown_as_typed() -> None:
     assert safe_html(r"so $\sqrt$ here") == r"so <code>\sqrt</code> here"
 
@@ -129,13 +152,13 @@ HOSTILE = st.sampled_from(
 )
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=250)
 @given(st.lists(HOSTILE | st.text(max_size=4), max_size=25).map("".join))
 def test_no_text_gets_anything_through_that_could_run(prose: str) -> None:
     assert_harmless(safe_html(prose))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.text(alphabet="xyz01^_{}\\&<>+-=()[]|$ frac sqrt left right", max_size=40))
 def test_no_tex_takes_the_page_down(tex: str) -> None:
     assert_harmless(safe_html(f"${tex}$"))

@@ -57,17 +57,17 @@ def clients() -> Iterator[ExitStack]:
         yield clients
 
 
-def desk_of(browser: Browser, origin: str, settings: Settings, name: str) -> Page:
-    page = browser.new_context(base_url=origin).new_page()
+def desk_of(browser: Browser, origin: str, settings: Settings, name: str, *, scripts: bool = True) -> Page:
+    page = browser.new_context(base_url=origin, java_script_enabled=scripts).new_page()
     code = in_database(settings, lambda session: create_sign_in_code(session, name, Role.INSTRUCTOR))
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("today")
-    page.goto("/instructor/review")
     return page
 
 
 def show(page: Page, which: str) -> None:
+    page.goto("/instructor/review")
     page.locator("[name=which]").select_option(which)
     page.get_by_role("button", name="Show").click()
 
@@ -94,20 +94,28 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
     form = tina.get_by_role("form", name="Review")
     expect(form).to_contain_text("Yours until")
     expect(form).to_contain_text("Physics")
+    expect(form.get_by_label("Points")).to_have_attribute("placeholder", "0")  # by the script, which now listens
     tina.keyboard.press("1")
     expect(form.get_by_label("Names the damping")).to_be_checked()
     expect(form.get_by_label("Points")).to_have_attribute("placeholder", "3")
     form.get_by_label("Comment for the learner").fill("Which bound?")
-    form.get_by_role("button", name="Save the comment above").click()
+    form.get_by_role("button", name="Save my comment").click()
     expect(form.get_by_label("Saved comments")).to_contain_text("Which bound?")
+    expect(form.get_by_label("Names the damping")).to_be_checked()
     form.get_by_label("Comment for the learner").press("Control+Enter")
     expect(tina.locator("[data-one] pre").first).to_have_text("bob says.")  # the next one
     expect(form.get_by_label("Names the damping")).not_to_be_checked()
     form.get_by_role("button", name="Insert").click()
     expect(form.get_by_label("Comment for the learner")).to_have_value("Which bound?")
-    tina.locator("[data-one]").focus()
+    tina.get_by_label("Answer", exact=True).focus()
+    tina.keyboard.press("Enter")
+    expect(tina.get_by_role("alert")).to_contain_text("Tick what holds")
+    expect(form.get_by_label("Comment for the learner")).to_have_value("Which bound?")
+    expect(form.get_by_label("Points")).to_have_attribute("placeholder", "0")
+    tina.get_by_label("Answer", exact=True).focus()
     tina.keyboard.press("2")
     tina.keyboard.press("Enter")
+    expect(tina.get_by_role("status")).to_contain_text("Nothing else waits")
     expect(rows).to_have_count(0)
     seen = learners[first].get(f"{API}/submissions/{first}").json()["verdict"]
     assert (seen["points"], seen["findings"][0]["message"]) == (3, "Which bound?")
@@ -115,21 +123,103 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
 
     tom = desk_of(browser, origin, settings, "tom")
     show(tom, "waiting for my second mark")
-    expect(tom.locator("[data-submissions]")).to_contain_text("needs review")
+    expect(tom.locator("[data-submissions]")).to_contain_text("says.")
     desk = tom.get_by_role("form", name="Review")
     tom.locator("[data-submissions] button").first.click()
     expect(desk).to_contain_text("Yours until")
     expect(desk.get_by_label("Names the damping")).not_to_be_checked()
+    expect(desk.get_by_label("Comment for the learner")).to_have_value("")
     desk.get_by_label("Points").fill("0.5")
     desk.get_by_role("button", name="Decide", exact=True).click()
-    expect(desk).to_contain_text("the two marks differ")
+    expect(tom.get_by_role("status").first).to_contain_text("the two marks differ")
 
     show(tom, "two marks that differ")
-    expect(tom.locator("[data-submissions]")).to_contain_text("partial")
+    expect(tom.locator("[data-submissions]")).to_contain_text("Partly correct")
     tom.locator("[data-submissions] button").first.click()
     expect(desk).to_contain_text("tina gave 3, tom gave 0.5")
     desk.get_by_label("Points").fill("2")
     desk.get_by_role("button", name="Decide", exact=True).click()
-    expect(desk).to_contain_text("Decided")
+    expect(tom.get_by_role("status").first).to_contain_text("Decided")
     assert learners[first].get(f"{API}/submissions/{first}").json()["verdict"]["points"] == 2
-    assert [one for one in complaints if "404" not in one] == []  # 404: nothing else waits
+    assert [one for one in complaints if "422" not in one] == []  # 422: nothing was ticked
+
+
+def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next(
+    settings: Settings, origin: str, browser: Browser, clients: ExitStack
+) -> None:
+    sent = []
+    for name in ("cem-learner", "dee-learner"):
+        token = issue_token(settings, name, "student", None)
+        client = clients.enter_context(httpx.Client(base_url=origin, headers={"Authorization": f"Bearer {token}"}))
+        answer = {"quiz": "essay", "question": "why", "answer": f"{name[:3]} says."}
+        sent.append((client, client.post(f"{API}/submissions", json=answer).json()["id"]))
+    una = desk_of(browser, origin, settings, "una", scripts=False)
+    uli = desk_of(browser, origin, settings, "uli", scripts=False)
+    una.goto("/instructor/review")
+    una.get_by_role("button", name="Review the oldest").click()
+    expect(una.locator("[data-one] pre").first).to_have_text("cem says.")
+    form = una.get_by_role("form", name="Review")
+    expect(form).to_contain_text("Yours until")
+    expect(form.get_by_text("keys 1 to 9")).to_be_hidden()
+
+    uli.goto("/instructor/review")
+    held = uli.locator("[data-submissions] tr").first
+    expect(held).to_contain_text("una has it open")
+    held.get_by_role("link").click()
+    theirs = uli.get_by_role("form", name="Review")
+    expect(theirs).to_contain_text("una is reviewing this answer")
+    theirs.get_by_label("Points").fill("4")
+    theirs.get_by_role("button", name="Decide", exact=True).click()
+    expect(uli.get_by_role("alert")).to_contain_text("una is reviewing")
+    expect(theirs.get_by_label("Points")).to_have_value("4")
+
+    form.get_by_label("Comment for the learner").fill("See the bound.\nAnd kv.")
+    form.get_by_role("button", name="Save my comment").click()
+    form.get_by_label("Comment for the learner").fill("Good.")
+    form.get_by_label("Names the damping").check()
+    form.get_by_label("Saved comments").select_option(
+        index=form.get_by_label("Saved comments").locator("option").count() - 1
+    )
+    form.get_by_role("button", name="Insert").click()
+    expect(form.get_by_label("Comment for the learner")).to_have_value("Good.\nSee the bound.\nAnd kv.")
+    expect(form.get_by_label("Names the damping")).to_be_checked()
+    form.get_by_text("Delete the saved one").click()
+    form.get_by_role("button", name="Delete", exact=True).click()
+    expect(form.get_by_label("Saved comments")).not_to_contain_text("See the bound")
+    form.get_by_role("button", name="Decide and next").click()
+    expect(una.locator("[data-one] pre").first).to_have_text("dee says.")
+    expect(una.get_by_role("status").first).to_contain_text("Decided")
+    form.get_by_label("Points").fill("1.5")
+    form.get_by_label("Points").press("Enter")
+    expect(una.get_by_role("status")).to_contain_text("Nothing else waits")
+    verdicts = [client.get(f"{API}/submissions/{one}").json()["verdict"] for client, one in sent]
+    assert [one["points"] for one in verdicts] == [3, 1.5]
+    assert verdicts[0]["findings"][0]["message"] == "Good.\nSee the bound.\nAnd kv."
+
+    theirs.get_by_role("button", name="Decide", exact=True).click()  # of the page as it was before
+    expect(uli.get_by_role("alert")).to_contain_text("again since you opened it")
+    una.goto(f"/instructor/review/{sent[0][1]}?which=submissions")
+    expect(form.get_by_label("Names the damping")).to_be_checked()
+    expect(form.get_by_label("Comment for the learner")).to_have_value("Good.\nSee the bound.\nAnd kv.")
+
+
+def test_an_answer_is_left_to_others_and_no_other_site_can_decide(
+    settings: Settings, origin: str, browser: Browser, clients: ExitStack
+) -> None:
+    token = issue_token(settings, "fay-learner", "student", None)
+    client = clients.enter_context(httpx.Client(base_url=origin, headers={"Authorization": f"Bearer {token}"}))
+    answer = {"quiz": "essay", "question": "why", "answer": "fay says."}
+    made = client.post(f"{API}/submissions", json=answer).json()["id"]
+    vic = desk_of(browser, origin, settings, "vic", scripts=False)
+    vic.goto(f"/instructor/review/{made}")
+    cookies = {one["name"]: one["value"] for one in vic.context.cookies()}
+    form = {"do": "decide", "points": "4", "version": "1"}
+    forged = httpx.post(
+        f"{origin}/instructor/review/{made}", data=form, cookies=cookies, headers={"Sec-Fetch-Site": "cross-site"}
+    )
+    assert forged.status_code == 403
+    assert client.post(f"/instructor/review/{made}", data=form).status_code in (401, 403)
+    vic.goto("/instructor/review")
+    vic.locator("[data-submissions] button").first.click()
+    vic.get_by_role("button", name="Leave it to others").click()
+    expect(vic.locator("[data-submissions]")).not_to_contain_text("have it open")

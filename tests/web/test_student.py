@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, Route, expect
 
 from web.browsing import chromium, service, settings_in
 
@@ -110,6 +110,30 @@ def test_a_choice_is_made_with_the_keyboard_alone(visit: Visit) -> None:
     expect(card.locator("[data-said]")).to_be_focused()
 
 
+def test_the_same_answer_again_uses_no_attempt_and_the_best_one_is_told(visit: Visit) -> None:
+    card, rail = visit.card("1.3-check", "q2"), visit.page.locator("#rail a").nth(1)
+    field, said, trouble = (card.locator(one) for one in ("input[type=text]", "[data-said]", "[data-trouble].bad"))
+    field.fill("5 ms")
+    card.get_by_role("button").click()
+    expect(said).to_contain_text("attempt 1")
+    card.get_by_role("button", name="Send again").click()
+    expect(trouble).to_have_text("This is what you sent last time. Change it first. No attempt was used.")
+    field.fill("7 ms")
+    expect(said).to_have_class(re.compile("is-old"))
+    card.get_by_role("button").click()
+    expect(said).to_contain_text("attempt 2")
+    expect(said).to_contain_text("An earlier attempt counts: 1 of 1.")
+    expect(said).not_to_have_class(re.compile("is-old"))
+    expect(rail).to_contain_text("Correct")
+
+
+def test_an_answer_that_waits_for_a_person_is_no_lost_point(visit: Visit) -> None:
+    visit.card("1.3-check", "q4").get_by_role("textbox").fill("I would halve the step.")
+    visit.card("1.3-check", "q4").get_by_role("button").click()
+    expect(visit.page.locator("#facts div", has_text="with an instructor")).to_contain_text("1 point")
+    expect(visit.page.locator("#rail a").nth(3)).to_contain_text("waits\u202f/\u202f1")
+
+
 def test_no_choice_is_told_in_a_sentence(visit: Visit) -> None:
     card = visit.card("1.3-check", "q1")
     card.get_by_role("button", name="Send").click()
@@ -126,7 +150,7 @@ def test_everything_comes_back_after_a_reload(visit: Visit) -> None:
     expect(visit.status("1.3-check", "q1")).to_have_text("Not correct")
     expect(visit.card("1.3-check", "q1").get_by_label("Integration")).to_be_checked()
     expect(visit.card("1.3-check", "q4").get_by_role("textbox")).to_have_value("Not sent <b>yet</b>.")
-    expect(visit.card("1.3-check", "q4")).to_contain_text("draft, not sent")
+    expect(visit.card("1.3-check", "q4")).to_contain_text("not sent yet")
     expect(visit.card("1.3-check", "q3").get_by_label("discrete")).to_be_checked()
 
 
@@ -143,6 +167,28 @@ def begin(visit: Visit) -> None:
     visit.card("1.3-check", "q1").get_by_label("Position stage").check()
     visit.card("1.3-check", "q1").get_by_role("button").click()
     expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+
+
+def test_an_echo_and_the_first_answer_begin_one_session(visit: Visit) -> None:
+    page = visit.page
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/session", hold)
+    card = visit.card("1.3-check", "q2")
+    with page.expect_request("**/session"):  # the echo asks for a session
+        card.get_by_label("Your answer").fill("5 ms")
+    card.get_by_role("button").click()
+    page.wait_for_timeout(300)
+    [echo] = held
+    echo.continue_()
+    expect(visit.status("1.3-check", "q2")).to_have_text("Correct")
+    visit.card("1.3-check", "q1").get_by_label("Position stage").check()
+    visit.card("1.3-check", "q1").get_by_role("button").click()
+    expect(visit.status("1.3-check", "q1")).to_have_text("Correct")
+    expect(page.locator("#facts")).to_contain_text("2 of 16")
 
 
 def test_two_tabs_show_one_draft_and_one_verdict(visit: Visit) -> None:
@@ -199,11 +245,78 @@ def test_a_script_is_judged_while_the_page_watches(visit: Visit) -> None:
     with visit.page.expect_download() as download:
         visit.page.get_by_role("link", name="Download (SVG)").first.click()
     assert download.value.suggested_filename.endswith(".svg")
+    visit.page.locator("textarea.code").fill("# not sent")
+    visit.page.locator("#attempts .chip").last.click()
+    expect(visit.page.locator("#result [data-status]")).to_have_text("Ended with an error")
+    expect(visit.page.locator("textarea.code")).to_have_value("# not sent")
+    visit.page.get_by_text("The script of attempt 1").click()
+    visit.page.get_by_role("button", name="Put it into the editor").click()
+    crashed = (REFERENCES / "servo-threshold" / "crashed__no_such_function.py").read_text()
+    expect(visit.page.locator("textarea.code")).to_have_value(crashed)
     visit.page.get_by_role("link", name="compare").click()
     expect(visit.page.get_by_role("heading", name="Two attempts side by side")).to_be_visible()
     expect(visit.page.locator(".side-by-side section")).to_have_count(2)
     visit.page.goto("/")
     expect(visit.page.locator("#rail")).to_contain_text("Partly correct")
+
+
+EVENTS = """window.sources = []; window.parsed = 0;
+  window.EventSource = class { constructor() { window.sources.push(this); this.on = {}; }
+    addEventListener(name, told) { this.on[name] = told; } close() { } };
+  const parse = DOMParser.prototype.parseFromString;
+  DOMParser.prototype.parseFromString = function (...all) { window.parsed += 1; return parse.apply(this, all); };"""
+"""Events that only the test sends; and the number of pages that have arrived."""
+
+
+def test_a_page_that_was_asked_for_earlier_and_comes_later_is_dropped(visit: Visit) -> None:
+    visit.context.add_init_script(EVENTS)
+    visit.page.goto(SERVO)
+    visit.hand_in("servo-threshold", "crashed__no_such_function.py")
+    expect(visit.page.locator("#under-way .steps")).to_be_visible()
+    before = visit.page.request.get(SERVO).text()
+    while "data-events=" in (after := visit.page.request.get(SERVO).text()):
+        visit.page.wait_for_timeout(100)
+    asked: list[Route] = []
+
+    def hold(route: Route) -> None:
+        asked.append(route)
+
+    visit.page.route(f"**{SERVO}", hold)
+    for _ in range(2):
+        visit.page.evaluate("window.sources.at(-1).on.graded()")
+    while len(asked) < 2:
+        visit.page.wait_for_timeout(20)
+    early, late = asked
+    late.fulfill(body=after, content_type="text/html")
+    expect(visit.page.locator("#result [data-status]")).to_have_text("Ended with an error")
+    parsed = visit.page.evaluate("window.parsed")
+    early.fulfill(body=before.replace('id="result"', 'id="result" data-old'), content_type="text/html")
+    visit.page.wait_for_function("parsed => window.parsed > parsed", arg=parsed)
+    expect(visit.page.locator("#result[data-old]")).to_have_count(0)
+    expect(visit.page.locator("#under-way[data-events]")).to_have_count(0)
+    visit.page.unroute(f"**{SERVO}")
+
+
+NUMBERS = "document.querySelector('[data-gutter]').textContent.split('\\n').length"
+
+
+def test_the_lines_of_the_code_are_numbered_and_a_named_one_is_found(visit: Visit) -> None:
+    visit.page.goto(SERVO)
+    code, gutter = visit.page.locator("textarea.code"), visit.page.locator("[data-gutter]")
+    code.fill("\n" * 59 + "x = 1\nraise ValueError('no')\n" + "\n" * 60)
+    assert visit.page.evaluate(NUMBERS) == 122
+    code.evaluate("area => { area.scrollTop = 200 }")
+    expect(gutter).to_have_js_property("scrollTop", 200)
+    visit.page.get_by_role("button", name="Run and judge").click()
+    visit.page.get_by_role("link", name="line 61").click()
+    assert code.evaluate("area => area.value.slice(area.selectionStart).split('\\n')[0]") == "raise ValueError('no')"
+    expect(code).to_be_focused()
+    top = gutter.evaluate("one => one.scrollTop")
+    assert code.evaluate("area => area.scrollTop") == top
+    assert 0 < 60 * 21 - top < 200  # the line is in sight
+    code.press("Control+A")
+    code.press("Delete")
+    assert visit.page.evaluate(NUMBERS) == 1
 
 
 def test_the_old_verdict_stands_back_while_a_script_runs(visit: Visit) -> None:
@@ -223,6 +336,38 @@ def test_the_old_verdict_stands_back_while_a_script_runs(visit: Visit) -> None:
     visit.page.get_by_text("What your script printed").click()
     expect(visit.page.get_by_text("<b>not bold</b>").last).to_be_visible()
     assert visit.page.locator("textarea.code").input_value() == slow
+
+
+SLOW_AT_THE_SECOND_CASE = """
+import time
+seen = []
+
+def largest_stable_timestep(model, integrator):
+    case = float(model.actuator_gainprm[0, 0]), float(model.body_mass[1])
+    if case not in seen:
+        seen.append(case)
+        if len(seen) == 2:
+            time.sleep(6)
+    return None
+"""
+
+
+def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Browser, origin: str) -> None:
+    begin(visit)
+    visit.page.goto(SERVO)
+    visit.page.locator("textarea.code").fill(SLOW_AT_THE_SECOND_CASE)
+    visit.page.get_by_role("button", name="Run and judge").click()
+    expect(visit.page.locator("#under-way .now")).to_have_text("running, case 2 of 7")
+    without_scripts = browser.new_context(
+        base_url=origin, storage_state=visit.context.storage_state(), java_script_enabled=False
+    )
+    page = without_scripts.new_page()
+    page.goto(SERVO)
+    expect(page.locator("#under-way .now")).to_have_text("running, case 2 of 7")
+    expect(page.locator("meta[http-equiv=refresh]")).to_be_attached()
+    expect(page.locator("#result [data-status]")).to_have_text("Not correct")  # it reloads itself
+    without_scripts.close()
+    expect(visit.page.locator("#result [data-status]")).to_have_text("Not correct")
 
 
 def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:
@@ -249,6 +394,7 @@ def test_nothing_jumps_while_the_lab_of_a_prediction_opens(visit: Visit, width: 
     card.get_by_label("implicitfast").check()
     card.get_by_role("button", name="Send").click()
     expect(card.locator(".strips .fault").first).to_be_attached()
+    expect(card.get_by_label("integrator")).to_have_value("implicitfast")
     expect(card.locator("[data-message]")).to_contain_text("BADQACC")
     box = card.locator(".lab").bounding_box()
     card.locator("[data-time]").press("End")

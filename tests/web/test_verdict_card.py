@@ -7,7 +7,7 @@ import pytest
 
 from grader.domain.verdict import Status
 from grader.web.rendering import templates
-from grader.web.verdict_card import Card, card_of, excerpt_of, matrix_of, said
+from grader.web.verdict_card import Card, card_of, excerpt_of, lines_linked, matrix_of, said
 from grader.web.words import STATUSES, told_of
 from grader.web.work import Given
 from web.evidence import threshold_verdict
@@ -49,6 +49,26 @@ def test_cases_by_integrators_are_a_matrix_and_failed_rows_stand_open() -> None:
     assert shown.rows[1].cells[0].measured == ""
 
 
+def test_hidden_cases_that_fail_alike_are_one_line() -> None:
+    same, other = "Departs from MuJoCo's RK4.", "The time is wrong."
+    hidden = [finding(f"hidden case {number}", False, same) for number in (1, 2, 3)]
+    passed = [finding(f"hidden case {number}", True) for number in (5, 6)]
+    findings = [finding("seen", False, same), *hidden, finding("hidden case 4", False, other), *passed]
+    shown = card({"status": "incorrect", "findings": findings})
+    assert [(cell.title, cell.of) for cell in shown.failed] == [
+        ("Seen", 1.0),
+        ("Hidden cases 1 to 3", 3.0),
+        ("Hidden case 4", 1.0),
+    ]
+    assert len(shown.passed) == 2
+
+
+def test_a_syntax_error_is_shown_at_its_line() -> None:
+    told = "SyntaxError: expected ':' (line 2: def f())"
+    shown = card({"status": "crashed", "diagnosis": told}, source="import mujoco\ndef f()\n    pass")
+    assert [line.text for line in shown.excerpt if line.hot] == ["def f()"]
+
+
 def test_what_passed_is_folded() -> None:
     passed = [finding("one, x", True), finding("one, y", True, measured=3), finding("two, y", True)]
     shown = card({"status": "partial", "findings": [*passed, finding("two, x", False, "Too low: by far.")]})
@@ -63,7 +83,7 @@ def test_findings_that_are_no_matrix_are_a_list() -> None:
         {"status": "partial", "findings": [finding("a body, 2 steps", False, "Departs."), finding("order", True)]}
     )
     assert (shown.columns, shown.rows) == ((), ())
-    assert [cell.title for cell in shown.failed] == ["A body, 2\u202fsteps"]
+    assert [cell.title for cell in shown.failed] == ["A body, 2\u00a0steps"]
     assert [cell.title for cell in shown.passed] == ["Order"]
 
 
@@ -87,12 +107,28 @@ def test_a_note_names_its_cases_where_others_of_the_column_failed_otherwise() ->
     assert shown.notes == (f"y, x (Two): {none}",)
 
 
+def test_cases_that_fail_alike_in_all_columns_are_named_once_and_the_diagnosis_is_not_said_again() -> None:
+    seen = [finding(f"seen, {column}", False, "TypeError: no f.") for column in "xy"]
+    hidden = [finding(f"hidden case {n}, {column}", False, "TypeError.") for n in (1, 2, 3) for column in "xy"]
+    shown = card({"status": "crashed", "findings": [*seen, *hidden], "diagnosis": "seen, x: TypeError: no f."})
+    assert shown.notes == ("Hidden cases 1 to 3: TypeError.",)
+
+
 def test_the_line_that_raised_is_shown_with_its_neighbours() -> None:
     source = "\n".join(f"line {number}" for number in range(1, 9))
     lines = excerpt_of(source, "ValueError: no, in line 7 of your script.")
     assert [(line.number, line.hot) for line in lines] == [(5, False), (6, False), (7, True), (8, False)]
     assert excerpt_of(source, "in line 99 of your script") == ()
     assert excerpt_of(source, "It ends.") == ()
+
+
+def test_a_line_that_is_named_leads_to_the_editor_where_its_script_is_there() -> None:
+    told = "NameError: <b>, in line 2 of your script. Line 12 hid it; timeline 3 did not."
+    assert lines_linked(told) == (
+        'NameError: &lt;b&gt;, in <a href="#answer" data-go-to="2">line 2</a> of your script. '
+        '<a href="#answer" data-go-to="12">Line 12</a> hid it; timeline 3 did not.'
+    )
+    assert "data-go-to" not in rendered(card({"status": "crashed", "diagnosis": told}))
 
 
 def test_measured_values_are_said_in_words() -> None:

@@ -11,14 +11,17 @@ from fastapi.responses import RedirectResponse, Response
 from grader.courses.handing_in import Answer
 from grader.courses.sign_in import start_anonymous_session
 from grader.courses.standing import require_opened
+from grader.courses.stopping import STOPPED, stop
 from grader.domain.quiz import CodeQuestion, Question
 from grader.domain.verdict import Status
 from grader.errors import CallerError, Conflict, NotFound, TooLarge, TooManyRequests, Unauthorized
 from grader.identity import Identity
+from grader.pipeline import ParsedSubmission
+from grader.store import submissions
 from grader.web.context import Form, PageContext, Pages, Visitor
 from grader.web.lesson_page import Typed
 from grader.web.rendering import page
-from grader.web.student_pages import show_exercise, show_lesson
+from grader.web.student_pages import SIGN_IN, show_exercise, show_lesson
 
 router = APIRouter(include_in_schema=False)
 
@@ -30,6 +33,7 @@ STATUSES: dict[type[CallerError], int] = {Conflict: 409, TooLarge: 413, TooManyR
 NOTHING_CHOSEN = "Choose one of the options first."
 NOTHING_TYPED = "Write an answer first."
 NO_SCRIPT = "Load or paste your script first."
+SAME = "This is what you sent last time. Change it first."
 UNTOUCHED = "No attempt was used."
 
 
@@ -79,6 +83,30 @@ async def hand_in(
     return response
 
 
+@router.post("/quizzes/{quiz_id}/{question_id}/stop")
+async def stop_script(
+    quiz_id: str, question_id: str, *, request: Request, pages: Pages, who: Visitor, form: Form
+) -> Response:
+    """Stops a script that waits, and shows the exercise with what is in the editor. Raises Unauthorized, NotFound."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
+    return await run_in_threadpool(stopped, request, pages, who, at=(quiz_id, question_id), form=form)
+
+
+def stopped(
+    request: Request, pages: PageContext, who: Identity, *, at: tuple[str, str], form: dict[str, str]
+) -> Response:
+    """The exercise after a script was stopped, or could not be. Raises NotFound."""
+    why, status = STOPPED, 200
+    try:
+        with pages.database.write() as session:
+            stop(pages.database, pages.library_for(who), session, who, form.get("stop", ""))
+    except Conflict as conflict:
+        why, status = str(conflict), 409
+    typed = Typed(*at, form.get("answer", "").replace("\r\n", "\n"), why)
+    return show_exercise(request, pages, who, quiz_id=at[0], question_id=at[1], typed=typed, status=status)
+
+
 def sender_of(pages: PageContext, visitor: Identity | None, learner: str) -> Sender | None:
     """Who sends the form; None if the session of the `learner` who opened the page has ended, or is another's now.
 
@@ -119,8 +147,22 @@ def read(pages: PageContext, who: Identity, quiz_id: str, question: Question, *,
     verdict = pipeline.judge(parsed) if parsed.is_instant else None
     if verdict is not None and verdict.status is Status.INVALID_ANSWER:
         raise Refused(f"{verdict.diagnosis or 'This answer could not be read.'} {UNTOUCHED}")
+    if not isinstance(question, CodeQuestion) and is_repeated(pages, who, quiz_id, parsed, after):
+        raise Refused(f"{SAME} {UNTOUCHED}")
     key = f"page-{after[:64]}-{parsed.digest[:32]}"  # the same answer from the same form is one submission
     return Answer(who, pipeline.library, parsed, verdict, key, pages.queue_per_user)
+
+
+def is_repeated(pages: PageContext, who: Identity, quiz_id: str, parsed: ParsedSubmission, after: str) -> bool:
+    """Whether the answer `after` which the form was made is the same: to send it again would come to the same."""
+    with pages.database.read() as session:
+        last = submissions.get(session, after) if after.isalnum() else None
+    return (
+        last is not None
+        and (last.learner, last.quiz, last.question, last.answer) == (who.id, quiz_id, parsed.question.id, parsed.text)
+        and last.content_digest == pages.library_for(who).digest(quiz_id)
+        and last.outcome != Status.GRADER_FAULT
+    )
 
 
 def value_of(question: Question, typed: str) -> int | str | dict[str, str]:

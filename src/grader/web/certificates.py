@@ -1,6 +1,5 @@
 """Makes the table of answer keys on the instructor page: derives each again by simulation."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -9,9 +8,10 @@ from typing import Any
 
 from grader.certify import Certificate, certify_question
 from grader.certify.remarks import UNVERIFIED, Luck, could_be_decided, luck_of
-from grader.domain.quiz import CodeQuestion, OpenQuestion
+from grader.domain.quiz import CodeQuestion, OpenQuestion, Question
 from grader.library import Library
-from grader.web.figures import unbroken
+from grader.web.certified import luck_told, told
+from grader.web.page import short_title
 
 LUCKS_MAX = 1000
 """Chances of luck that are kept."""
@@ -43,7 +43,7 @@ def rows_of(keyed: _Keyed, with_luck: bool) -> Iterator[dict[str, Any]]:
             yield certified[question.id]
         elif isinstance(question, CodeQuestion):
             luck = lucks.of(keyed, question, compute=with_luck)
-            yield {"quiz": keyed.quiz, "question": question.id, "kind": question.kind, **luck_words(luck)}
+            yield {"quiz": keyed.quiz, "question": question.id, "title": title_of(question), **luck_words(luck)}
 
 
 class Lucks:
@@ -75,33 +75,39 @@ def _certified(keyed: _Keyed) -> tuple[dict[str, Any], ...]:
         {
             "quiz": keyed.quiz,
             "question": question.id,
-            "kind": question.kind,
-            **words(certify_question(question, keyed.library.model_xml), could_be_decided(question)),
+            "title": title_of(question),
+            **words(question, certify_question(question, keyed.library.model_xml)),
         }
         for question in keyed.library.quiz(keyed.quiz).questions
         if not isinstance(question, OpenQuestion | CodeQuestion)
     )
 
 
+def title_of(question: Question) -> str:
+    """The title of a question, or its first words."""
+    return short_title(question.title or question.label, question.q)
+
+
 def luck_words(luck: Luck | None) -> dict[str, Any]:
     """Returns a chance of luck as cells of the table."""
-    cells: dict[str, Any] = {"remarks": (), "measured": "", "tone": "", "state": "luck not computed", "why": ""}
     if luck is None:
-        return cells
-    why = f"A fixed answer passes with a chance of at most {luck.chance:.1e}; {luck.allowed:g} is allowed."
-    told = {"state": "no luck", "tone": "ok"} if luck.why is None else {"state": "luck", "tone": "no"}
-    return cells | told | {"why": unbroken(why), "remarks": () if luck.why is None else (luck.why,)}
+        return {"state": "guessing not computed", "tone": "", "why": "", "told": [], "remarks": ()}
+    why, remarks = luck_told(luck)
+    state = (
+        {"state": "cannot be guessed", "tone": "ok"} if luck.why is None else {"state": "can be guessed", "tone": "no"}
+    )
+    return {**state, "why": why, "told": [], "remarks": remarks}
 
 
-def words(certificate: Certificate | None, could_be: bool) -> dict[str, Any]:
+def words(question: Question, certificate: Certificate | None) -> dict[str, Any]:
     """Returns a certificate as cells of the table; without one, whether there could be one."""
     if certificate is None:
-        remarks = (UNVERIFIED,) if could_be else ()
-        return {"state": "not derivable by simulation", "tone": "", "why": "", "remarks": remarks, "measured": ""}
+        remarks = (UNVERIFIED,) if could_be_decided(question) else ()
+        return {"state": "not derivable by simulation", "tone": "", "why": "", "told": [], "remarks": remarks}
     return {
         "state": "certified" if certificate.ok else "refused",
         "tone": "ok" if certificate.ok else "no",
-        "why": certificate.why,
+        "why": "" if certificate.ok else certificate.why,
+        "told": told(question, certificate),
         "remarks": certificate.remarks,
-        "measured": json.dumps(certificate.to_json()["measured"], indent=1),
     }

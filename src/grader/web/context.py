@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from grader.content import Contents
 from grader.courses.desk import Desk
 from grader.courses.handing_in import Answer
+from grader.courses.measuring import Statistics
 from grader.courses.pseudonyms import Blinding
 from grader.errors import Unauthorized, Unprocessable
 from grader.identity import DEFAULT_COURSE, Identity, Role
@@ -24,7 +25,8 @@ from grader.store.writer import Writer
 from grader.web.provider import Provider
 from grader.web.sessions import SessionCookies
 
-FIELDS_MAX = 200
+FIELDS_MAX = 1000
+"""Fields of a form: a box for each learner of a large course."""
 
 RowId = Annotated[int, Path(ge=1, le=ROW_ID_MAX)]
 """The number of a row, in a path."""
@@ -45,6 +47,8 @@ class PageContext:
     blinding: Blinding
     workers_alive: Callable[[Session], int]
     """Tells how many workers of the database live."""
+    statistics: Statistics
+    """Those of the API."""
 
     def desk_of(self, course: str) -> Desk:
         """What reviewing in a course works with, on its content as it is now."""

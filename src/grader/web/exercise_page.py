@@ -9,7 +9,7 @@ from grader.domain.quiz import Quiz
 from grader.errors import NotFound
 from grader.library import Library
 from grader.web.figures import points
-from grader.web.lesson_page import Asked, Typed, asked, facts_of
+from grader.web.lesson_page import WITH_AN_INSTRUCTOR, Asked, Typed, asked, facts_of
 from grader.web.lessons import lesson_id, title_of
 from grader.web.page import page_of
 from grader.web.verdict_card import card_of
@@ -38,19 +38,19 @@ def exercise_page(
     here = asked(view, library.question(quiz.id, question_id), quiz.id, work, typed)
     running = attempts[0] if attempts and attempts[0].verdict is None else None
     shown = attempt_to_show(attempts, chosen)
-    facts = facts_of([quiz], work)
+    facts = {name: value for name, value in facts_of([quiz], work).items() if name != WITH_AN_INSTRUCTOR}
     lesson = lesson_id(quiz.id)
     return {
         "quiz": {"id": quiz.id, "title": quiz.title},
         "lesson": {"id": lesson, "title": title_of(lesson), "path": f"/lessons/{lesson}"},
         "here": here,
-        "facts": facts | {"points": points_here(here)},
+        "facts": facts | {"points": points_here(here)},  # what waits may be at other questions
         "attempts": attempts,
         "shown": shown,
         "following": following_of(quiz.id, lesson, views[at + 1 :]),
         "running": running,
         "card": None if shown is None else card_of(shown),
-        "source": source_of(here, shown, chosen, typed),
+        "source": source_of(here, typed),
     }
 
 
@@ -73,18 +73,20 @@ def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | No
     return found
 
 
-def source_of(here: Asked, shown: Given | None, chosen: str | None, typed: Typed | None) -> str:
-    """The text of the editor: what was refused, the chosen or newest attempt, else the starter."""
+def source_of(here: Asked, typed: Typed | None) -> str:
+    """The text of the editor: what was refused, the newest attempt, else the starter."""
     if typed is not None:
         return typed.answer
-    given = shown if chosen is not None else here.place.given
+    given = here.place.given
     return (given.text if given is not None else "") or here.view["starter"] or ""
 
 
 def points_here(here: Asked) -> str:
     """The points that count at this exercise."""
     place = here.place
-    return f"{'–' if place.points is None else points(place.points)} of {points(place.of)}"
+    if place.points is None or (place.waits and not place.points):
+        return f"none of {points(place.of)} yet"
+    return f"{points(place.points)} of {points(place.of)}"
 
 
 def side_by_side(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:

@@ -1,5 +1,6 @@
-"""`/instructor/extensions`: later dates and further attempts for one learner, and the feedback of a quiz. No script."""
+"""`/instructor/extensions`: later dates and further attempts for learners, and the feedback of a quiz. No script."""
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
@@ -7,17 +8,23 @@ from fastapi.responses import RedirectResponse, Response
 from pydantic import ValidationError
 
 from grader.courses import publication, results
+from grader.courses.namesakes import marked, marks_in
 from grader.domain.policy import Extension
-from grader.errors import NotFound, Unprocessable
-from grader.identity import Identity, Role
+from grader.errors import Unprocessable
+from grader.identity import Identity
 from grader.store import extensions, people
+from grader.store.tables import ExtensionRow, Member
 from grader.web.context import Form, PageContext, Pages, Visitor, instructor
 from grader.web.lesson_page import day
+from grader.web.page import count
 from grader.web.rendering import page
 from grader.web.student_pages import sign_in_page
 
 PAGE = "/instructor/extensions"
-MOMENT = "%Y-%m-%dT%H:%M"
+TICKED = "learner-"
+"""What the name of a learner's box begins with; the id follows."""
+BOXES = 500
+"""Learners on the page who can be ticked; all others can be named."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -38,22 +45,30 @@ def shown(request: Request, pages: PageContext, who: Identity, quiz: str, status
         return page(request, "extensions.html", who=who, quizzes=[])
     chosen = library.quiz(quiz) if quiz else quizzes[0]
     with pages.database.read() as session:
-        members = people.everybody(session, who.course)
         given = [
-            {"name": name, "row": row, "due": row.due and day(row.due), "until": row.until and day(row.until)}
-            for row, name in extensions.of_quiz(session, who.course, chosen.id)
+            {"name": name, "row": row, **told(row)} for row, name in extensions.of_quiz(session, who.course, chosen.id)
         ]
         published = extensions.published(session, who.course, [chosen.id]).get(chosen.id)
+        learners, marks = people.learners(session, who.course, BOXES + 1), marks_in(session, who.course)
     context: dict[str, Any] = {
-        "learners": [one for one in members if one.removed_at is None and one.role == Role.STUDENT],
+        "learners": learners[:BOXES],
+        "more_learners": len(learners) > BOXES,
+        "marks": marks,
         "quizzes": quizzes,
         "quiz": chosen,
         "dates": dates_of(chosen.policy),
         "given": given,
         "published": published and day(published),
         "typed": {},
+        "counts_attempts": chosen.policy.attempts is not None or any(one.attempts for one in chosen.questions),
     }
     return page(request, "extensions.html", status, who=who, **(context | more))
+
+
+def told(granted: Extension | ExtensionRow) -> dict[str, str | None]:
+    """The moments of an extension in words."""
+    moments = {"due": granted.due, "until": granted.until}
+    return {name: None if moment is None else day(moment) for name, moment in moments.items()}
 
 
 def dates_of(policy: Any) -> dict[str, str]:
@@ -65,19 +80,66 @@ def dates_of(policy: Any) -> dict[str, str]:
 
 @router.post(PAGE)
 def grant(request: Request, pages: Pages, who: Visitor, form: Form) -> Response:
-    """Gives an extension, or takes it back where nothing is given. Shows the page again if it is refused."""
+    """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now.
+
+    Takes it back where nothing is given. Shows the page again with what was typed if it is refused.
+    """
     who, quiz = instructor(who), form.get("quiz", "")
+    library = pages.library_for(who)
+    library.quiz(quiz)
     try:
         granted = granted_by(form)
         with pages.database.write() as session:
-            learner = people.get(session, form.get("learner", ""), who.course)
-            if learner is None:
-                raise NotFound("There is no such learner.")
-            library = pages.library_for(who)
-            results.grant(pages.database, library, session, learner, quiz, granted=granted, by=who)
+            chosen = chosen_by(form, people.learners(session, who.course), marks := marks_in(session, who.course))
+            for learner in sorted(chosen, key=lambda one: one.id):  # in one order, so that two pages never deadlock
+                results.grant(pages.database, library, session, learner, quiz, granted=granted, by=who)
+            names = [marked(one.name, one.id, marks) for one in chosen]
     except Unprocessable as error:
-        return shown(request, pages, who, quiz, 422, trouble=str(error), typed=form)
-    return RedirectResponse(f"{PAGE}?quiz={pages.library_for(who).quiz(quiz).id}", 303)
+        return shown(request, pages, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
+    return shown(request, pages, who, quiz, done=[f"{name}: {in_words(granted)}" for name in names])
+
+
+def chosen_by(form: Mapping[str, str], learners: Sequence[Member], marks: Mapping[str, str]) -> list[Member]:
+    """The learners whom a form ticks (`learner-ID`) or names, each once, by name.
+
+    Raises Unprocessable where no learner is chosen, or with a line for each name that no learner or several bear.
+    """
+    named: dict[str, list[Member]] = {}
+    for one in learners:
+        for name in {one.name, marked(one.name, one.id, marks)}:
+            named.setdefault(" ".join(name.split()), []).append(one)
+    wanted = dict.fromkeys(name for line in form.get("names", "").splitlines() if (name := " ".join(line.split())))
+    troubles = [trouble_of(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]
+    ticked = {name.removeprefix(TICKED) for name in form if name.startswith(TICKED)}
+    if gone := ticked - {one.id for one in learners}:
+        troubles.append(f"{len(gone)} of those ticked: no learner of this course any more.")
+    ticked |= {one.id for name in wanted for one in named.get(name, ())}
+    if not ticked and not troubles:
+        troubles = ["Tick or name at least one learner."]
+    elif troubles:
+        troubles.insert(0, "Nothing was given to anybody.")
+    if troubles:
+        raise Unprocessable("\n".join(troubles))
+    return [one for one in learners if one.id in ticked]
+
+
+def trouble_of(name: str, bearers: int) -> str:
+    """Why a typed name is refused."""
+    if bearers:
+        return f"{name}: {bearers} learners bear this name. Add the mark that stands behind it, or tick the right one."
+    return f"{name}: no learner of this course has this name."
+
+
+def in_words(granted: Extension) -> str:
+    """What a learner has after a form."""
+    if granted == Extension():
+        return "has no extension any more"
+    parts = [
+        f"{words} {moment}"
+        for words, moment in zip(("due", "late until"), told(granted).values(), strict=True)
+        if moment
+    ]
+    return ", ".join(parts + ([count(granted.attempts, "further attempt")] if granted.attempts else []))
 
 
 def granted_by(form: dict[str, str]) -> Extension:

@@ -3,8 +3,13 @@
 import math
 import re
 
+from markupsafe import Markup, escape
+
 NARROW = "\u202f"
 """The narrow no-break space between a number and its unit."""
+
+WIDE = "\u00a0"
+"""The no-break space before a word, and between the factors of a unit."""
 
 MINUS = "−"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -13,9 +18,15 @@ FRACTIONS = {"1/2": "½", "1/3": "⅓", "1/6": "⅙"}
 
 SPANS = {86_400: "day", 3600: "hour", 60: "minute"}
 
-UNITS = "ms|µs|s|min|h|kg|g|mm|cm|km|m|rad|deg|Hz|kHz|N|Nm|J|W|Pa|K|V|A|KB|MB|GB|kB|%|points?|attempts?|steps?|lines?"
-AMOUNT = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w]))")
+WORDS = ("point", "attempt", "step", "line")
+UNITS = rf"ms|µs|s|min|h|kg|g|mm|cm|km|m|rad|deg|°C?|Hz|kHz|N|Nm|J|W|Pa|K|V|A|KB|MB|GB|kB|%|(?:{'|'.join(WORDS)})s?"
+UNIT = rf"(?:{UNITS})[²³]?(?!\w)"
+AMOUNT = re.compile(rf"(?<=\d) {UNIT}(?:[ ·/]{UNIT})*")
+"""What follows a number: a unit, or a product of units such as ` N m s/rad`."""
+
 SCIENTIFIC = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]?\d{2,3})(?!\w)")
+SHORT_WORDS = frozenset(("a", "an", "at", "in", "is", "it", "no", "of"))
+CODE = re.compile("`([^`]*)`")
 NEGATIVE = re.compile(r"(?<![\w.−-])-(?=\d)")
 
 
@@ -72,7 +83,31 @@ def span(seconds: float) -> str:
     return "under a minute"
 
 
+def capital(text: str) -> str:
+    """A sentence or a title with a capital letter, unless it begins with a symbol such as `kp = 2000`."""
+    first = text.partition(" ")[0]
+    return text[:1].upper() + text[1:] if len(first) > 2 or first in SHORT_WORDS else text
+
+
+def remark(text: str) -> Markup:
+    """A remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
+    said = capital(unbroken(text)) if text[:1].isalpha() else unbroken(text)
+    return Markup(CODE.sub(r"<code>\1</code>", str(escape(said))))  # noqa: S704  # escaped
+
+
 def unbroken(text: str) -> str:
     """A plain text whose numbers keep their units on the same line, and have true minus signs and powers of ten."""
     text = SCIENTIFIC.sub(lambda found: f"{found[1]}·10{power(int(found[2]))}", text)
-    return NEGATIVE.sub(MINUS, AMOUNT.sub(NARROW, text))
+    return NEGATIVE.sub(MINUS, with_units(text))
+
+
+def unit_of(found: re.Match[str]) -> str:
+    """A unit after its space, which is narrow before a symbol; words and the factors of a unit stand further apart."""
+    unit = found[0][1:]
+    return (WIDE if unit.startswith(WORDS) else NARROW) + unit.replace(" ", WIDE)
+
+
+def with_units(text: str, *, is_after_number: bool = False) -> str:
+    """A text in which no line ends between a number and its unit; `is_after_number`: the text follows a number."""
+    joined = AMOUNT.sub(unit_of, f"0{text}" if is_after_number else text)
+    return joined[1:] if is_after_number else joined

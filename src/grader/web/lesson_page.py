@@ -1,19 +1,23 @@
 """The lesson page: what counts and what is due, a rail of questions, and every question with the learner's work."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from grader.courses.policy import before_opening
+from grader.courses.policy import before_opening, spoken
+from grader.domain.markup import plain_text
 from grader.domain.quiz import PredictQuestion, Question, Quiz
 from grader.library import Library
 from grader.web.figures import points
 from grader.web.lab_box import lab_box
 from grader.web.lessons import Lesson
 from grader.web.page import page_of, unopened_page
-from grader.web.verdict_card import Card, card_of
+from grader.web.prose import cached_prose
+from grader.web.verdict_card import Card, card_of, count
 from grader.web.work import Place, Work, counting
+
+WITH_AN_INSTRUCTOR = "with an instructor"
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,20 @@ def asked(view: dict[str, Any], question: Question, quiz: str, work: Work, typed
     trouble = typed.why if refused and typed is not None else ""
     lab = question.sim if isinstance(question, PredictQuestion) and place.lab_is_open else None
     card = None if given is None else card_of(given)
-    return Asked(view, place, card, text, trouble, None if lab is None else lab_box(lab))
+    box = None if lab is None or given is None else predicted(lab_box(lab), view["options"], given.answer)
+    return Asked(view, place, card, text, trouble, box)
+
+
+def predicted(box: dict[str, Any], options: Sequence[str], answer: Any) -> dict[str, Any]:
+    """A lab whose selects begin with the option that the learner predicted, where they offer it."""
+    chosen = plain_text(options[answer]) if isinstance(answer, int) and 0 <= answer < len(options) else None
+    controls = [
+        control | {"value": dict(control["options"])[chosen]}
+        if control["type"] == "select" and chosen in dict(control["options"])
+        else control
+        for control in box.get("controls", ())
+    ]
+    return box | {"controls": controls}
 
 
 def section_of(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
@@ -71,12 +88,43 @@ def section_of(library: Library, quiz: Quiz, work: Work, typed: Typed | None = N
 
 def lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
     """The variables of lesson.html."""
-    opened = [quiz for quiz in lesson.quizzes if work.standing.has_opened(quiz.id)]
+    sections = [section_of(library, quiz, work, typed) for quiz in lesson.quizzes]
     return {
         "lesson": lesson,
-        "facts": facts_of(opened, work),
-        "quizzes": [section_of(library, quiz, work, typed) for quiz in lesson.quizzes],
+        "summary": cached_prose(lesson.head.summary) if lesson.head and lesson.head.summary else "",
+        "facts": opened_facts(lesson.quizzes, work),
+        "first": first_of(sections),
+        "quizzes": sections,
     }
+
+
+@dataclass(frozen=True)
+class First:
+    """What to do first: the first question without an answer that takes one. `has_begun`: some question has one."""
+
+    quiz: str
+    title: str
+    number: int
+    asked: Asked
+    has_begun: bool
+
+
+def first_of(sections: Sequence[Mapping[str, Any]]) -> First | None:
+    """What to do first; None where no question is left to answer."""
+    places = [(section, number, it) for section in sections for number, it in enumerate(section["questions"], 1)]
+    has_begun = any(it.place.given is not None for _, _, it in places)
+    for section, number, it in places:
+        if it.place.given is None and it.place.may_answer:
+            return First(section["id"], section["title"], number, it, has_begun)
+    return None
+
+
+def opened_facts(quizzes: Sequence[Quiz], work: Work) -> dict[str, str]:
+    """The facts of the quizzes that have opened; before the first of them, when it opens."""
+    coming = [quiz.policy.opens for quiz in quizzes if not work.standing.has_opened(quiz.id) and quiz.policy.opens]
+    if coming and len(coming) == len(quizzes):
+        return {"opens": day(min(coming))}
+    return facts_of([quiz for quiz in quizzes if work.standing.has_opened(quiz.id)], work)
 
 
 def facts_of(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
@@ -87,17 +135,22 @@ def facts_of(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
     counts = dict.fromkeys(counting(quiz.policy) for quiz in with_questions)
-    facts = {"points": f"{points(got)} of {points(of)}", "what counts": ", ".join(counts)}
+    facts = {"points": f"{points(got)} of {points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
+    if waiting := sum(place.of for place in places if place.waits and not place.points):
+        facts[WITH_AN_INSTRUCTOR] = count(waiting, "point")
+    facts["what counts"] = ", ".join(counts)
+    if any(place.may_answer for place in places) and all(place.attempts_left is None for place in places):
+        facts["attempts"] = "no limit"
     dues = [place.due for place in places if place.due is not None]
     coming = [due for due in dues if due > work.standing.at]
     if coming:
         facts["due"] = day(min(coming))
-    elif dues:
-        facts["due"] = "over"
+    elif dues and not any(place.may_answer for place in places):
+        facts["due"] = f"over since {day(max(dues))}"
     return facts
 
 
 def day(moment: datetime) -> str:
-    """A moment for the head of a page: `Fri 27 Nov, 18:00 UTC`."""
-    return f"{moment:%a} {moment.day} {moment:%b, %H:%M} UTC"
+    """A moment with its day of the week: `Fri 27 Nov 2026, 18:00 UTC`."""
+    return f"{moment:%a} {spoken(moment)}"

@@ -4,7 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grader.domain.quiz import Quiz
+from grader.domain.markup import plain_text
+from grader.domain.quiz import LessonHead, Quiz
 
 NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
 OTHER = "questions"
@@ -18,6 +19,16 @@ class Lesson:
     id: str
     title: str
     quizzes: tuple[Quiz, ...]
+
+    @property
+    def head(self) -> LessonHead | None:
+        """What the first of its quizzes that says anything about the lesson says."""
+        return next((quiz.lesson for quiz in self.quizzes if quiz.lesson is not None), None)
+
+    @property
+    def name(self) -> str:
+        """Its title with its name, where it has one: `Lesson 1.3: Integrators`."""
+        return self.title if self.head is None else f"{self.title}: {plain_text(self.head.title)}"
 
     @property
     def path(self) -> str:

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 from grader.web.evidence import Chart, ChartAxis, Difference, Order
-from grader.web.figures import number, quantity
-from grader.web.svg import Axis, Drawing, Point
+from grader.web.figures import capital, number, quantity, unbroken
+from grader.web.svg import Axis, Drawing, Point, text_width
 
 HEIGHT, TOP, FOOT, LEFT = 250.0, 24.0, 44.0, 46.0
 RIGHT = 12.0
@@ -38,9 +39,9 @@ def order_plot(order: Order) -> Plot | None:
     factor = number(2.0 ** (order.slope or 0.0), 2)
     expected = number(2.0**order.expected_slope, 2)
     if is_right:
-        title = f"Halve the timestep and your error falls by {factor}, as it should"
+        title = f"Halve the timestep and your error falls by a factor of {factor}, as it should"
     else:
-        title = f"Halve the timestep and your error falls by {factor}; it should fall by {expected}"
+        title = f"Halve the timestep and your error falls by a factor of {factor}; it should be {expected}"
     caption = "The largest error against the exact motion, over the timestep; both axes are logarithmic."
     rows = tuple((quantity(h, "ms"), number(e, 3)) for h, e in found)
     return (
@@ -65,24 +66,35 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
         picture.text(quantity(h, "ms"), across.at(h), HEIGHT - FOOT + 18, anchor="middle")
     picture.text("timestep", (LEFT + width) / 2, HEIGHT - 6, anchor="middle")
     inner = Drawing(width, HEIGHT)
-    inner.path("reference", [(across.at(h), up.at(e)) for h, e in ideal])
-    inner.path("line", [(across.at(h), up.at(e)) for h, e in found])
+
+    def drawn(points: Sequence[Point]) -> list[Point]:
+        return [(across.at(h), up.at(e)) for h, e in points]
+
+    inner.path("reference", drawn(ideal))
+    inner.path("line", drawn(found))
     picture.clipped(LEFT, TOP, width - RIGHT - LEFT, HEIGHT - FOOT - TOP, inner)
     for h, e in found:
         picture.dot("", across.at(h), up.at(e))
     is_off = abs((order.slope or 0.0) - order.expected_slope) >= OFF_BY
     is_above = max(ideal)[1] > max(found)[1]
-    draw_end(picture, (across, up), max(found), f"yours: {measured}", is_below=is_off and is_above)
+    draw_end(picture, drawn(found), f"yours: {measured}", is_below=is_off and is_above)
     if is_off:
-        told = f"order {number(order.expected_slope)} would be"
-        draw_end(picture, (across, up), max(ideal), told, is_below=not is_above)
+        draw_end(picture, drawn(ideal), f"order {number(order.expected_slope)} would be", is_below=not is_above)
     return picture
 
 
-def draw_end(picture: Drawing, axes: tuple[Axis, Axis], end: Point, told: str, *, is_below: bool) -> None:
-    """The name of a line at its upper end."""
-    x, y = axes[0].at(end[0]), axes[1].at(end[1])
-    picture.text(told, x, y + 22 if is_below else y - 12, "name halo", "end")
+def draw_end(picture: Drawing, line: Sequence[Point], told: str, *, is_below: bool) -> None:
+    """The name of a rising line at its upper end: above it, or below all of it that the name spans."""
+    x, y = max(line)
+    left = x - text_width(told)
+    lowest = max(y, *(height_at(a, b, left) for a, b in pairwise(sorted(line)) if b[0] > left))
+    picture.text(told, x, lowest + 20 if is_below else y - 12, "name halo", "end")
+
+
+def height_at(start: Point, end: Point, x: float) -> float:
+    """The height of the segment between two points at `x`, or at its start if that is further right."""
+    share = max(0.0, (x - start[0]) / (end[0] - start[0]))
+    return start[1] + share * (end[1] - start[1])
 
 
 def difference_plot(difference: Difference, name: str) -> Plot | None:
@@ -98,7 +110,7 @@ def difference_plot(difference: Difference, name: str) -> Plot | None:
     most = max(v for points in found.values() for _, v in points)
     within = most <= difference.tolerance
     title = "Round-off is all that parts you from MuJoCo's RK4" if within else "How far you are from MuJoCo's RK4"
-    caption = f"{name}: the largest difference against time, on a logarithmic scale."
+    caption = f"{capital(unbroken(name))}: the largest difference against time, on a logarithmic scale."
     rows = tuple(
         (label, number(max(v for _, v in points), 3), number(difference.tolerance)) for label, points in found.items()
     )
@@ -122,14 +134,15 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
     picture.y_axis(up, LEFT, width - RIGHT, 5)
     picture.x_axis(across, HEIGHT - FOOT, "s", 5)
     picture.text(f"counts as right: up to {number(difference.tolerance)}", LEFT + 6, passes + 16, "halo")
-    for label, style, is_below in (("velocities", "Euler", False), ("positions", "implicitfast", True)):
+    for label, style, is_below in (("velocities", "solid", False), ("positions", "dashed", True)):
         points = found.get(label, [])
         picture.path(f"line {style}", [(across.at(t), up.at(v)) for t, v in points])
         if points:
-            # Above every velocity, below every position, in the last third: the lines do not cross there.
-            reach = [v for _, v in points[-len(points) // 3 :]]
-            y = up.at(min(reach)) + 20 if is_below else up.at(max(reach)) - 10
             told = f"{label}: up to {number(max(v for _, v in points), 2)}"
+            # Above every velocity, or below every position, that the name spans.
+            spanned = min(1.0, text_width(told) / (across.end - across.start))
+            reach = [v for _, v in points[-math.ceil(spanned * len(points)) :]]
+            y = up.at(min(reach)) + 20 if is_below else up.at(max(reach)) - 10
             picture.text(told, width - RIGHT - 4, y, "name halo", "end")
     return picture
 

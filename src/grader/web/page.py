@@ -10,7 +10,7 @@ from grader.domain.markup import plain_text
 from grader.domain.quiz import Quiz
 from grader.domain.student_view import student_view
 from grader.library import Library
-from grader.web.figures import NARROW
+from grader.web.figures import NARROW, unbroken
 from grader.web.lab_box import lab_box
 from grader.web.prose import cached_prose
 
@@ -23,6 +23,7 @@ HEADINGS = {
     "code": "Exercise",
 }
 
+DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s,;:=+-])++$")
 SHORT = 44
 """Characters of a question in the list of questions."""
 
@@ -50,8 +51,8 @@ def unopened_page(quiz: Quiz, opens: str) -> dict[str, Any]:
 def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict[str, Any]:
     """One question: its text as safe HTML, its points, attempts and limits as sentences."""
     return question | {
-        "heading": plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]]),
-        "short": plain_text(question["title"] or question["label"] or "") or shortened(plain_text(question["q"])),
+        "heading": unbroken(plain_text(question["title"] or question["label"] or HEADINGS[question["kind"]])),
+        "short": short_title(question["title"] or question["label"], question["q"]),
         "prompt": paragraphs(question["q"]),
         "opening": opening(question["q"]),
         "options": [cached_prose(option) for option in question.get("options", ())],
@@ -59,6 +60,7 @@ def card_of(quiz_id: str, question: dict[str, Any], starter: str | None) -> dict
         "allowance": allowance(question["limits"]) if "limits" in question else "",
         "starter": starter,
         "path": f"/quizzes/{quiz_id}/{question['id']}",
+        "file": f"{question['id'].replace('-', '_')}.py",
     }
 
 
@@ -73,9 +75,30 @@ def opening(text: str) -> Markup:
     return paragraphs(text if first is None else first[0])
 
 
+def short_title(title: str | None, text: str) -> str:
+    """The title of a question, or the first words of its text."""
+    return unbroken(plain_text(title or "") or shortened(plain_text(text)))
+
+
+def titles_of(library: Library) -> dict[tuple[str, str], str]:
+    """The titles of all questions, or their first words, by (quiz, question)."""
+    return {
+        (quiz.id, one.id): short_title(one.title or one.label, one.q)
+        for quiz in library.quizzes.values()
+        for one in quiz.questions
+    }
+
+
 def shortened(text: str) -> str:
-    """The first words of a question that has no title, for the list of questions."""
-    return textwrap.shorten(text.replace("$", ""), SHORT, placeholder="…")
+    """The first words of a question that has no title, for the list of questions.
+
+    They end neither in an open bracket nor with a number whose unit is left out.
+    """
+    words = " ".join(text.replace("$", "").split())
+    if len(words) <= SHORT:
+        return words
+    head = textwrap.shorten(words, SHORT, placeholder="")
+    return (DANGLING.sub("", head) or head) + "…"
 
 
 def worth(points: float, attempts: int | None) -> str:

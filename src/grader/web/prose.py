@@ -10,6 +10,8 @@ import nh3
 from latex2mathml import converter
 from markupsafe import Markup
 
+from grader.web.figures import with_units
+
 TAGS_MAX = 2000
 """Tags of one text; further ones are shown as typed. The time of the HTML5 algorithm is quadratic in their nesting."""
 
@@ -75,9 +77,9 @@ _CLEANER = nh3.Cleaner(
 
 
 def safe_html(prose: str) -> Markup:
-    """Converts TeX to MathML, and removes everything that could run or load code.
+    """Converts TeX to MathML, keeps numbers and units together, and removes all that could run or load code.
 
-    TeX inside code, pre, kbd and samp is not converted; `\\$` is a dollar sign.
+    Text inside code, pre, kbd and samp stays as it is; `\\$` is a dollar sign.
     """
     clean = _CLEANER.clean("".join(_Reader(prose).pieces()))  # sanitised last: MathML is no safer than its TeX
     return Markup(clean)  # noqa: S704
@@ -98,11 +100,12 @@ class _Reader:
         self.absent: set[str] = set()
 
     def pieces(self) -> Iterator[str]:
-        """HTML with MathML, not yet sanitised."""
-        position = verbatim_until = 0
+        """HTML with MathML, not yet sanitised. Numbers in the text, formulas too, keep their units on the same line."""
+        position = verbatim_until = number_until = 0
         while token := TOKEN.search(self.text, position):
             start, found = token.start(), token[0]
-            yield self.text[position:start]
+            text = self.text[position:start]
+            yield text if position < verbatim_until else with_units(text, is_after_number=0 < position == number_until)
             position = token.end()
             if name := token["name"]:
                 yield self._tag(found, name)
@@ -119,9 +122,10 @@ class _Reader:
             elif found == "$" and (formula := DISPLAY.match(self.text, start) or INLINE.match(self.text, start)):
                 yield self._mathml(formula)
                 position = formula.end()
+                number_until = position if formula[1].rstrip("}")[-1:].isdigit() else 0
             else:
                 yield "$"
-        yield self.text[position:]
+        yield with_units(self.text[position:], is_after_number=0 < position == number_until)
 
     def _end_of(self, pattern: re.Pattern[str], position: int) -> int | None:
         """Where the next match of `pattern` ends."""

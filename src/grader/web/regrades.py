@@ -8,12 +8,14 @@ from fastapi.responses import RedirectResponse, Response
 
 from grader.courses import regrades
 from grader.courses.blinding import blinded_differences
+from grader.courses.namesakes import marks_in
 from grader.courses.regrades import IDS_MAX, SCOPES, Scope, Wanted
 from grader.errors import CallerError, Unprocessable
 from grader.identity import Identity
 from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
 from grader.web.context import Form, PageContext, Pages, Visitor, instructor
+from grader.web.page import titles_of
 from grader.web.rendering import page
 
 PAGE = "/instructor/regrades"
@@ -22,6 +24,8 @@ SHOWN = 20
 ROWS = 100
 """Learners in one table."""
 NAMED = "these"
+WORDS = {"latest": "the latest", "best": "the best", "all": "all"}
+"""The scopes in words."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -62,7 +66,10 @@ def show(
         shown = regrades.view(regrade, stored.progress(session, regrade))
         page_of = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
         rows = blinded_differences(pages.desk_of(who.course), session, who, regrade.quiz, page_of)
+        marks = marks_in(session, who.course)
     more: dict[str, Any] = {
+        "marks": marks,
+        "title": titles_of(pages.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,
     }
@@ -96,12 +103,24 @@ def with_list(request: Request, pages: PageContext, who: Identity, status: int =
     with pages.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
-    quizzes = [quiz for quiz in pages.library_for(who).quizzes.values() if quiz.questions]
-    return page(request, "regrades.html", status, who=who, quizzes=quizzes, scopes=SCOPES, regrades=listed, **more)
+    library = pages.library_for(who)
+    quizzes = [quiz for quiz in library.quizzes.values() if quiz.questions]
+    return page(
+        request,
+        "regrades.html",
+        status,
+        who=who,
+        quizzes=quizzes,
+        scopes=SCOPES,
+        words=WORDS,
+        titles=titles_of(library),
+        regrades=listed,
+        **more,
+    )
 
 
 def wanted(form: dict[str, str]) -> Wanted:
-    """What the form asks for; a dry run unless it says otherwise. Raises Unprocessable."""
+    """What the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
     quiz, _, question = form.get("what", "").partition("/")
     chosen, ids = form.get("scope", ""), tuple(re.findall(r"[0-9a-f]{32}", form.get("ids", "")))
     scope: Scope | tuple[str, ...] | None = next((one for one in SCOPES if one == chosen), None)
@@ -109,4 +128,4 @@ def wanted(form: dict[str, str]) -> Wanted:
         scope = ids
     if not scope or len(ids) > IDS_MAX:
         raise Unprocessable(f"Choose which submissions: latest, best, all, or up to {IDS_MAX} ids.")
-    return Wanted(quiz, question or None, scope, dry_run="apply" not in form)
+    return Wanted(quiz, question or None, scope, dry_run=True)

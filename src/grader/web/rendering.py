@@ -8,8 +8,9 @@ from fastapi import Request
 from fastapi.responses import Response
 from fastapi.templating import Jinja2Templates
 
+from grader.courses.policy import spoken
 from grader.store import platforms
-from grader.web import figures
+from grader.web import figures, verdict_card
 from grader.web.assets import static
 
 ROOM = Path(__file__).parent
@@ -45,9 +46,12 @@ templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "fraction": figures.fraction,
+    "lines_linked": verdict_card.lines_linked,
     "number": figures.number,
     "plain": figures.field_text,
     "points": figures.points,
+    "spoken": spoken,
+    "remark": figures.remark,
     "unbroken": figures.unbroken,
 }
 

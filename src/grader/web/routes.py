@@ -14,8 +14,11 @@ from grader.web import (
     instructor_pages,
     lti,
     oidc,
+    people,
     platforms,
     regrades,
+    review_list,
+    review_page,
     seen_as,
     service,
     signin,
@@ -33,6 +36,9 @@ router.include_router(answering.router)
 router.include_router(signin.router)
 router.include_router(oidc.router)
 router.include_router(instructor_pages.router)
+router.include_router(review_list.router)
+router.include_router(review_page.router)
+router.include_router(people.router)
 router.include_router(gradebook.router)
 router.include_router(statistics.router)
 router.include_router(extensions.router)

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from grader.courses.audit import Action, record
 from grader.courses.blinding import blinded, unseen_by
 from grader.courses.desk import Desk
+from grader.courses.namesakes import marked, marks_in
 from grader.courses.standing import require_opened
 from grader.domain.quiz import CodeQuestion, Quiz
 from grader.errors import NotFound
@@ -84,11 +85,12 @@ def path_of(learner: str) -> str:
 
 
 def learner_of(session: Session, who: Identity, learner: str) -> Identity:
-    """A member of the instructor's course, as a student. Raises NotFound."""
+    """A member of the instructor's course, as a student, with the mark of the name. Raises NotFound."""
     member = people.get(session, learner, who.course)
     if member is None:
         raise NotFound("There is no such learner.")
-    return Identity(member.id, member.name, Role.STUDENT, member.course)
+    name = marked(member.name, member.id, marks_in(session, member.course))
+    return Identity(member.id, name, Role.STUDENT, member.course)
 
 
 def seen(request: Request, template: str, who: Identity, reader: Identity, shown: dict[str, Any]) -> Response:

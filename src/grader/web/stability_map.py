@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from grader.web.evidence import Claim, Limit, Run
 from grader.web.figures import number, quantity
-from grader.web.svg import Axis, Drawing
+from grader.web.svg import Axis, Drawing, text_width
 
 ROW, BAR, MAGNIFIED = 66.0, 18.0, 40.0
 TOP, FOOT = 28.0, 40.0
@@ -50,7 +50,7 @@ def stability_map(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: Se
     spring = next((row.limit.spring_ms for row in rows if row.limit), None)
     known = any(row.limit for row in rows)
     zones = "tinted is stable, hatched grows" if known else "what the runs at the ends of your brackets show"
-    caption = f"{case}: {zones}. Black is your claim." if case else f"{zones.capitalize()}. Black is your claim."
+    caption = f"{f'{case}: {zones}' if case else zones.capitalize()}. The bold bar is your claim."
     name = f"map-{claims[0].case.rpartition('.')[0] or 'all'}"
     return name, title_of(rows, spring), caption, table_of(rows), lambda width: draw(rows, spring, width)
 
@@ -86,7 +86,7 @@ def title_of(rows: Sequence[Row], spring: float | None) -> str:
         bad = [row.claim.integrator for row in rows if row.is_right is False]
         return f"Look at {' and '.join(bad)}: an end of your bracket is on the wrong side" if bad else "Your brackets"
     if not wrong:
-        return "Your brackets meet every limit"
+        return "Here your brackets meet every limit"
     middles = [sum(row.claim.claim_ms) / 2 for row in wrong if row.claim.claim_ms]
     if spring and middles and all(abs(middle - spring) < CLOSE * spring for middle in middles):
         return "Your limit is the spring's alone: the damper is missing"
@@ -166,7 +166,7 @@ def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
         picture.line("reference", x, TOP - 8, x, bottom)
         picture.text(words, x, TOP - 14, anchor="middle")
     for index, row in enumerate(rows):
-        draw_row(picture, row, axis, TOP + ROW * index)
+        draw_row(picture, row, axis, TOP + ROW * index, bound=spring)
     picture.x_axis(axis, bottom, "ms", about=5)
     for index, row in enumerate(magnified):
         draw_magnified(picture, row, bottom + FOOT + (MAGNIFIED + ROW) * index)
@@ -179,12 +179,16 @@ def draw_magnified(picture: Drawing, row: Row, top: float) -> None:
     low, high = row.limit.linear_ms - MAGNIFIED_MS, row.limit.linear_ms + MAGNIFIED_MS
     claim = row.claim.model_copy(update={"search_ms": (low, high)})
     near_by = Axis(low, high, 1, picture.width - 1)
-    draw_row(picture, replace(row, claim=claim), near_by, top + MAGNIFIED - 14, f"{row.claim.integrator}, magnified")
+    draw_row(
+        picture, replace(row, claim=claim), near_by, top + MAGNIFIED - 14, name=f"{row.claim.integrator}, magnified"
+    )
     picture.x_axis(near_by, top + MAGNIFIED + BAR + 26, "ms", about=5)
 
 
-def draw_row(picture: Drawing, row: Row, axis: Axis, top: float, name: str = "") -> None:
-    """One integrator's bar with its limit and the claim."""
+def draw_row(
+    picture: Drawing, row: Row, axis: Axis, top: float, *, name: str = "", bound: float | None = None
+) -> None:  # fmt: skip
+    """One integrator's bar with its limit and the claim; `bound` is where a line crosses all bars."""
     low, high = row.claim.search_ms
     kind, y = row.claim.integrator, top + 14
     picture.text(name or kind, axis.start, y - (20 if name else 4), "name halo")
@@ -204,20 +208,25 @@ def draw_row(picture: Drawing, row: Row, axis: Axis, top: float, name: str = "")
     if row.limit is not None and name:
         draw_span(picture, row, axis, y)
     elif row.limit is not None:
-        draw_limit(picture, row, axis, y)
+        draw_limit(picture, row, axis, y, bound)
     draw_claim(picture, row, axis, y)
 
 
-def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
-    """The labelled tick where stability ends."""
+def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | None) -> None:
+    """The labelled tick where stability ends; its label keeps clear of the line at `bound` where there is room."""
     words = limit_words(row)
     if row.limit is None or row.limit.linear_ms is None:
         picture.text(words, axis.end, y - 4, anchor="end")
         return
     x = axis.at(row.limit.linear_ms)
     picture.line("limit", x, y - 4, x, y + BAR)
-    is_late = x > axis.start + 0.62 * (axis.end - axis.start)
-    picture.text(f"limit {words}", x - 4 if is_late else x + 4, y - 4, "told halo", "end" if is_late else "start")
+    told = f"limit {words}"
+    is_left = x > axis.start + 0.62 * (axis.end - axis.start)
+    if bound is not None and x < axis.at(bound) < x + text_width(told) + 8:
+        room = x - axis.start - text_width(row.claim.integrator) - 12
+        told = told if text_width(told) < room else words
+        is_left = text_width(told) < room
+    picture.text(told, x - 4 if is_left else x + 4, y - 4, "told halo", "end" if is_left else "start")
 
 
 def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:

@@ -7,13 +7,11 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from markupsafe import Markup
 
-from grader.courses.blinding import unseen_by
-from grader.courses.measuring import QuizStatistics, measured
+from grader.courses.measuring import QuizStatistics
 from grader.courses.statistics import Cluster, Estimate, QuestionStatistics
 from grader.domain.markup import plain_text
 from grader.domain.quiz import ChoiceQuestion, NumericQuestion, PredictQuestion, Question, Quiz
 from grader.identity import Identity
-from grader.store import results
 from grader.web.context import PageContext, Pages, Visitor
 from grader.web.figures import NARROW, number, quantity
 from grader.web.page import page_of
@@ -79,8 +77,8 @@ def statistics(
 def statistics_of(pages: PageContext, who: Identity, quiz: Quiz) -> QuizStatistics:
     """The statistics of a quiz as this instructor may see them."""
     with pages.database.read() as session:
-        without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
-        return measured(quiz, results.of_quiz(session, who.course, quiz.id), who.course, without, unseen)
+        version = pages.statistics.version(session, pages.library_for(who), quiz.id, who)
+        return pages.statistics.of(session, quiz, version)
 
 
 def shown(one: QuestionStatistics, question: Question, title: str) -> Shown:

@@ -15,6 +15,8 @@ LABEL, DOT = 15.0, 28.0
 """Where a question's label and its dot stand, from the top of its row."""
 SIGN = 7.2
 """Estimated width of a sign of a label."""
+LEARNERS_MIN = 5
+"""Learners who have to answer a question before it is called the hardest."""
 BAR_WIDTH, BAR_HEIGHT = 120.0, 10.0
 
 HEADINGS = ("Question", "Value", "95 % interval", "Learners")
@@ -26,12 +28,7 @@ def estimates_plot(questions: Sequence[QuestionStatistics], titles: Mapping[str,
     """How hard the questions are, and what they tell apart; a plot without estimates is left out."""
     shares = [(titles[one.question], one.difficulty) for one in questions]
     if shares:
-        name, hardest = min(shares, key=lambda one: one[1].value)
-        title = (
-            f"The hardest is {name}: {100 * hardest.value:.0f}{NARROW}% of its points"
-            if len(shares) > 1
-            else "Share of the points"
-        )
+        title = title_of_shares(shares)
         caption = f"Dots: the part of a question's points that learners have; lines: 95{NARROW}% intervals (Wilson)."
         yield sketch("difficulty", title, caption, shares, (0.0, 1.0))
     tells = [(titles[one.question], one.discrimination) for one in questions if one.discrimination is not None]
@@ -41,6 +38,14 @@ def estimates_plot(questions: Sequence[QuestionStatistics], titles: Mapping[str,
             f"Near 0, a question tells nothing apart; below, look at its key. 95{NARROW}% intervals (Fisher)."
         )
         yield sketch("discrimination", title_of_tells(tells), caption, tells, (-1.0, 1.0))
+
+
+def title_of_shares(shares: Sequence[Named]) -> str:
+    """The hardest question; a few learners, or questions that are all alike, name none."""
+    name, hardest = min(shares, key=lambda one: one[1].value)
+    if hardest.n < LEARNERS_MIN or hardest.value >= max(one.value for _, one in shares):
+        return "Share of the points"
+    return f"The hardest is {name}: {100 * hardest.value:.0f}{NARROW}% of its points"
 
 
 def title_of_tells(tells: Sequence[Named]) -> str:

@@ -13,11 +13,11 @@ from grader.errors import NotFound, Unauthorized
 from grader.identity import DEFAULT_COURSE, Identity, Role
 from grader.library import Library
 from grader.queue import jobs
-from grader.store.submissions import QUEUED
+from grader.store.submissions import QUEUED, RUNNING, case_now
 from grader.web.assets import FOLDER
 from grader.web.context import PageContext, Pages, Visitor
 from grader.web.exercise_page import exercise_page, side_by_side
-from grader.web.lesson_page import Typed, facts_of, lesson_page
+from grader.web.lesson_page import Typed, lesson_page, opened_facts
 from grader.web.lessons import OTHER, Lesson, lesson_id, lessons_of
 from grader.web.page import page_of
 from grader.web.plots import light_styles, sketches, standalone
@@ -66,7 +66,7 @@ def show_lessons(request: Request, pages: PageContext, who: Identity | None, les
         {
             "lesson": lesson,
             "names": [plain_text(quiz.title) for quiz in lesson.quizzes],
-            "facts": facts_of([quiz for quiz in lesson.quizzes if work.standing.has_opened(quiz.id)], work),
+            "facts": opened_facts(lesson.quizzes, work),
         }
         for lesson in lessons
     ]
@@ -137,8 +137,10 @@ def show_exercise(
         work = work_of(session, library, reader, [quiz])
         attempts = attempts_of(session, work.standing, reader, quiz_id, question_id)
         ahead = jobs.ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
+        at = case_now(session, attempts[0].id) if attempts and attempts[0].state == RUNNING else None
     shown = exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
-    return page(request, "exercise.html", status, who=who, ahead=ahead, **shown)
+    shown |= {"ahead": ahead, "at": at, "refused": status != 200}
+    return page(request, "exercise.html", status, who=who, **shown)
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/attempts")
@@ -177,7 +179,8 @@ def starter(quiz_id: str, question_id: str, pages: Pages, who: Visitor) -> Respo
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
         raise NotFound("This question has no starter file.")
-    headers = {"Content-Disposition": f'attachment; filename="{question_id}.py"'}
+    name = question_id.replace("-", "_")
+    headers = {"Content-Disposition": f'attachment; filename="{name}.py"'}
     return PlainTextResponse(text, headers=HEADERS | headers, media_type="text/x-python")
 
 

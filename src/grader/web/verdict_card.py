@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from grader.web import evidence as read
-from grader.web.figures import number, points, quantity, unbroken
+from grader.web.figures import capital, number, points, quantity, unbroken
 from grader.web.plots import Figure, figures_of
 from grader.web.prose import cached_prose
 from grader.web.words import FAILED, PASSED, Told, told_passed
@@ -16,7 +17,9 @@ from grader.web.work import Given
 
 WORD = re.compile(r"([A-Z][a-z]+(?: [a-z]+){0,2}): ")
 """What a message begins with to sum itself up, such as `Too high: `."""
-LINE = re.compile(r"\bin line (\d+) of your script\b")
+LINE = re.compile(r"\bin line (\d+) of your script\b|\(line (\d+): ")
+NAMED_LINE = re.compile(r"\b[Ll]ine (\d{1,5})\b")
+HIDDEN = re.compile(r"Hidden case \d+$")
 AROUND = 2
 """Lines of the script that are shown before and after the one that raised."""
 
@@ -112,22 +115,24 @@ def card_of(given: Given) -> Card | None:
         return None
     findings = verdict.get("findings") or []
     columns, rows = matrix_of(findings)
-    cells = [] if columns else [cell_of(finding) for finding in findings]
+    cells = [] if columns else together([cell_of(finding) for finding in findings])
     evidence = verdict.get("evidence") or {}
     titles = {finding["id"]: finding["title"] for finding in findings}
+    diagnosis = verdict.get("diagnosis") or ""
+    said = capital(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
     return Card(
         given,
         given.told,
         f"{points(verdict['points'])} of {count(verdict['max_points'], 'point')}" if given.is_decided else "",
-        unbroken(verdict.get("diagnosis") or ""),
+        said,
         unbroken(verdict.get("read_as") or ""),
         columns,
         tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed),
-        tuple(notes_of(columns, rows)),
+        tuple(notes_of(columns, rows, said)),
         tuple(cell for cell in cells if not cell.passed),
         tuple(cell for cell in cells if cell.passed),
-        excerpt_of(given.text, verdict.get("diagnosis") or ""),
+        excerpt_of(given.text, diagnosis),
         read.one(evidence, "tableau", read.Tableau),
         tuple(read.several(evidence, "values", read.Value)),
         cached_prose(verdict["explain"]) if verdict.get("explain") else Markup(),
@@ -158,22 +163,40 @@ def matrix_of(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], t
     )
 
 
-def notes_of(columns: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
-    """What the failed cells of a matrix say beyond their word, each sentence once with the columns it holds for.
+def notes_of(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
+    """What the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its place.
 
-    Where other cells of a column failed otherwise, the cases are named too.
+    Names the columns, and where other cells of a column failed otherwise, the cases too.
     """
     told: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for column, cell in zip(columns, row.cells, strict=True):
-            if cell.told == FAILED and cell.message:
+            if cell.told == FAILED and cell.message and cell.message not in diagnosis:
                 told.setdefault(cell.message, {}).setdefault(column, []).append(row.title)
     wrong = {column: sum(not row.cells[at].passed for row in rows) for at, column in enumerate(columns)}
     for message, where in told.items():
-        held = (
-            name if len(titles) == wrong[name] else f"{name} ({', '.join(titles)})" for name, titles in where.items()
-        )
-        yield f"{', '.join(held)}: {message}"
+        held: dict[str, list[str]] = {}
+        for name, titles in where.items():
+            held.setdefault("" if len(titles) == wrong[name] else cases_of(titles), []).append(name)
+        yield f"{', '.join(place_of(names, cases, len(columns)) for cases, names in held.items())}: {message}"
+
+
+def place_of(names: Sequence[str], cases: str, of: int) -> str:
+    """Some columns with the cases in them that are meant: `Euler (Hidden case 1)`; of all columns the cases alone."""
+    if not cases:
+        return ", ".join(names)
+    return cases if len(names) == of else f"{', '.join(names)} ({cases})"
+
+
+def cases_of(titles: Sequence[str]) -> str:
+    """Titles of cases in a row, hidden ones that follow each other as `Hidden cases 1 to 6`."""
+    told = []
+    for hidden, group in groupby(titles, lambda title: bool(HIDDEN.match(title))):
+        some = list(group)
+        numbers = [int(title.split()[-1]) for title in some] if hidden else []
+        is_whole = len(some) > 1 and numbers == [*range(numbers[0], numbers[0] + len(some))] if hidden else False
+        told += [f"Hidden cases {numbers[0]} to {numbers[-1]}"] if is_whole else some
+    return ", ".join(told)
 
 
 def cell_of(finding: Mapping[str, Any]) -> Cell:
@@ -193,10 +216,18 @@ def cell_of(finding: Mapping[str, Any]) -> Cell:
     return Cell(told, title, message, measured, said(finding.get("expected")), **worth)
 
 
-def capital(text: str) -> str:
-    """A sentence or a title with a capital letter, unless it begins with a symbol such as `kp = 2000`."""
-    first = text.partition(" ")[0]
-    return text[:1].upper() + text[1:] if len(first) > 2 or first in ("a", "an", "it") else text
+def together(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with failed hidden cases that follow each other and say the same made one: `Hidden cases 1 to 6`."""
+    found: list[Cell] = []
+    for (hidden, *_), group in groupby(cells, lambda cell: (bool(HIDDEN.match(cell.title)), cell.told, cell.message)):
+        some = list(group)
+        if not hidden or some[0].passed or len(some) == 1:
+            found.extend(some)
+            continue
+        title = f"Hidden cases {some[0].title.split()[-1]} to {some[-1].title.split()[-1]}"
+        got, of = sum(cell.got for cell in some), sum(cell.of for cell in some)
+        found.append(replace(some[0], title=title, got=got, of=of))
+    return found
 
 
 def said(value: Any) -> str:
@@ -225,11 +256,16 @@ def excerpt_of(source: str, diagnosis: str) -> tuple[Line, ...]:
     """The line of the script that the diagnosis names, with its neighbours."""
     found = LINE.search(diagnosis)
     lines = source.splitlines()
-    if found is None or not 1 <= int(found[1]) <= len(lines):
+    hot = int(found[1] or found[2]) if found else 0
+    if not 1 <= hot <= len(lines):
         return ()
-    hot = int(found[1])
     first, last = max(1, hot - AROUND), min(len(lines), hot + AROUND)
     return tuple(Line(index, lines[index - 1], index == hot) for index in range(first, last + 1))
+
+
+def lines_linked(text: str) -> Markup:
+    """A sentence whose `line 14` leads to that line of the editor."""
+    return Markup(NAMED_LINE.sub(r'<a href="#answer" data-go-to="\1">\g<0></a>', str(escape(text))))  # noqa: S704
 
 
 def facts_of(verdict: Mapping[str, Any]) -> Iterator[str]:

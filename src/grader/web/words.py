@@ -29,7 +29,7 @@ STATUSES = {
     Status.TIMED_OUT: Told("Ran out of time", "stopped", "no"),
     Status.OUT_OF_MEMORY: Told("Ran out of memory", "stopped", "no"),
     Status.OUTPUT_TOO_LARGE: Told("Printed or returned too much", "stopped", "no"),
-    Status.FORBIDDEN: Told("Tried something not allowed here", "stopped", "no"),
+    Status.FORBIDDEN: Told("Not allowed here", "stopped", "no"),
     Status.GRADER_FAULT: Told("The grader failed, not you", "fault", "wait"),
 }
 """What each status of a verdict is called."""
@@ -38,6 +38,8 @@ PASSED = Told("passed", "right", "ok")
 PARTLY = Told("partly", "partly", "part")
 FAILED = Told("failed", "wrong", "no")
 UNDECIDED = Told("open", "waiting", "wait")
+REPLACED = Told("Replaced by a newer answer", "open", "wait")
+WAITS = Told("waits", "waiting", "wait")
 
 
 def told_of(status: str, *, withheld: bool = False) -> Told:

@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from grader.courses.policy import Shown, spoken
 from grader.courses.standing import Standing, progress_at, shown_verdict, standing_of
 from grader.domain.policy import Policy
 from grader.domain.quiz import QuestionPart, Quiz
@@ -15,12 +16,20 @@ from grader.domain.verdict import Status
 from grader.identity import Identity
 from grader.library import Library
 from grader.store import results, submissions
-from grader.store.submissions import SubmissionFilter
+from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
-from grader.web.words import NOT_ANSWERED, QUEUED, RUNNING, Told, told_of
+from grader.web.figures import points
+from grader.web.words import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Told, told_of
 
 ATTEMPTS_MAX = 12
 """Attempts that a page lists, the newest ones."""
+
+AGAIN = {
+    "regrade": "Graded again on {when}, after a change of the question or its key",
+    "review": "Graded again by an instructor on {when}",
+    "rubric": "Graded again on {when}, after a change of the rubric",
+}
+"""What is said of a verdict that replaced another, by its cause."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,8 @@ class Given:
     state: str
     verdict: dict[str, Any] | None
     withheld: str | None
+    again: str = ""
+    """Says when and why it was graded again, and what changed; empty if it was not, or must not be told."""
 
     @property
     def told(self) -> Told:
@@ -46,6 +57,11 @@ class Given:
     def is_decided(self) -> bool:
         """Whether points can be shown."""
         return self.verdict is not None and self.verdict["status"] != Status.NEEDS_REVIEW
+
+    @property
+    def awaits_a_person(self) -> bool:
+        """Whether the page says that an instructor decides."""
+        return self.verdict is not None and self.told is STATUSES[Status.NEEDS_REVIEW]
 
     @property
     def text(self) -> str:
@@ -65,11 +81,31 @@ class Place:
     may_answer: bool
     lab_is_open: bool
     due: datetime | None
+    attempts_left: int | None
 
     @property
     def told(self) -> Told:
-        """The state of the question in words."""
+        """The state of the newest answer in words."""
         return NOT_ANSWERED if self.given is None else self.given.told
+
+    @property
+    def waits(self) -> bool:
+        """Whether a person has to decide: no points yet are no lost points."""
+        return self.given is not None and self.given.awaits_a_person
+
+    @property
+    def earlier_counts(self) -> bool:
+        """Whether an earlier answer has more points than the newest."""
+        if self.points is None or self.given is None or self.given.verdict is None or not self.given.is_decided:
+            return False
+        return self.points > float(self.given.verdict.get("points") or 0.0)
+
+    @property
+    def stands(self) -> Told:
+        """The state of what counts in words."""
+        if not self.earlier_counts:
+            return self.told
+        return STATUSES[Status.CORRECT if self.points == self.of else Status.PARTIAL]
 
 
 @dataclass(frozen=True)
@@ -90,8 +126,9 @@ def work_of(session: Session, library: Library, who: Identity, quizzes: Sequence
     standing = standing_of(session, library, who)
     named = {quiz.id for quiz in quizzes}
     rows = [row for row in submissions.newest(session, who.course, who.id) if row.quiz in named]
-    verdicts = submissions.verdicts(session, rows)
-    newest = {(row.quiz, row.question): given_of(standing, row, verdicts.get(row.id)) for row in rows}
+    newest = {
+        (row.quiz, row.question): given for row, given in zip(rows, given_of(session, standing, rows), strict=True)
+    }
     found = results.everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
@@ -116,6 +153,7 @@ def place_of(
         decision.may_answer,
         given is not None and decision.why_no_lab is None,
         decision.due,
+        progress["attempts_left"],
     )
 
 
@@ -123,18 +161,41 @@ def attempts_of(session: Session, standing: Standing, who: Identity, quiz: str, 
     """A learner's answers to one question, newest first; unreadable ones are left out."""
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
     rows = submissions.page(session, wanted, None, ATTEMPTS_MAX)
-    verdicts = submissions.verdicts(session, rows)
-    found = [given_of(standing, row, verdicts.get(row.id)) for row in rows]
-    return [one for one in found if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER]
+    return [
+        one
+        for one in given_of(session, standing, rows)
+        if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER
+    ]
 
 
-def given_of(standing: Standing, row: Submission, verdict: Any | None) -> Given:
-    """A stored answer as the learner may see it now."""
+def given_of(session: Session, standing: Standing, rows: Sequence[Submission]) -> list[Given]:
+    """Stored answers as the learner may see them now."""
+    verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
+    return [shown_answer(standing, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+
+
+def shown_answer(standing: Standing, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:
+    """One answer of `given_of`."""
     decision = standing.decision(row.quiz, row.question)
     settled = verdict if row.status in submissions.AT_REST else None
     answer = json.loads(row.answer) if row.answer else None
     shown = shown_verdict(settled, decision)
-    return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld)
+    again = "" if marks is None or decision.shown < Shown.FEEDBACK else graded_again(*marks)
+    return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
+
+
+def graded_again(before: Mark, after: Mark) -> str:
+    """Says that a verdict replaced another; empty where the first one only left it to a person."""
+    if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
+        return ""
+    said = AGAIN[after.cause].format(when=spoken(after.at))
+    worth = f"of {points(after.max_points)}"
+    if after.status == Status.NEEDS_REVIEW:
+        return f"{said}: an instructor will decide; before, it had {points(before.points)} {worth}."
+    if (before.points, before.max_points) == (after.points, after.max_points):
+        return f"{said}: the points stay {points(after.points)} {worth}."
+    earlier = f"of {points(before.max_points)}"
+    return f"{said}: {points(after.points)} {worth} now, {points(before.points)} {earlier} before."
 
 
 def given_in_full(row: Submission, verdict: Any | None) -> Given:

@@ -1,6 +1,7 @@
 // Requests to the API under the session cookie; every failure is an Error whose message is a sentence for the reader.
 
 import { el } from "./dom.js";
+import { alone } from "./drafts.js";
 
 const ROOT = "/api/v1";
 
@@ -15,7 +16,7 @@ export class Problem extends Error {
 let session = document.body.dataset.learner ? Promise.resolve() : null;
 
 function begin() {
-  session ??= beginSession().catch((error) => { session = null; throw error; });
+  session ??= alone(beginSession).catch((error) => { session = null; throw error; });
   return session;
 }
 

@@ -1,6 +1,6 @@
 // A lab's controls on the page: sliders with typed values, selects and buttons. Values are keyed by label.
 
-import { el, number } from "./dom.js";
+import { el, limitText, number, seconds } from "./dom.js";
 import { decades } from "./scale.js";
 
 const LOG_RATIO = 100; // as in lab_box.py, which draws the first position
@@ -24,7 +24,7 @@ export class Controls {
 
   slider(node, spec) {
     const typed = node.querySelector("input[type=number]"), range = node.querySelector("input[type=range]");
-    const line = lineOf(spec);
+    const line = lineOf(spec), hasLimit = node.classList.contains("has-limit");
     const shown = (value) => range.setAttribute("aria-valuetext", written(value, spec));
     const set = (value) => {
       if (!this.moving) this.listeners.begin();
@@ -44,7 +44,7 @@ export class Controls {
       typed.toggleAttribute("aria-invalid", false);
       if (!isValue) {
         typed.setAttribute("aria-invalid", "true");
-        this.listeners.refuse(`${spec.label} must be a number from ${number(spec.min)} to ${number(spec.max)}.`);
+        this.listeners.refuse(`${spec.label} must be a number from ${number(spec.min)} to ${number(spec.max)}${spec.unit ? ` ${spec.unit}` : ""}.`);
         return;
       }
       const value = onGrid(typed.valueAsNumber, spec);
@@ -56,11 +56,13 @@ export class Controls {
     range.addEventListener("change", () => { this.moving = false; });
     shown(spec.value);
     const ticks = node.querySelector(".ticks");
-    ticks.append(...line.marks.map((value) => tick(line.place(value), number(value))));
+    ticks.append(...line.marks.map((value) => tick(line.place(value), hasLimit ? seconds(value) : number(value))));
     this.ticks.set(spec.label, { ticks, line });
   }
 
+  // The page may begin with another choice than the author's: that of the learner's prediction.
   select(input, spec) {
+    if (input.value !== this.textOf(spec, { [spec.label]: spec.value })) this.values[spec.label] = input.value;
     input.addEventListener("change", () => {
       this.listeners.begin();
       this.values[spec.label] = input.value;
@@ -69,14 +71,15 @@ export class Controls {
   }
 
   // A tick at the stability limit [s] on the slider of the timestep; beyond it, hatched, small motions grow.
-  mark(limit, className) {
+  mark(run, className) {
+    const { limit } = run;
     for (const { ticks } of this.ticks.values()) ticks.querySelectorAll(".limit, .beyond").forEach((node) => node.remove());
     const place = limit && this.ticks.get(limit.control);
     if (!place || limit.timestep_s === null) return;
     const at = place.line.place(limit.timestep_s);
     const beyond = el("u", { class: `beyond ${className}` });
     beyond.style.left = `${100 * at}%`;
-    place.ticks.append(beyond, tick(at, `limit ${number(1000 * limit.timestep_s, FIGURES)} ms`, `limit ${className}`));
+    place.ticks.append(beyond, tick(at, `limit ${limitText(limit, run)}`, `limit ${className}`));
   }
 
   // What the controls of a run were, as far as they differ from those of another run.

@@ -31,6 +31,14 @@ export function number(value, digits = 4) {
   return `${factor === "1" ? "" : `${factor}·`}10${superscript(exponent)}`;
 }
 
+// A time as sliders and axes write it: in seconds, without a power of ten.
+export const seconds = (time, digits = 4) => `${Number(time.toPrecision(digits))}\u00a0s`;
+
+// A stability limit, with so many digits that it is not taken for the timestep of the run.
+export function limitText({ control, timestep_s: limit }, { controls }) {
+  return seconds(limit, seconds(limit) === seconds(controls[control]) ? 6 : 4);
+}
+
 function superscript(exponent) {
   return Array.from(exponent.replace("+", ""), (sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign])).join("");
 }

@@ -3,6 +3,9 @@
 
 const PREFIX = "draft:";
 
+// Runs what may begin the browser's session alone: two at the same time would begin two, and one would be lost.
+export const alone = (begin) => (navigator.locks ? navigator.locks.request("session", begin) : begin());
+
 export class Drafts {
   constructor(learner) {
     this.begin(learner);
@@ -39,12 +42,12 @@ export class Drafts {
   put(form, text) {
     const field = form.elements.answer;
     if (field instanceof RadioNodeList) for (const one of field) one.checked = one.value === text;
-    else field.value = text;
+    else { field.value = text; field.dispatchEvent(new Event("change")); }
   }
 
   keep(form) {
     store(this.key(form), JSON.stringify({ text: this.valueOf(form), after: form.elements.after.value }));
-    note(form, "draft kept in this browser");
+    note(form, "not sent yet");
   }
 
   sent(form) {
@@ -57,7 +60,7 @@ export class Drafts {
     if (draft?.text === undefined || draft.text === null || draft.text === this.valueOf(form)) return note(form, "");
     if (draft.after === form.elements.after.value) {
       this.put(form, draft.text);
-      note(form, "draft, not sent");
+      note(form, "not sent yet");
     } else {
       this.offer(form, draft.text);
     }
@@ -67,7 +70,7 @@ export class Drafts {
     const draft = read(recall(this.key(form)));
     if (draft?.text === undefined || draft.text === null || draft.text === this.valueOf(form)) return;
     if (form.contains(document.activeElement) && document.hasFocus()) this.offer(form, draft.text);
-    else { this.put(form, draft.text); note(form, "draft of another tab"); }
+    else { this.put(form, draft.text); note(form, "not sent, from another tab"); }
   }
 
   offer(form, text) {

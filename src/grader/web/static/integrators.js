@@ -4,6 +4,7 @@ import { post } from "./api.js";
 import { drawChart } from "./chart.js";
 import { el, number } from "./dom.js";
 import { Newest } from "./newest.js";
+import { DIVERGED } from "./strips.js";
 
 const SMALLEST = 1e-9; // % of the energy: below it there is nothing but rounding
 const LARGEST = 1e4;
@@ -38,7 +39,13 @@ export function openIntegrators(box, target) {
 
   for (const input of [model, key, timestep]) {
     input.disabled = false;
-    input.addEventListener("change", () => { if (timestep.validity.valid && timestep.value) runs.want({}); });
+    input.addEventListener("change", () => {
+      const isValue = timestep.validity.valid && timestep.value !== "";
+      timestep.setAttribute("aria-invalid", String(!isValue));
+      if (isValue) return runs.want({});
+      message.textContent = "The timestep must be a number from 0.1 to 100 ms.";
+      message.classList.add("no");
+    });
   }
   new ResizeObserver(draw).observe(picture);
   runs.want({});
@@ -46,9 +53,9 @@ export function openIntegrators(box, target) {
 
 // The size of the error on a logarithmic axis: explicit and implicit methods lie many decades apart.
 function stripOf(runs) {
-  const sizes = runs.map((run) => run.energy_error_percent.map((value) => (value === null ? null : Math.abs(value))));
+  const sizes = runs.map((run) => run.energy_error_percent.map((value, i) => (value === null || run.times[i] > resetOf(run) ? null : Math.abs(value))));
   return {
-    label: "energy error (%)",
+    label: "size of the energy error (%)",
     weight: 1,
     axis: { log: true },
     shows: sizes.flat().filter((value) => value !== null && value >= SMALLEST && value <= LARGEST),
@@ -58,9 +65,12 @@ function stripOf(runs) {
   };
 }
 
+// When MuJoCo reset a run that had diverged: from there on it is another run.
+const resetOf = ({ warnings }) => warnings.find(({ kind }) => DIVERGED.test(kind))?.time ?? Infinity;
+
 function fillRow(row, run) {
   const signed = (value) => (value === null ? "no number" : (value > 0 ? "+" : value < 0 ? "−" : "") + number(Math.abs(value), 3));
   const [first] = run.warnings;
-  const texts = [signed(run.final_error_percent), number(run.cost_us_per_step, 3), first ? `${first.kind} at ${number(first.time)} s` : "none"];
+  const texts = [resetOf(run) < Infinity ? "was reset" : signed(run.final_error_percent), number(run.cost_us_per_step, 3), first ? `${first.kind} at ${number(first.time)} s` : "none"];
   row.querySelectorAll("td").forEach((cell, index) => { cell.textContent = texts[index]; });
 }

@@ -4,22 +4,22 @@
 import { get, post } from "./api.js";
 import { drawChart } from "./chart.js";
 import { Controls } from "./controls.js";
-import { number } from "./dom.js";
+import { limitText, number, seconds } from "./dom.js";
 import { openIntegrators } from "./integrators.js";
 import { Newest } from "./newest.js";
 import { fittingForces } from "./overlays.js";
 import { lastUntil, Player } from "./player.js";
 import { Scene } from "./scene.js";
-import { milliseconds, spanOf, stripsOf, warningOf } from "./strips.js";
+import { spanOf, stripsOf, warningOf } from "./strips.js";
 import { Turning } from "./turning.js";
 
 const INTEGRATORS = ["Euler", "RK4", "implicit", "implicitfast", "discrete"];
 const FITTED_FRAMES = 30;
 const KINDS = {
-  BADQPOS: "a position became huge or no number",
-  BADQVEL: "a velocity became huge or no number",
-  BADQACC: "an acceleration became huge or no number",
-  BADCTRL: "a control became huge or no number",
+  BADQPOS: "a position became huge or NaN",
+  BADQVEL: "a velocity became huge or NaN",
+  BADQACC: "an acceleration became huge or NaN",
+  BADCTRL: "a control became huge or NaN",
 };
 
 // target: {quiz, question} once the learner has predicted, or {quiz, lab}. Opens once.
@@ -126,7 +126,7 @@ class SceneLab {
     this.scene = scene;
     this.forceScale = this.lab.forceScale ?? fittingForces(run.overlays.contacts ?? [], scene.camera.distance);
     this.integrator = this.controls.choices(run.controls).find((text) => INTEGRATORS.includes(text));
-    this.controls.mark(run.limit, this.integrator ?? "");
+    this.controls.mark(run, this.integrator ?? "");
     tell(this.message, ...this.said(run));
     this.nameGhost(run);
     this.drawPlots();
@@ -152,15 +152,15 @@ class SceneLab {
     const who = this.integrator ?? "This integrator";
     const step = limit && run.controls[limit.control];
     const isAbove = limit?.timestep_s && step > limit.timestep_s;
-    const digits = isAbove && number(1000 * limit.timestep_s, 3) === number(1000 * step) ? 5 : 3; // 19.98 is not 20
-    const bound = limit && (limit.timestep_s ? `${who} is stable up to ${number(1000 * limit.timestep_s, digits)} ms here${isAbove ? `; you step ${number(1000 * step)} ms` : ""}.`
+    const bound = limit && (limit.timestep_s ? `${who} is stable up to ${limitText(limit, run)} here${isAbove ? `; you step ${seconds(step)}` : ""}.`
       : `${who} is stable in the whole range of this timestep.`);
     if (!warning) {
       const calm = isAbove ? `Grows; no warning within ${number(run.seconds)} s.` : `No warning within ${number(run.seconds)} s.`;
       return [[calm, bound].filter(Boolean).join(" "), Boolean(isAbove)];
     }
     const why = warning.resets ? `: ${KINDS[warning.kind]}, and the state was reset` : "";
-    return [[`MuJoCo warned ${warning.kind} at ${milliseconds(warning.time)}${why}.`, bound].filter(Boolean).join(" "), true];
+    const part = spanOf(run) < run.times.at(-1) ? `Shown are the first ${seconds(spanOf(run))}.` : "";
+    return [[`MuJoCo warned ${warning.kind} at ${seconds(warning.time)}${why}.`, bound, part].filter(Boolean).join(" "), true];
   }
 
   drawPlots() {
@@ -190,8 +190,11 @@ class SceneLab {
     const isAfter = Boolean(warning?.resets && time > warning.time + 1e-9);
     this.after.hidden = !isAfter;
     this.canvas.classList.toggle("is-after", isAfter);
-    this.list?.classList.toggle("is-after", isAfter);
-    run.readouts.forEach(({ texts, unit }, index) => { this.readouts[index].textContent = texts[frame].replace(/^-(?=\d)/, "−") + (unit ? ` ${unit}` : ""); });
+    run.readouts.forEach(({ texts, unit }, index) => {
+      const cell = this.readouts[index];
+      cell.textContent = texts[frame].replace(/^-(?=[0.]*$)/, "").replace(/^-(?=\d)/, "−") + (unit ? ` ${unit}` : "");
+      cell.classList.toggle("is-after", isAfter && texts.some((text) => text !== texts[0]));
+    });
     this.chart?.moveCursor(time);
   }
 }

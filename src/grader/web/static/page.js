@@ -1,7 +1,7 @@
 // A learner's pages. The server renders everything; this sends forms in the background, takes over the parts of the
 // answer that changed, keeps drafts, and follows a script that is being graded. Without it the forms work as forms do.
 
-import { Drafts } from "./drafts.js";
+import { alone, Drafts } from "./drafts.js";
 
 const TYPING_MS = 300;
 const POLL_MS = 1500;
@@ -14,6 +14,7 @@ const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
 const timers = new WeakMap();
 let source = null; // the events of the script that is being graded
+let taken = 0; // how many pages were taken over
 
 for (const form of document.querySelectorAll("form[data-answer]")) adopt(form);
 for (const box of document.querySelectorAll(LABS)) watch(box);
@@ -24,17 +25,66 @@ window.addEventListener("storage", (event) => {
   if (form && drafts.wasSent(event)) refresh(form);
 });
 
+document.addEventListener("click", (event) => {
+  const { target } = event;
+  if (target.dataset.goTo) goToLine(event, Number(target.dataset.goTo));
+  if (target.dataset.intoEditor === undefined) return;
+  const form = document.querySelector("form[data-editor]");
+  drafts.put(form, [...target.closest("details").querySelectorAll("pre > span")].map((line) => line.textContent).join("\n") + "\n");
+  drafts.keep(form);
+  form.elements.answer.focus();
+});
+document.addEventListener("toggle", ({ target }) => {
+  if (target.open && target.closest(".statement")) target.scrollIntoView({ block: "nearest" });
+}, true);
+
 const formOf = (name) => name && document.querySelector(`form[data-answer="${CSS.escape(name)}"]`);
 
 function adopt(form) {
-  form.addEventListener("submit", (event) => { event.preventDefault(); send(form); });
-  form.addEventListener("input", () => { drafts.keep(form); if (!form.dataset.editor && form.querySelector("input[type=text]")) echo(form); });
+  form.addEventListener("submit", (event) => { event.preventDefault(); send(form, event.submitter); });
+  form.addEventListener("input", () => { drafts.keep(form); stepBack(form); if (!form.dataset.editor && form.querySelector("input[type=text]")) echo(form); });
   drafts.restore(form);
+  stepBack(form);
   for (const node of form.querySelectorAll("[data-js]")) node.hidden = false;
   form.querySelector("[data-file]")?.addEventListener("change", (event) => load(form, event.target));
-  form.querySelector("textarea.code")?.addEventListener("keydown", (event) => {
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) form.requestSubmit();
+  const code = form.querySelector("textarea.code");
+  if (code) numberLines(code, code.previousElementSibling);
+  code?.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" || event.isComposing) return;
+    if (event.ctrlKey || event.metaKey) return form.requestSubmit();
+    const { value, selectionStart } = event.target; // a new line begins where the last one did
+    const [indent] = /^ */.exec(value.slice(value.lastIndexOf("\n", selectionStart - 1) + 1, selectionStart));
+    if (indent && document.execCommand("insertText", false, `\n${indent}`)) event.preventDefault();
   });
+}
+
+// Numbers the lines of the code, and scrolls with it.
+function numberLines(code, gutter) {
+  let count = 0;
+  const draw = () => {
+    const lines = code.value.split("\n").length;
+    if (lines !== count) gutter.textContent = Array.from({ length: (count = lines) }, (_, index) => index + 1).join("\n");
+    gutter.scrollTop = code.scrollTop;
+  };
+  for (const name of ["input", "change", "scroll"]) code.addEventListener(name, draw);
+  draw();
+}
+
+// Puts the caret into a line of the code that a verdict names.
+function goToLine(event, number) {
+  const code = document.querySelector("form[data-editor] textarea.code");
+  const before = code.value.split("\n").slice(0, number - 1);
+  event.preventDefault();
+  code.focus({ preventScroll: true });
+  code.setSelectionRange(...Array(2).fill(before.join("\n").length + (number > 1)));
+  code.scrollTop = (before.length - 2) * parseFloat(getComputedStyle(code).lineHeight);
+  code.scrollIntoView({ block: "nearest" });
+}
+
+// The verdict steps back while the field holds something else than what it is on.
+function stepBack(form) {
+  const said = form.closest("[data-live]")?.querySelector("[data-said]");
+  said?.classList.toggle("is-old", lines(drafts.valueOf(form)) !== lines(drafts.given(form)));
 }
 
 function tell(form, sentence, bad = false) {
@@ -46,20 +96,23 @@ function tell(form, sentence, bad = false) {
   if (field && bad) field.setAttribute("aria-invalid", "true");
 }
 
-async function send(form) {
-  const button = form.querySelector("button:not([type=button])");
+async function send(form, submitter) {
+  const isStop = submitter?.dataset.stop !== undefined;
+  const button = isStop ? submitter : form.querySelector("button:not([type=button], [data-stop])");
   if (button.disabled) return;
-  const sent = new FormData(form);
+  const sent = new FormData(form, isStop ? submitter : null);
   button.disabled = true;
-  tell(form, "Sending…");
+  tell(form, isStop ? "Stopping…" : "Sending…");
   drafts.keep(form);
   try {
-    const response = await fetch(form.action, { method: "POST", body: new URLSearchParams(sent), headers: { Accept: "text/html" }, credentials: "same-origin" });
+    const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body: new URLSearchParams(sent), headers: { Accept: "text/html" }, credentials: "same-origin" });
+    const response = await (document.body.dataset.learner ? post() : alone(post));
     if (response.status === 401) return tell(form, SIGNED_OUT, true);
     const page = await pageOf(response);
     if (!page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
-    if (response.ok) drafts.sent(form);
+    if (response.ok && !isStop) drafts.sent(form);
     take(page, form, sent.get("answer"), response.ok);
+    if (isStop) drafts.keep(form); // it is as if it had not been sent
   } catch {
     tell(form, OFFLINE, true);
   } finally {
@@ -74,9 +127,10 @@ async function pageOf(response) {
 // Takes over the card of the form, the rail and the sums. What was typed while the answer travelled stays typed.
 function take(page, form, sent, wasTaken) {
   const card = form.closest("[data-live]");
+  taken += 1;
   if (page.body.dataset.learner && drafts.learner !== page.body.dataset.learner) begin(page);
   const typed = drafts.valueOf(form);
-  for (const id of ["facts", "rail", "under-way", "attempts", "result"]) swap(page, id);
+  for (const id of ["facts", "first", "rail", "under-way", "attempts", "result"]) swap(page, id);
   if (card) {
     swap(page, card.id);
     const fresh = formOf(form.dataset.answer);
@@ -98,7 +152,7 @@ function take(page, form, sent, wasTaken) {
   follow();
 }
 
-const lines = (text) => (text ?? "").replaceAll("\r\n", "\n");
+function lines(text) { return (text ?? "").replaceAll("\r\n", "\n"); }
 
 // The first answer has begun a session: every form of the page gets its name.
 function begin(page) {
@@ -106,7 +160,7 @@ function begin(page) {
   for (const form of document.querySelectorAll("form[data-answer]")) form.elements.learner.value = learner;
   drafts.begin(learner);
   const who = page.querySelector(".who");
-  if (who && !document.querySelector(".who")) document.querySelector(".top > div").append(document.importNode(who, true));
+  if (who) document.querySelector(".who")?.replaceWith(document.importNode(who, true));
 }
 
 function swap(page, id) {
@@ -115,8 +169,20 @@ function swap(page, id) {
 }
 
 async function refresh(form) {
-  const response = await fetch(location.pathname + location.search, { headers: { Accept: "text/html" }, credentials: "same-origin" });
-  if (response.ok) take(await pageOf(response), form, drafts.given(form), true);
+  const before = taken;
+  const [, page] = await ask(location.pathname + location.search);
+  if (before !== taken) return refresh(form); // it may be older than what stands here
+  if (page) take(page, form, drafts.given(form), true);
+}
+
+// The status and the page at an address; no page where the server has none or cannot be reached.
+async function ask(address) {
+  try {
+    const response = await fetch(address, { headers: { Accept: "text/html" }, credentials: "same-origin" });
+    return [response.status, response.ok ? await pageOf(response) : null];
+  } catch {
+    return [0, null];
+  }
 }
 
 // A script that is being graded: each event brings the page's new parts; without events it is asked for.
@@ -128,18 +194,21 @@ function follow() {
   count(node.querySelector("[data-since]"));
   const form = node.closest("form");
   const again = async () => {
-    try {
-      const response = await fetch(location.pathname, { headers: { Accept: "text/html" }, credentials: "same-origin" });
-      if (response.status === 401) return tell(form, SIGNED_OUT, true);
-      if (response.ok) arrive(await pageOf(response), form);
-    } catch {
-      tell(form, "The connection is lost; your script is graded all the same.", true);
-      setTimeout(follow, 2 * POLL_MS);
-    }
+    const [status, page] = await ask(location.pathname);
+    if (source !== mine) return; // asked for before the page changed, so it may be older than what stands here
+    if (page) return arrive(page, form);
+    tell(form, status === 401 ? SIGNED_OUT : "The connection is lost; your script is graded all the same.", true);
+    if (status !== 401) setTimeout(follow, 2 * POLL_MS);
   };
   const mine = (source = new EventSource(node.dataset.events));
   let silence = setTimeout(again, SILENCE_MS);
-  for (const name of ["running", "graded", "needs_review"]) mine.addEventListener(name, () => { clearTimeout(silence); if (source === mine) again(); });
+  const heard = (isNews) => { clearTimeout(silence); if (source === mine && isNews) again(); };
+  mine.addEventListener("running", () => heard(node.dataset.state !== "running"));
+  for (const name of ["graded", "needs_review"]) mine.addEventListener(name, () => heard(true));
+  mine.addEventListener("progress", ({ data }) => {
+    const { case: at, cases } = JSON.parse(data);
+    node.querySelector("[data-case]").textContent = `, case ${at} of ${cases}`;
+  });
   mine.addEventListener("error", () => { clearTimeout(silence); if (source === mine) { mine.close(); silence = setTimeout(again, POLL_MS); } });
 }
 
@@ -159,7 +228,7 @@ function count(node) {
   const tick = () => {
     if (!node.isConnected) return;
     const seconds = Math.round((Date.now() - started) / 1000);
-    if (seconds) node.textContent = `${seconds}\u202fs`;
+    if (seconds) node.textContent = `${seconds}\u202fs so far,`;
     setTimeout(tick, 1000);
   };
   tick();

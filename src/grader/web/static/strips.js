@@ -1,21 +1,21 @@
 // What a run's plots show: the strips of the chart, in the colours of its integrator, beside those of the last run.
 
 import { seriesClass } from "./chart.js";
+import { seconds } from "./dom.js";
 import { calmPart } from "./scale.js";
 
 const EVENT_PART = 0.15, AFTERWARDS = 2.2; // of the whole run; in times of the event
 const LOG_RANGE = 1e4;
+const FAR = 3;
 const READOUTS_MAX = 2;
 const STRIP = 132; // the height of a plot for which the author asks none, beside others [px]
-const DIVERGED = /^BAD/;
+export const DIVERGED = /^BAD/;
 
 // The first warning for the chart: MuJoCo resets a state that diverged.
 export function warningOf(run) {
   const [first] = run.warnings;
-  return first && { ...first, resets: DIVERGED.test(first.kind), text: `${first.kind} ${milliseconds(first.time)}` };
+  return first && { ...first, resets: DIVERGED.test(first.kind), text: `${first.kind} ${seconds(first.time)}` };
 }
-
-export const milliseconds = (time) => (time < 1 ? `${Number((1000 * time).toPrecision(4))} ms` : `${Number(time.toPrecision(4))} s`);
 
 // How much of a run is shown [s]: all of it, or the surroundings of what ended it early.
 export function spanOf(run) {
@@ -53,7 +53,7 @@ function stripOf(plot, run, last, integrator) {
     label: plot.ylabel || (alone ? plot.traces[0].label : ""),
     weight: plot.height ?? STRIP,
     axis,
-    shows: [...calm, ...(axis.log || reset < Infinity ? [] : others), ...(axis.log ? [] : lines.map((line) => line.y))],
+    shows: [...calm, ...(axis.log || reset < Infinity || isFar(others, calm) ? [] : others), ...(axis.log ? [] : lines.map((line) => line.y))],
     lines,
     series: plot.traces.map(({ label, dash, values }, index) => ({
       label: alone ? integrator ?? (plot.ylabel ? label : "") : label,
@@ -62,6 +62,12 @@ function stripOf(plot, run, last, integrator) {
     })),
     ghost: (last.plot?.traces ?? []).map(({ values }) => ({ values, times: last.times })),
   };
+}
+
+// Whether the last run would leave no room for this one: the axis is that of this run.
+function isFar(others, own) {
+  const width = (values) => values.reduce((widest, value) => Math.max(widest, Math.abs(value)), 0);
+  return width(others) > FAR * width(own);
 }
 
 // Whether a plot needs a logarithmic axis: its positive values, such as energies, span many decades.

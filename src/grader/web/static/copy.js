@@ -1,0 +1,14 @@
+// A button beside what is there to be copied; without this it is selected by hand.
+
+import { el } from "./dom.js";
+
+for (const field of document.querySelectorAll("[data-copy]")) {
+  field.addEventListener("focus", () => field.select());
+  const button = el("button", { type: "button", class: "quiet small", onclick: copy }, "Copy");
+  field.closest("label").after(el("p", { class: "actions" }, button));
+
+  async function copy() {
+    await navigator.clipboard.writeText(field.value);
+    button.textContent = "Copied";
+  }
+}

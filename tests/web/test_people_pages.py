@@ -1,0 +1,136 @@
+"""The page of people without JavaScript: links shown once, roles, tokens; what cannot be undone is asked first."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from grader.accounts import in_database
+from grader.courses.sign_in import create_sign_in_code
+from grader.identity import Role
+from grader.settings import Settings
+from sites import Site, open_site, write_content
+from web.browsing import chromium
+
+PEOPLE = "/instructor/people"
+expect.set_options(timeout=30_000)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    folder = tmp_path_factory.mktemp("people")
+    content = write_content(folder / "content")
+    with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def desk(site: Site, browser: Browser) -> Page:
+    """An instructor's tab, at the page of people."""
+    page = browser.new_context(base_url=site.origin, java_script_enabled=False).new_page()
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "tina", Role.INSTRUCTOR))
+    page.goto(f"/signin?code={code}")
+    page.get_by_role("button", name="Sign in").click()
+    page.goto(PEOPLE)
+    return page
+
+
+def asked(page: Page, row: str, name: str) -> None:
+    """Presses a button of a row, and the one that it unfolds."""
+    there = page.locator("tr").filter(has=page.get_by_role("rowheader", name=row, exact=True))
+    asking = there.locator("details").filter(has=page.locator("summary", has_text=re.compile(f"^{name}")))
+    button = asking.get_by_role("button")
+    expect(button).to_be_hidden()
+    asking.locator("summary").click()
+    button.click()
+
+
+def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: Browser, desk: Page) -> None:
+    desk.get_by_label("Names, one per line").fill("Ada\n\n Bob \nCem\nDee")
+    desk.get_by_role("button", name="Make links").click()
+    links = dict(line.split("\t") for line in desk.get_by_label("All links").input_value().splitlines())
+    assert list(links) == ["Ada", "Bob", "Cem", "Dee"]
+    desk.goto(PEOPLE)
+    assert links["Ada"] not in desk.content()  # shown once
+    assert desk.locator("[data-list=members] th").all_inner_texts() == ["Ada", "Bob", "Cem", "Dee", "tina"]
+    asked(desk, "Bob", "Revoke")
+    expect(desk.locator("[data-list=invitations] tr")).to_have_count(3)
+    guest = browser.new_context(base_url=site.origin, java_script_enabled=False).new_page()
+    guest.goto(links["Bob"])
+    expect(guest.get_by_role("button", name="Sign in")).to_have_count(0)
+    guest.goto(links["Ada"])
+    guest.get_by_role("button", name="Sign in").click()
+    expect(guest.locator(".top")).to_contain_text("Ada")
+
+    desk.goto(PEOPLE)
+    member = desk.locator("[data-list=members] tr").filter(has_text="Ada")
+    member.get_by_role("button", name="New link for Ada").click()
+    again = desk.get_by_label("Ada", exact=True).input_value()
+    assert again != links["Ada"]
+    desk.goto(PEOPLE)
+    member.locator("summary", has_text="Make instructor").click()
+    member.get_by_role("button", name="Make instructor of Ada").click()
+    expect(member).to_contain_text("instructor")
+    member.locator("summary", has_text="Remove").click()
+    member.get_by_role("button", name="Remove from the course Ada").click()
+    expect(member).to_have_count(0)
+    guest.goto("/instructor")
+    expect(guest.locator(".top")).not_to_contain_text("Ada")
+    expect(desk.locator("[data-list=audit]")).to_contain_text("member removed")
+
+
+def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
+    desk.goto(PEOPLE)
+    desk.get_by_label("Names, one per line").fill("Eve\nEve")
+    desk.get_by_role("button", name="Make links").click()
+    expect(desk.get_by_role("alert")).to_contain_text("given twice")
+    expect(desk.get_by_label("Names, one per line")).to_have_value("Eve\nEve")
+
+
+def test_tokens_and_the_course_link_are_made_shown_and_ended_by_forms(site: Site, desk: Page) -> None:
+    desk.goto(PEOPLE)
+    desk.get_by_text("Create a token").click()
+    desk.get_by_label("User", exact=True).fill("nightly")
+    desk.locator("#token-role").select_option("service")
+    desk.get_by_label("Days until it ends").fill("7")
+    desk.get_by_label("results").check()
+    desk.get_by_role("button", name="Create").click()
+    expect(desk.get_by_role("alert")).to_contain_text("The course has no user nightly")
+    expect(desk.get_by_label("User", exact=True)).to_have_value("nightly")
+    expect(desk.locator("[data-list=tokens]")).to_have_text("None.")
+    expect(desk.locator("[data-list=members]")).not_to_contain_text("nightly")
+    desk.get_by_role("button", name="Create the user and the token").click()
+    token = desk.get_by_label("nightly").input_value()
+    headers = {"Authorization": f"Bearer {token}"}
+    assert site.anonymous(headers).get("/api/v1/results").status_code == 200
+    desk.goto(PEOPLE)
+    assert token not in desk.content()
+    asked(desk, "nightly", "Revoke")
+    expect(desk.locator("[data-list=tokens]")).to_have_text("None.")
+    assert site.anonymous(headers).get("/api/v1/results").status_code == 401
+
+    desk.get_by_role("button", name="Make a course link").click()
+    first = desk.get_by_label("Course link", exact=True).input_value()
+    desk.locator("summary", has_text="Make a new link").click()
+    desk.get_by_role("button", name="Replace the link").click()
+    expect(desk.get_by_label("Course link", exact=True)).not_to_have_value(first)
+    desk.locator("summary", has_text="Withdraw the link").click()
+    desk.get_by_role("button", name="Withdraw it").click()
+    expect(desk.locator("main")).to_contain_text("There is no link now")
+
+
+def test_only_instructors_and_only_the_own_pages_change_people(site: Site, desk: Page) -> None:
+    [cookie] = desk.context.cookies()
+    paths = ("invitations", "link", "tokens", "members/" + "0" * 32)
+    for path in paths:
+        student = site.client("ann").post(f"{PEOPLE}/{path}", data={"names": "x"})
+        forged = site.anonymous({"Cookie": f"{cookie['name']}={cookie['value']}", "Sec-Fetch-Site": "cross-site"})
+        assert student.status_code in {401, 403}
+        assert forged.post(f"{PEOPLE}/{path}", data={"names": "x"}).status_code == 403
