@@ -57,6 +57,15 @@ def test_the_interval_of_a_median_covers_it_as_often_as_it_says() -> None:
     rng = np.random.default_rng(1)
     covered = 0
     for _ in range(100):
-        low, high = median_interval(rng.exponential(1.0, 25))
+        low, high = median_interval(rng.exponential(1.0, 25).tolist())
         covered += low <= np.log(2) <= high
     assert 0.90 < covered / 100 < 0.99
+
+
+def test_the_interval_of_a_quotient_covers_it_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(2)
+    covered = 0
+    for _ in range(100):
+        low, high = median_interval(rng.normal(6, 1, 25).tolist(), rng.normal(3, 0.3, 40).tolist())
+        covered += low <= 2 <= high
+    assert 0.90 < covered / 100 <= 0.99

@@ -57,6 +57,15 @@ def test_the_models_own_setting_has_a_row_with_what_it_costs() -> None:
     assert re.search(r"the model's own setting, Euler at 2 ms, has an error of \S+ and costs", str(advice))
 
 
+def test_a_cheaper_setting_that_passed_by_accident_is_named() -> None:
+    advice = advise(FOREIGN / "inverted_pendulum.xml", tol=1e-3, seconds=2.0)
+    errors = {c.setting: c.error for c in advice.found.candidates}
+    assert advice.choice is not None
+    assert RK4.evaluations / 0.004 < advice.choice.cost
+    assert errors[RK4, 0.004] < 1e-3 < errors[RK4, 0.0025]
+    assert "cheaper, but by accident, as a smaller timestep is worse: RK4 at 4 ms" in str(advice)
+
+
 def test_columns_stay_in_line() -> None:
     lines = str(advise(scene_text("stiff_servo"), "data.qpos[0]", tol=0.02, seconds=0.3)).splitlines()
     head = next(line for line in lines if line.endswith("  warning"))

@@ -65,7 +65,9 @@ def no_loop() -> Paired:
 def test_a_ratio_below_its_floor_fails_and_one_not_measured_says_why(
     least: float, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    twice = floors.Floor("twice as fast", lambda: Paired(2.0, 1.9, 2.1, 2.0, 1.0, 5, (1.95, 2.05)), least, "a test")
+    twice = floors.Floor(
+        "twice as fast", lambda: Paired(2.0, (1.95, 2.05), 2.0, 1.0, (1.95, 2.0, 2.05)), least, "a test"
+    )
     monkeypatch.setattr(floors, "FLOORS", [twice, floors.Floor("in C", no_loop, 1.0, "a test")])
     assert floors.main([]) == code
     assert floors.main(["in C"]) == 0

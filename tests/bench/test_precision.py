@@ -107,7 +107,7 @@ def test_the_wheels_timer_comes_and_goes() -> None:
 
 
 def point(method: str, setting: float, error: float | None, cost: float) -> Point:
-    return Point(method, setting, error, cost, 0.9 * cost, 1.1 * cost)
+    return Point(method, setting, error, cost, (0.9 * cost, cost, 1.1 * cost))
 
 
 POINTS = [
@@ -146,5 +146,5 @@ def test_a_peer_is_compared_at_the_same_tolerance() -> None:
     compared = against(cheapest(POINTS, 1e-3), point("SciPy", 1e-6, 1e-7, 12.0))
     assert compared is not None
     assert compared["ratio"] == 3.0
-    assert compared["spread"] == pytest.approx([3 * 0.9 / 1.1, 3 * 1.1 / 0.9])
+    assert compared["interval"] == pytest.approx([3 * 0.9 / 1.1, 3 * 1.1 / 0.9])
     assert against(None, None) is None

@@ -5,13 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from grader.bench import run
 from grader.bench import skip as skipping
 from grader.bench.scenes import load_scene
 from grader.bench.skip import SCENES, Run, is_proven, largest_difference
-from grader.bench.timing import paired
+from grader.bench.timing import LEAST, MOST, paired
 from grader.errors import Unprocessable
 from grader.numerics.version import INSTALLED
 
@@ -47,8 +48,9 @@ def test_a_ratio_is_a_ratio() -> None:
 
     found = paired(lambda: turns(30_000), lambda: turns(10_000), budget_s=0.2)
     assert 2 < found.ratio < 4.5
-    assert found.low <= found.ratio <= found.high
-    assert found.pairs >= 5
+    assert found.interval[0] <= found.ratio <= found.interval[1]
+    assert found.ratio == np.median(found.pairs)
+    assert LEAST <= len(found.pairs) <= MOST
 
 
 @pytest.fixture

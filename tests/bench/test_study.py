@@ -1,5 +1,6 @@
 """A benchmark that was stopped resumes, and only a change of what it measures with discards its records."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -33,6 +34,17 @@ class Other(Measurement):
 
     def measure(self, quick: bool, done: Records) -> Record:
         raise LookupError(self.name)
+
+
+@dataclass(frozen=True)
+class Apart(Measurement):
+    """Is not timed; tells the process that measured it."""
+
+    name: str
+    timed = False
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        return {"process": os.getpid()}
 
 
 @pytest.fixture(autouse=True)
@@ -77,6 +89,14 @@ def test_kinds_with_the_same_fields_are_told_apart(tmp_path: Path) -> None:
     assert carry_out("t", [Letter("a")], journal, QUIET) == {Letter("a"): {"value": 1}}
     with pytest.raises(LookupError):
         carry_out("t", [Other("a")], journal, QUIET)
+
+
+def test_what_is_not_timed_is_measured_before_in_other_processes(tmp_path: Path) -> None:
+    plan = [Letter("a"), Apart("b"), Apart("c")]
+    records = carry_out("t", plan, Journal(tmp_path / "j", "c"), QUIET)
+    assert list(records) == plan
+    assert records[plan[0]]["before"] == 2
+    assert os.getpid() not in {records[key]["process"] for key in plan[1:]}
 
 
 def test_two_equal_measurements_are_refused(tmp_path: Path) -> None:

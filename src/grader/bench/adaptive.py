@@ -39,8 +39,6 @@ YARDSTICK_S = 0.002
 BUDGET_S = {True: 0.01, False: 0.02}
 """CPU time of a comparison [s], by whether the run is quick."""
 
-PAIRS = 2
-
 FALLING = (1e-8, 0.02)
 """Errors that an order is fitted through [rad or m]: above the references' noise, below what is still coarse."""
 
@@ -97,6 +95,7 @@ def stepping(name: str, integrator: str, timestep_s: float) -> Callable[[], obje
 class Truth(Measurement):
     """The reference solution of a scene."""
 
+    timed = False
     scene: str
 
     def measure(self, quick: bool, done: Records) -> Record:
@@ -152,7 +151,7 @@ class Solved(Measurement):
         error = positions_apart(load_scene(self.scene), np.array(done[Truth(self.scene)]["qpos"]), found)
         counted = {"error": error, "evaluations": work.evaluations}
         yardstick = stepping(self.scene, EULER.name, YARDSTICK_S)
-        return counted | asdict(paired(work, yardstick, BUDGET_S[quick], PAIRS))
+        return counted | asdict(paired(work, yardstick, BUDGET_S[quick]))
 
 
 def plan(quick: bool) -> Sequence[Measurement]:
@@ -202,9 +201,7 @@ def summarise_fewest(settings: Any, error: float) -> Record | None:
     if not good:
         return None
     best = min(good, key=lambda one: int(one["evaluations"]))
-    return {name: best[name] for name in ("method", "setting", "evaluations", "ratio")} | {
-        "spread": [best["low"], best["high"]]
-    }
+    return {name: best[name] for name in ("method", "setting", "evaluations", "ratio", "interval")}
 
 
 def summarise_order(settings: list[Record]) -> Record | None:

@@ -142,6 +142,7 @@ CASES = {
 class Collision(Measurement):
     """The outcomes of one case over a size x size grid of (timestep, parameter), and the first run that warned."""
 
+    timed = False
     case: str
     integrator: str
 

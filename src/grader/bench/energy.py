@@ -38,6 +38,7 @@ def depth(scene: Scene) -> float:
 class Long(Measurement):
     """One run of a scene by an integrator at a timestep [s]."""
 
+    timed = False
     scene: str
     integrator: str
     timestep_s: float

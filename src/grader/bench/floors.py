@@ -79,7 +79,7 @@ def bisection() -> Paired:
     """The lesson's bisection, over the two simulations that certify its bracket."""
     scene = in_use(Scene.from_xml(stiff_servo())).at(qpos=[1.0])
     certified = partial(check_bracket, scene, *lessons_bisection(), integrator=EULER.code)
-    return ratio(lessons_bisection, certified, least=3)
+    return ratio(lessons_bisection, certified)
 
 
 TWO_THIRDS = "two thirds of docs/measured.md"
@@ -123,7 +123,7 @@ def main(words: list[str]) -> int:
             continue
         below = found.least < floor.least
         failed += below
-        measured = f"x{found.least:.2f} (pairs {found.low:.2f} to {found.high:.2f})"
+        measured = f"x{found.least:.2f} (median {found.interval[0]:.2f} to {found.interval[1]:.2f})"
         print(f"{'BELOW' if below else 'ok':6}{floor.name:32}{measured:32}floor x{floor.least:g}: {floor.source}")
     return 1 if failed else 0
 

@@ -1,33 +1,43 @@
-"""The pages' tables from the studies' JSON, so that no figure is typed by hand, and the studies run for them.
+"""The pages' tables and figures from the studies' JSON, so that none is typed by hand, and the studies run for them.
 
-`<!-- measured:begin NAME -->` ... `<!-- measured:end NAME -->` in a page is filled with the block NAME.
-`python -m grader.bench.measured docs README.md docs/measured.md` measures, resuming where it was stopped, and rewrites;
-with `--tables-only` it renders the committed JSON again.
+`<!-- measured:begin NAME -->` ... `<!-- measured:end NAME -->` in a page is filled with the block NAME, and
+`<!--=NAME-->` ... `<!--=-->` in a sentence with the claim NAME. `python -m grader.bench.measured docs README.md
+docs/measured.md` measures, resuming where it was stopped, and rewrites; with `--tables-only` it renders the committed
+JSON again. It lists the sentences that the results deny, which stay as they were, and exits 1 where there are any.
 """
 
 import json
 import re
 import shutil
+import sys
+import textwrap
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from grader.bench import run
+from grader.bench.claims import CLAIMS, Denied, Results
 from grader.bench.scenes import words
+from grader.bench.skip import IN_C, SKIPPING, STAGES, TIMER
 from grader.bench.stability import LOOK, SECONDS, Class
 
 STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
 """The studies whose results are committed."""
 
+COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium"}
+"""What the pages compare with or measure, and its module."""
+
 PICTURE = re.compile(r"\(measured/([\w.]+)\)")
 MARKED = re.compile(r"(<!-- measured:begin (\w+) -->\n).*?(<!-- measured:end \2 -->)", re.DOTALL)
+CLAIMED = re.compile(r"(\s*)<!--=(\w+)-->(\s*)(.*?)<!--=-->", re.DOTALL)
+PARAGRAPH = re.compile(r"^(\d\. )?(?!\d\. |[|#!]|<!-- )\S.*(?:\n(?!\d\. |[|#!]|<!-- ).+)*", re.MULTILINE)
+WIDTH = 120
 
 ERRORS = tuple(f"1e-{k:02}" for k in range(1, 11))
 SHOWN_ERRORS = ERRORS[1:8:2]
 
-Results = dict[str, Any]
 Rows = Callable[[Results], Iterator[tuple[str, ...]]]
 BLOCKS: dict[str, Callable[[Results], str]] = {}
 
@@ -37,9 +47,30 @@ def load_results(folder: Path) -> Results:
     return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES}
 
 
-def fill(page: str, results: Results) -> str:
-    """The page with every marked block rendered anew. Raises KeyError for a block that does not exist."""
-    return MARKED.sub(lambda found: f"{found[1]}{BLOCKS[found[2]](results)}\n{found[3]}", page)
+def fill(page: str, results: Results) -> tuple[str, list[str]]:
+    """The page with every marked block and claim rendered anew, and the claims that the results deny, left as they are.
+
+    Raises KeyError for a block or claim that does not exist.
+    """
+    denied = []
+
+    def claimed(found: re.Match[str]) -> str:
+        space, name, moved, text = found.groups()
+        try:
+            text = CLAIMS[name](results)
+        except Denied as shown:
+            denied.append(f"{name}: the page says: {text}\n  the results show: {shown}")
+        # A line of Markdown that began with the comment would be HTML: the space stands behind it.
+        return f"<!--={name}-->{space or moved}{text}<!--=-->"
+
+    def paragraph(found: re.Match[str]) -> str:
+        if not CLAIMED.search(found[0]):
+            return found[0]
+        text, indent = CLAIMED.sub(claimed, " ".join(found[0].split())), " " * len(found[1] or "")
+        return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+    page = MARKED.sub(lambda found: f"{found[1]}{BLOCKS[found[2]](results)}\n{found[3]}", page)
+    return PARAGRAPH.sub(paragraph, page), denied
 
 
 def table(*head: str) -> Callable[[Rows], Rows]:
@@ -62,20 +93,23 @@ def milliseconds(timestep_s: float) -> str:
 
 
 def times(timed: Results, digits: str = ".2f") -> str:
-    """A ratio and the range of its middle 80 %: `x2.61 (2.53 to 2.84)`."""
-    low, high = timed["spread"]
-    return f"x{timed['ratio']:{digits}} ({low:{digits}} to {high:{digits}})"
+    """A ratio and its 95 % confidence interval, where it was measured: `x2.61 (2.53 to 2.84)`."""
+    ratio = f"x{timed['ratio']:{digits}}"
+    if "interval" not in timed:
+        return ratio
+    low, high = timed["interval"]
+    return f"{ratio} ({low:{digits}} to {high:{digits}})"
 
 
 def setting(best: Results | None) -> str:
     """`RK4 8 ms (x0.9)`, or a dash where no setting gets there."""
-    return f"{best['integrator']} {milliseconds(best['timestep_s'])} (x{best['cost']:.3g})" if best else "-"
+    return f"{best['integrator']} {milliseconds(best['timestep_s'])} (x{best['ratio']:.3g})" if best else "-"
 
 
 def trade(point: Results) -> str:
-    """Error and cost of one setting, or that it warned."""
+    """Error and cost of one setting with its interval, or that it warned."""
     error = "warned" if point["error"] is None else f"{point['error']:.1e}"
-    return f"{error} (x{point['cost']:.2g})"
+    return f"{error}, {times(point, '.3g')}"
 
 
 def ratio(peer: Results | None, mujoco: Results | None) -> str:
@@ -194,19 +228,13 @@ def cases(results: Results) -> Iterator[tuple[str, ...]]:
             yield case, integrator, shares, reset(one["reset"])
 
 
-def savings(scene: Results) -> list[float]:
-    """How many times faster the timer off makes a run, then steps in C, then skipping."""
-    timer, loop, *_, last = (rung["ratio"] for rung in scene["ladder"])
-    return [timer, loop / timer, last / loop]
-
-
-@table("scene", "timer off", "steps in C", "skipping", "together", "bitwise equal", "needed, so kept")
+@table("scene", *STAGES, "bitwise equal", "needed, so kept")
 def skip(results: Results) -> Iterator[tuple[str, ...]]:
     """The three savings apart and together."""
     for name, scene in results["skip"]["scenes"].items():
         needed = ", ".join(flag["part"] for flag in scene["flags"] if not flag["proven"]) or "none"
-        apart = (f"x{saving:.2f}" for saving in savings(scene))
-        yield words(name), *apart, times(scene["ladder"][-1]), "yes" if scene["bitwise"] else "NO", needed
+        saved = (times(scene["savings"][stage]) for stage in STAGES)
+        yield words(name), *saved, "yes" if scene["bitwise"] else "NO", needed
 
 
 @table("scene", "flag", "", "why", "bitwise equal", "time saved")
@@ -276,12 +304,6 @@ def pile(results: Results) -> Iterator[tuple[str, ...]]:
         yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
 
 
-def sure(timed: Results) -> str:
-    """A ratio and its 95 % confidence interval: `x1.52 (1.49 to 1.55)`."""
-    low, high = timed["interval"]
-    return f"x{timed['ratio']:.2f} ({low:.2f} to {high:.2f})"
-
-
 @table(
     *("model", "degrees of freedom", "needed, so kept", "skipping", "an `nstep` loop over our run"),
     *("beside the steps", "MuJoCo's reset", "bitwise equal"),
@@ -291,17 +313,17 @@ def models(results: Results) -> Iterator[tuple[str, ...]]:
     for name, one in results["models"]["models"].items():
         parts = [part for part in one["needed"] if part not in ("constraints", "islands")]
         fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
-        cells = (sure(one["skipping"]), sure(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
+        cells = (times(one["skipping"]), times(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
         yield words(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
 
 
 @table("scene", *(f"error {error}" for error in SHOWN_ERRORS), "timer x C x skipping")
 def summary(results: Results) -> Iterator[tuple[str, ...]]:
     """For the README: one line a scene."""
-    skipped = results["skip"]["scenes"]
+    skipped = {name: scene["savings"] for name, scene in results["skip"]["scenes"].items()}
     for name, scene in results["precision"]["scenes"].items():
-        saved = " x ".join(f"{saving:.2f}" for saving in savings(skipped[name])) if name in skipped else "-"
-        yield words(name), *(setting(scene["cheapest"][error]) for error in SHOWN_ERRORS), saved
+        apart = [f"{skipped[name][stage]['ratio']:.2f}" for stage in (TIMER, IN_C, SKIPPING)] if name in skipped else []
+        yield words(name), *(setting(scene["cheapest"][error]) for error in SHOWN_ERRORS), " x ".join(apart) or "-"
 
 
 def main(
@@ -310,14 +332,22 @@ def main(
     """Measure in the folder WORK, copy results and the pictures shown to DOCS/measured, fill the pages."""
     texts = {page: page.read_text(encoding="utf-8") for page in pages}
     kept = docs / "measured"
+    missing = [name for name, module in COMPARED.items() if find_spec(module) is None]
+    if missing and not (quick or tables_only):
+        sys.exit(f"the page compares with {', '.join(missing)}: run pip install '.[peers]' gymnasium first")
     if not tables_only:
         for name in STUDIES:
             run(name, work, quick)
         kept.mkdir(parents=True, exist_ok=True)
         for name in (*(f"{study}.json" for study in STUDIES), *PICTURE.findall("".join(texts.values()))):
             shutil.copyfile(work / name, kept / name)
+    denied = []
     for page, text in texts.items():
-        page.write_text(fill(text, load_results(kept)), encoding="utf-8")
+        filled, against = fill(text, load_results(kept))
+        page.write_text(filled, encoding="utf-8")
+        denied += [f"{page}: {one}" for one in against]
+    if denied:
+        sys.exit("\n".join(denied))
 
 
 if __name__ == "__main__":

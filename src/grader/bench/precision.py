@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from grader.bench.peers import EQUATIONS, Array, by_hand, over_mj_forward, peers_of
 from grader.bench.scenes import load_scene, words
 from grader.bench.study import Measurement, Record, Records, Study, of_kind
-from grader.bench.timing import paired, timer_is_known
+from grader.bench.timing import median_interval, paired, timer_is_known
 from grader.numerics.convergence import observed_order, positions_apart
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.reference import dop853
@@ -45,9 +45,6 @@ YARDSTICK = ("Euler", 0.002)
 
 BUDGET_S = {True: 0.02, False: 0.3}
 """CPU time of a comparison [s], by whether the run is quick."""
-
-PEER_PAIRS = 3
-"""The least number of pairs for a peer, which may take long."""
 
 ERRORS = tuple(10.0**-k for k in range(1, 11))
 """The position errors [rad or m] that the cheapest setting is sought for."""
@@ -110,6 +107,7 @@ def through_impacts(scene: Scene) -> tuple[Array, list[Array], str]:
 class Truth(Measurement):
     """The reference solution of a scene."""
 
+    timed = False
     scene: str
 
     def measure(self, quick: bool, done: Records) -> Record:
@@ -167,7 +165,7 @@ class PeerSetting(Measurement):
             return {"error": None, "why": str(failure)}
         error = positions_apart(scene, np.array(done[Truth(self.scene)]["qpos"]), found)
         yardstick = Stepping(scene, *YARDSTICK)
-        timed = paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick], PEER_PAIRS)
+        timed = paired(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick])
         return {"error": error} | asdict(timed)
 
 
@@ -185,14 +183,19 @@ def plan(quick: bool) -> Sequence[Measurement]:
 
 @dataclass(frozen=True)
 class Point:
-    """One setting of one method on one scene; cost in yardsticks with its band, error None where it failed."""
+    """One setting of one method on one scene; cost in yardsticks and the pairs it is the median of, error None where
+    it failed.
+    """
 
     method: str
     setting: float
     error: float | None
     cost: float
-    low: float
-    high: float
+    pairs: tuple[float, ...]
+
+    def over(self, other: "Point") -> Record:
+        """Its cost over that of another point, with the 95 % interval."""
+        return {"ratio": self.cost / other.cost, "interval": median_interval(self.pairs, other.pairs)}
 
 
 def points_of(records: Records, kind: type[Setting] | type[PeerSetting], scene: str) -> dict[str, list[Point]]:
@@ -200,7 +203,7 @@ def points_of(records: Records, kind: type[Setting] | type[PeerSetting], scene: 
     found: dict[str, list[Point]] = {}
     for key, record in of_kind(records, kind).items():
         if key.scene == scene and "ratio" in record:
-            point = Point(key.method, key.setting, record["error"], record["ratio"], record["low"], record["high"])
+            point = Point(key.method, key.setting, record["error"], record["ratio"], tuple(record["pairs"]))
             found.setdefault(key.method, []).append(point)
     return found
 
@@ -241,8 +244,7 @@ def against(mujoco: Point | None, peer: Point | None) -> Record | None:
         return None
     if mujoco is None:
         return {"setting": peer.setting, "ratio": None}
-    spread = [peer.low / mujoco.high, peer.high / mujoco.low]
-    return {"setting": peer.setting, "ratio": peer.cost / mujoco.cost, "spread": spread}
+    return {"setting": peer.setting} | peer.over(mujoco)
 
 
 def procedure(points: Sequence[Point]) -> Record | None:
@@ -252,7 +254,10 @@ def procedure(points: Sequence[Point]) -> Record | None:
         return None
     start = found[PROCEDURE["start"]]
     chosen = {name: found[setting] for name, setting in PROCEDURE.items()}
-    return {name: {"error": point.error, "cost": point.cost / start.cost} for name, point in chosen.items()}
+    return {
+        name: {"error": point.error} | ({"ratio": 1.0} if point is start else point.over(start))
+        for name, point in chosen.items()
+    }
 
 
 def summarise(records: Records) -> Record:
@@ -291,8 +296,8 @@ def summarise_point(point: Point) -> Record:
     return {
         "integrator": point.method,
         "timestep_s": point.setting,
-        "cost": point.cost,
-        "spread": [point.low, point.high],
+        "ratio": point.cost,
+        "interval": median_interval(point.pairs),
         "error": point.error,
     }
 

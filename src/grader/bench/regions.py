@@ -97,6 +97,7 @@ def grows(scene: Scene, integrator: str) -> bool:
 class Ray(Measurement):
     """Points of one integrator along one angle [degrees]."""
 
+    timed = False
     integrator: str
     angle: int
 

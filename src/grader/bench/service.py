@@ -7,6 +7,7 @@ database of its own, with rate limits lifted.
 import atexit
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -36,7 +37,6 @@ GRADER = Path(sys.executable).parent / "grader"
 STUDENTS = 4
 START_S = 120.0
 GRADED_S = 60.0
-POLL_S = 0.01
 UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
 
 SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
@@ -73,7 +73,8 @@ def run(student, inputs, submit):
 class Client:
     """One student with one connection."""
 
-    def __init__(self, port: int, token: str) -> None:
+    def __init__(self, port: int, token: str, server: int) -> None:
+        self.server = server  # its process id
         self.connection = HTTPConnection("127.0.0.1", port, timeout=GRADED_S)
         self.headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
 
@@ -88,20 +89,25 @@ class Client:
         status, body = self.request("POST", "/submissions", {"quiz": "1.3-check", "question": "q2", "answer": "5 ms"})
         require(status == 201 and body["verdict"]["status"] == "correct", body)
 
-    def graded(self, question: str, source: str) -> dict[str, Any]:
-        """The verdict on a script of the exercises. Raises TimeoutError after GRADED_S."""
-        end = time.perf_counter() + GRADED_S
+    def hand_in(self, question: str, source: str) -> str:
+        """Submit a script of the exercises; the id of the submission."""
         body = {"quiz": "1.3-exercises", "question": question, "answer": {"source": source}}
         status, submission = self.request("POST", "/submissions", body)
         require(status == 202, submission)
-        while time.perf_counter() < end:
-            _, found = self.request("GET", f"/submissions/{submission['id']}")
-            if found["status"] in ("graded", "needs_review"):
-                require(found["verdict"]["status"] != "grader_fault", found)
-                verdict: dict[str, Any] = found["verdict"]
-                return verdict
-            time.sleep(POLL_S)
-        raise TimeoutError("a script was not graded in time")
+        return str(submission["id"])
+
+    def heard(self, submission_id: str) -> dict[str, Any]:
+        """Listen to a submission's events until its verdict is there. Raises TimeoutError after GRADED_S."""
+        self.connection.request("GET", f"/api/v1/submissions/{submission_id}/events", None, self.headers)
+        events = self.connection.getresponse().read().decode()  # the stream ends with the verdict
+        data = [line.removeprefix("data: ") for line in events.splitlines() if line.startswith("data: ")]
+        verdict: dict[str, Any] = json.loads(data[-1])["verdict"]
+        require(verdict["status"] != "grader_fault", verdict)
+        return verdict
+
+    def graded(self, question: str, source: str) -> dict[str, Any]:
+        """The verdict on a script of the exercises, once it is heard."""
+        return self.heard(self.hand_in(question, source))
 
 
 SUBMIT: dict[str, Callable[[Client], object]] = {
@@ -142,14 +148,24 @@ def served(students: int, **environment: str) -> Iterator[list[Client]]:
         process = subprocess.Popen(arguments, env=settings, stdout=null, stderr=null)  # noqa: S603  our own command
         try:
             wait_until_ready(process, port)
-            yield [Client(port, token_of(folder, f"student{number}")) for number in range(students)]
+            yield [Client(port, token_of(folder, f"student{number}"), process.pid) for number in range(students)]
         finally:
             process.terminate()
             process.wait(30)
 
 
-@cache
 def clients() -> list[Client]:
+    """The clients of one server, each with a new connection: a server closes those that are idle.
+
+    A request on such a connection raises BrokenPipeError, which click takes for a closed stdout: it exits silently.
+    """
+    for client in started():
+        client.connection.close()  # and the next request opens one
+    return started()
+
+
+@cache
+def started() -> list[Client]:
     """The clients of a server that is started when something is left to measure, and stopped at exit."""
     stack = ExitStack()
     atexit.register(stack.close)
@@ -204,42 +220,91 @@ class Beside(Measurement):
 
 @dataclass(frozen=True)
 class Workers(Measurement):
-    """Scripts graded in a second by one, two and four grading processes; more than there are cores gain little."""
+    """A queue of scripts, worked off by one, two and four grading processes.
+
+    Nothing is handed in or asked for meanwhile. `cores` is how many cores the service keeps busy, its server, grading
+    processes and jails together: where one process of grading keeps more than one core busy, two of them gain less than
+    twice on two cores. It prepares the verdict while the script runs, and the next cell while the verdict is stored.
+    """
 
     def measure(self, quick: bool, done: Records) -> Record:
-        """Rates by the number of processes [1/s], and their ratios to one: medians of bursts in turn."""
-        each, rounds = (4, 1) if quick else (15, 5)
+        """Rates by the number of processes [1/s], their ratios to one, busy cores: medians of bursts in turn."""
+        each, rounds = (24, 1) if quick else (60, 5)
         with ExitStack() as stack:
-            busy = {n: stack.enter_context(served(2 * n, GRADER_WORKERS=str(n))) for n in WORKER_COUNTS}
-            for several in busy.values():
-                graded_per_second(several, 1)
-            rates = [{n: graded_per_second(several, each) for n, several in busy.items()} for _ in range(rounds)]
-        runs = [
-            {
-                "workers": n,
-                "per_second": float(np.median([rate[n] for rate in rates])),
-                "ratio": float(np.median([rate[n] / rate[1] for rate in rates])),
-            }
-            for n in WORKER_COUNTS
-        ]
-        return {"cores": os.cpu_count() or 1, "runs": runs}
+            busy = {n: stack.enter_context(served(1, GRADER_WORKERS=str(n)))[0] for n in WORKER_COUNTS}
+            for client in busy.values():
+                worked_off(client, 8)
+            bursts = [{n: worked_off(client, each) for n, client in busy.items()} for _ in range(rounds)]
+        runs = []
+        for n in WORKER_COUNTS:
+            rates, costs = zip(*(burst[n] for burst in bursts), strict=True)
+            runs.append(
+                {
+                    "workers": n,
+                    "per_second": float(np.median(rates)),
+                    "ratio": float(np.median([burst[n][0] / burst[1][0] for burst in bursts])),
+                    "cores": float(np.median(np.multiply(rates, costs))),
+                    "cpu_s": float(np.median(costs)),
+                }
+            )
+        return {"machine_cores": os.cpu_count() or 1, "runs": runs}
 
     def rows(self, record: Record) -> list[Record]:
         """One row a number of processes."""
-        return [{"cores": record["cores"], **run} for run in record["runs"]]
+        return [{"machine_cores": record["machine_cores"], **run} for run in record["runs"]]
 
 
-def graded_per_second(several: Sequence[Client], each: int) -> float:
-    """The rate at which scripts of these clients are graded; each client hands in the next once one is graded."""
+def worked_off(client: Client, scripts: int) -> tuple[float, float]:
+    """The rate at which queued scripts are graded [1/s], and the CPU time of one in all processes of the service [s].
 
-    def hand_in(client: Client) -> None:
-        for _ in range(each):
-            client.graded("servo-threshold", f"{SCRIPT}# {next(NUMBERS)}\n")  # each draws other cases
+    The grading processes are held until all are handed in; at most 100 scripts.
+    """
+    client.connection.close()  # and a new one: a server closes those that are idle
+    sources = (f"{SCRIPT}# {next(NUMBERS)}\n" for _ in range(scripts))  # each draws other cases
+    with held(client.server):
+        ids = [client.hand_in("servo-threshold", source) for source in sources]
+        began, before_s = time.perf_counter(), family_cpu_s(client.server)
+    for one in ids[-max(WORKER_COUNTS) :]:  # one of them is the last
+        client.heard(one)
+    ended, after_s = time.perf_counter(), family_cpu_s(client.server)
+    return scripts / (ended - began), (after_s - before_s) / scripts
 
-    begin = time.perf_counter()
-    with ThreadPoolExecutor(len(several)) as pool:
-        list(pool.map(hand_in, several))
-    return len(several) * each / (time.perf_counter() - begin)
+
+@contextmanager
+def held(server: int) -> Iterator[None]:
+    """Stops the grading processes of a server for the block."""
+    pids = [pid for pid, stat in processes().items() if int(stat[1]) == server and is_grading(pid)]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for pid in pids:
+            os.kill(pid, signal.SIGCONT)
+
+
+def is_grading(pid: int) -> bool:
+    """Whether this is a grading process."""
+    with suppress(OSError):  # it has ended
+        return "grading_process" in Path(f"/proc/{pid}/cmdline").read_text()
+    return False
+
+
+def family_cpu_s(pid: int) -> float:
+    """The CPU time of a process and its descendants [s], with those that have ended and were waited for."""
+    stats, family = processes(), {pid}
+    while more := {child for child, stat in stats.items() if int(stat[1]) in family} - family:
+        family |= more
+    return sum(sum(map(int, stats[one][11:15])) for one in family & stats.keys()) / os.sysconf("SC_CLK_TCK")
+
+
+def processes() -> dict[int, list[str]]:
+    """The fields after the name in /proc/PID/stat of every process: 1 is its parent, 11 to 14 are CPU times [ticks]."""
+    found = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has ended
+            found[int(stat.parent.name)] = stat.read_text().rpartition(")")[2].split()
+    return found
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,10 @@
 """What skipping saves: per scene and flag, proven or not and why, time saved, and whether the bits stay the same."""
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import matplotlib as mpl
@@ -28,6 +30,8 @@ TIMESTEP_S = 0.002
 STEPS = 500
 CHUNK = 50
 """Steps per call into C; divides STEPS."""
+
+TIMER, IN_C, SKIPPING, TOGETHER = STAGES = ("timer off", "steps in C", "skipping", "together")
 
 BUDGET_S = {True: 0.05, False: 0.5}
 """CPU time of a comparison [s], by whether the run is quick."""
@@ -121,43 +125,37 @@ class Flag(Measurement):
 
 
 @dataclass(frozen=True)
-class Ladder(Measurement):
-    """All savings of one scene, one after the other."""
+class Savings(Measurement):
+    """The savings of one scene, apart and together."""
 
     scene: str
 
     def measure(self, quick: bool, done: Records) -> Record:
-        """From a Python loop as the wheel comes: timer off, then chunks in C, each proven flag, no visuals."""
-        scene = load_scene(self.scene)
-        first = profiling_timer()(Run(scene, chunk=1))
-        rungs: list[tuple[str, Callable[[], object]]] = [("timer off", Run(scene, chunk=1)), ("steps in C", Run(scene))]
-        bits = 0
-        for need in scene.needs:
-            if need.flag and is_proven(need):
-                bits |= need.flag
-                rungs.append((need.part, Run(scene, bits=bits)))
+        """From a Python loop as the wheel comes: timer off, then steps in C, then nothing that is not needed."""
+        scene, loop = load_scene(self.scene), Run(load_scene(self.scene), chunk=1)
+        bits = reduce(or_, (need.flag for need in scene.needs if is_proven(need)), 0)
         bare = without_visuals(scene_text(self.scene), scene.model, scene.needs)
-        if bare is not None:
-            rungs.append(("visuals", Run(scene, bits=bits, bare=bare)))
-        timed = [{"rung": rung} | asdict(paired(first, work, BUDGET_S[quick])) for rung, work in rungs]
-        return {"rungs": timed, "bitwise": largest_difference(scene, bits, bare) == 0, "bits": bits}
+        first, in_c, last = profiling_timer()(loop), Run(scene), Run(scene, bits=bits, bare=bare)
+        stages = {TIMER: (first, loop), IN_C: (loop, in_c), SKIPPING: (in_c, last), TOGETHER: (first, last)}
+        timed = {name: asdict(paired(*works, BUDGET_S[quick])) for name, works in stages.items()}
+        return {"stages": timed, "bitwise": largest_difference(scene, bits, bare) == 0, "bits": bits}
 
     def rows(self, record: Record) -> list[Record]:
-        """One row a rung."""
-        return list(record["rungs"])
+        """One row a stage."""
+        return [{"stage": name, "ratio": one["ratio"]} for name, one in record["stages"].items()]
 
 
 def plan(_quick: bool) -> Sequence[Measurement]:
-    """Every part with a flag on every scene, and the cumulative ladder of each scene."""
+    """Every part with a flag on every scene, and the savings of each scene."""
     found: list[Measurement] = []
     for name in SCENES:
         found += [Flag(name, need.part) for need in load_scene(name).needs if need.flag]
-        found.append(Ladder(name))
+        found.append(Savings(name))
     return found
 
 
 def summarise(records: Records) -> Record:
-    """Per scene the flags and the ladder; `broken_proofs`, which must be empty: proven flags that changed a bit."""
+    """Per scene the flags and the savings; `broken_proofs`, which must be empty: proven flags that changed a bit."""
     flags = of_kind(records, Flag)
     scenes = {
         key.scene: {
@@ -167,49 +165,48 @@ def summarise(records: Records) -> Record:
                 for one, record in flags.items()
                 if one.scene == key.scene
             ],
-            "ladder": [{"rung": rung["rung"]} | summarise_ratio(rung) for rung in ladder["rungs"]],
-            "bitwise": ladder["bitwise"],
+            "savings": {stage: summarise_ratio(timed) for stage, timed in saved["stages"].items()},
+            "bitwise": saved["bitwise"],
         }
-        for key, ladder in of_kind(records, Ladder).items()
+        for key, saved in of_kind(records, Savings).items()
     }
     broken = [key.row() for key, record in flags.items() if record["proven"] and not record["bitwise"]]
     return {"scenes": scenes, "broken_proofs": broken}
 
 
 def summarise_ratio(timed: Record) -> Record:
-    """A ratio and the range of its middle 80 %."""
-    return {"ratio": timed["ratio"], "spread": [timed["low"], timed["high"]]}
+    """A ratio and its 95 % confidence interval."""
+    return {name: timed[name] for name in ("ratio", "interval")}
 
 
 def draw(records: Records, _summary: Record) -> Figure:
     """Left: the cumulative speed-up. Right: each flag alone, proven or not."""
     figure = Figure(figsize=(12.5, 5.2))
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.25])
-    draw_ladders(left, records)
+    draw_savings(left, records)
     draw_flags(right, records)
     figure.align_labels()
     return figure
 
 
-STAGES = {"timer off": "#bbccee", "steps in C": "#88aadd", "what is not needed": "#335599"}
+COLOURS = dict(zip(STAGES, ("#bbccee", "#88aadd", "#335599"), strict=False))
 
 
-def draw_ladders(axes: Any, records: Records) -> None:
-    """Stacked by stage: timer off, steps in C, all that is not needed."""
+def draw_savings(axes: Any, records: Records) -> None:
+    """Stacked by stage, each as many times faster as it makes what stands before it."""
     for row, name in enumerate(reversed(SCENES)):
-        rungs = records[Ladder(name)]["rungs"]
-        left, last = 1.0, rungs[-1]
-        for colour, rung in zip(STAGES.values(), (rungs[0], rungs[1], last), strict=True):
-            axes.barh(row, max(rung["ratio"] - left, 0), left=left, color=colour, height=0.6)
-            left = max(rung["ratio"], left)
-        error = [[last["ratio"] - last["low"]], [last["high"] - last["ratio"]]]
-        axes.errorbar(last["ratio"], row, xerr=error, color="black", lw=1)
-        axes.text(max(last["high"], left) + 0.05, row, f"x{last['ratio']:.2f}", va="center")
+        stages, left = records[Savings(name)]["stages"], 1.0
+        for stage, colour in COLOURS.items():
+            axes.barh(row, max(left * stages[stage]["ratio"] - left, 0), left=left, color=colour, height=0.6)
+            left *= max(stages[stage]["ratio"], 1)
+        ratio, (low, high) = stages[TOGETHER]["ratio"], stages[TOGETHER]["interval"]
+        axes.errorbar(ratio, row, xerr=[[ratio - low], [high - ratio]], color="black", lw=1)
+        axes.text(max(high, left) + 0.05, row, f"x{ratio:.2f}", va="center")
     axes.set_yticks(range(len(SCENES)), [words(name) for name in reversed(SCENES)])
     axes.set_xlim(1, 4.6)
     axes.set_xlabel("times faster than a Python loop as the wheel comes")
-    axes.set_title("Cumulative, all of it bitwise the same")
-    axes.legend([mpl.patches.Patch(color=colour) for colour in STAGES.values()], STAGES, loc="lower right")
+    axes.set_title("Together (line: 95 % interval), all of it bitwise the same")
+    axes.legend([mpl.patches.Patch(color=colour) for colour in COLOURS.values()], COLOURS, loc="lower right")
     axes.grid(axis="y", visible=False)
 
 

@@ -7,12 +7,14 @@ import json
 import os
 import platform
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import distributions
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -24,7 +26,7 @@ from grader.numerics.process import prepare
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
 ROOM = Path(__file__).parent
-UNRELATED = {"__init__", "floors", "lines", "loops", "measured"}
+UNRELATED = {"__init__", "claims", "compare", "floors", "lines", "loops", "measured"}
 """Modules of this package that take no part in a study's measurements."""
 
 NOT_MEASURING = ("draw", "summarise", "rows")
@@ -48,11 +50,20 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Measurement(ABC):
-    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart."""
+    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart.
+
+    What is not `timed` reads nothing from `done`; it is measured first, on all cores side by side.
+    """
+
+    timed: ClassVar[bool] = True
 
     @abstractmethod
     def measure(self, quick: bool, done: "Records") -> Record:
         """Measure, with a small part of the effort where `quick`; `done` holds the measurements listed before."""
+
+    def __str__(self) -> str:
+        """The kind and the fields, for a progress bar."""
+        return " ".join(map(str, self.row().values()))
 
     def row(self) -> Record:
         """The kind and the fields, for JSON and CSV."""
@@ -153,9 +164,9 @@ class Journal:
 def carry_out(
     title: str, plan: Sequence[Measurement], journal: Journal, console: Console, quick: bool = False
 ) -> dict[Measurement, Record]:
-    """Measure what the journal does not hold yet, in order, with a progress bar; return all records.
+    """Measure what the journal does not hold yet, with a progress bar; return all records.
 
-    Raises ValueError where two measurements are equal.
+    What is timed is measured alone and in order, after the others. Raises ValueError where two measurements are equal.
     """
     if len(set(plan)) != len(plan):
         raise ValueError(f"{title}: two measurements are the same")
@@ -166,12 +177,26 @@ def carry_out(
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(TextColumn("{task.description}"), *columns, console=console) as progress:
         bar = progress.add_task(title, total=len(plan), completed=len(done))
+        for key, record in side_by_side([key for key in plan if not key.timed and key not in done], quick):
+            progress.update(bar, description=f"{title}: {key}")
+            done[key] = journal.add(key, record)
+            progress.advance(bar)
         for key in plan:
             if key not in done:
-                progress.update(bar, description=f"{title}: {' '.join(map(str, key.row().values()))}")
+                progress.update(bar, description=f"{title}: {key}")
                 done[key] = journal.add(key, key.measure(quick, done))
                 progress.advance(bar)
     return {key: done[key] for key in plan}
+
+
+def side_by_side(keys: Sequence[Measurement], quick: bool) -> Iterator[tuple[Measurement, Record]]:
+    """Measure on all cores; yield each record as it is finished."""
+    with ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=prepare) as pool:
+        try:
+            found = {pool.submit(key.measure, quick, {}): key for key in keys}
+            yield from ((found[future], future.result()) for future in as_completed(found))
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def versions() -> dict[str, str]:

@@ -5,9 +5,10 @@ Also switches the profiling timer that MuJoCo's Python wheel installs and `mj_re
 
 import ctypes
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import mujoco
@@ -35,28 +36,27 @@ def profiling_timer() -> Iterator[None]:
         _callback.value = before
 
 
-SPREAD = (10, 50, 90)
-"""Percentiles of the pairs that are quoted."""
+LEAST, MOST = 6, 200
+"""Numbers of pairs: the extremes of fewer than six enclose the median with a confidence below 95 %."""
 
-SAMPLE_S = 1e-3
-"""Shortest sample [s]: far above the clock's resolution and the cost of reading it."""
+SAMPLE_S = 1e-3, 5e-2
+"""Shortest sample [s], far above the clock's resolution and the cost of reading it; and the longest that is repeated
+to last as long as one of the other work.
+"""
 
 
 @dataclass(frozen=True)
 class Paired:
-    """CPU time of the work over that of the yardstick: median `ratio`, with `low` and `high` around the middle 80 %.
+    """CPU time of the work over that of the yardstick: median `ratio` of the `pairs`, with its 95 % interval.
 
-    `seconds` and `yardstick_s` are the shortest CPU times of one call in this thread [s]; `interval` is the 95 %
-    confidence interval of the ratio.
+    `seconds` and `yardstick_s` are the shortest CPU times of one call in this thread [s].
     """
 
     ratio: float
-    low: float
-    high: float
+    interval: tuple[float, float]
     seconds: float
     yardstick_s: float
-    pairs: int
-    interval: tuple[float, float]
+    pairs: tuple[float, ...]
 
     @property
     def least(self) -> float:
@@ -68,7 +68,7 @@ class Paired:
 
 
 def calls_per_sample(*works: Callable[[], object]) -> list[int]:
-    """Call each work once, then return how often to call each so that all samples last equally long, SAMPLE_S or more.
+    """Call each work twice, then return how often to call each so that all samples last equally long within SAMPLE_S.
 
     A short sample right after a long one of another work would measure cold caches.
     """
@@ -76,7 +76,9 @@ def calls_per_sample(*works: Callable[[], object]) -> list[int]:
     for work in works:
         work()
         once.append(max(sample(work, 1), 1e-7))
-    return [max(1, round(max(SAMPLE_S, *once) / each)) for each in once]
+    shortest, longest = SAMPLE_S
+    lasting = min(max(shortest, *once), longest)
+    return [max(1, round(lasting / each)) for each in once]
 
 
 def sample(work: Callable[[], object], calls: int) -> float:
@@ -87,37 +89,41 @@ def sample(work: Callable[[], object], calls: int) -> float:
     return (time.thread_time() - start) / calls
 
 
-def paired(
-    work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2, least: int = 5, most: int = 200
-) -> Paired:
-    """Measure pairs for `budget_s` of CPU time [s]: at least `least` of them, at most `most`.
+def paired(work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2) -> Paired:
+    """Measure pairs for `budget_s` of CPU time [s]: at least LEAST of them, at most MOST.
 
     The order within a pair alternates, so that a drift of the clock frequency does not favour either side.
     """
-    works, pairs = (work, yardstick), list[list[float]]()
+    works, taken = (work, yardstick), list[list[float]]()
     counts = calls_per_sample(*works)
     end = time.thread_time() + budget_s
-    while len(pairs) < least or (time.thread_time() < end and len(pairs) < most):
-        turns = [0, 1] if len(pairs) % 2 == 0 else [1, 0]
-        taken = {turn: sample(works[turn], counts[turn]) for turn in turns}
-        pairs.append([taken[0], taken[1]])
-    times = np.array(pairs)
-    ratios = times[:, 0] / times[:, 1]
-    low, middle, high = np.percentile(ratios, SPREAD).tolist()
+    while len(taken) < LEAST or (time.thread_time() < end and len(taken) < MOST):
+        turns = [0, 1] if len(taken) % 2 == 0 else [1, 0]
+        pair = {turn: sample(works[turn], counts[turn]) for turn in turns}
+        taken.append([pair[0], pair[1]])
+    times = np.array(taken)
+    pairs = tuple((times[:, 0] / times[:, 1]).tolist())
     seconds, yardstick_s = times.min(axis=0).tolist()
-    return Paired(middle, low, high, seconds, yardstick_s, len(pairs), median_interval(ratios))
+    return Paired(float(np.median(pairs)), median_interval(pairs), seconds, yardstick_s, pairs)
 
 
 RESAMPLES = 2000
 """Bootstrap samples; the ends of an interval then vary by less than a tenth of its width."""
 
 
-def median_interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """The 95 % confidence interval of the median of independent values, by the percentile bootstrap.
+def median_interval(pairs: Sequence[float], over: Sequence[float] = (1.0,)) -> tuple[float, float]:
+    """The 95 % confidence interval of the median of independent pairs, or of its quotient over that of others.
 
-    Source: Efron 1979, doi 10.1214/aos/1176344552. The same values give the same interval. Of fewer than six values the
-    extremes themselves cover less, 1 - 2^(1 - n).
+    The percentile bootstrap; the same pairs give the same interval.
+    Source: Efron 1979, doi 10.1214/aos/1176344552.
     """
-    drawn = np.random.default_rng(0).choice(values, (RESAMPLES, len(values)))
-    low, high = np.percentile(np.median(drawn, axis=1), (2.5, 97.5)).tolist()
+    medians = resampled_medians(tuple(pairs), 0) / resampled_medians(tuple(over), 1)
+    low, high = np.percentile(medians, (2.5, 97.5)).tolist()
     return low, high
+
+
+@lru_cache(maxsize=4096)
+def resampled_medians(pairs: tuple[float, ...], seed: int) -> NDArray[np.float64]:
+    """The medians of RESAMPLES samples drawn with replacement, (RESAMPLES,)."""
+    drawn = np.random.default_rng(seed).choice(pairs, (RESAMPLES, len(pairs)))
+    return np.asarray(np.median(drawn, axis=1))

@@ -1,0 +1,96 @@
+"""A second machine's results beside the committed ones: `python -m grader.bench.compare docs DIR`.
+
+DIR holds what `grader bench NAME --out DIR` wrote there. Prints for each study how far the ratios of times lie apart,
+and how far all other numbers; at the end the sentences of DOCS/measured.md that those results deny, and exits 1 if any.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from grader.bench.claims import Results
+from grader.bench.measured import STUDIES, fill, load_results
+
+CIRCUMSTANCES = {"machine", "versions", "quick", "measurements", "interval", "yardstick_s", "fixed_us", "reset_us"}
+"""Keys whose numbers are of the machine or belong to a ratio; the fronts also hold costs."""
+
+
+def ratios_of(results: Any, path: str = "") -> Iterator[tuple[str, Results]]:
+    """Each measured ratio with its interval, and where it stands."""
+    for name, one in results.items() if isinstance(results, dict) else ():
+        if isinstance(one, dict) and one.get("ratio") is not None:
+            yield f"{path}{name}", one
+        yield from ratios_of(one, f"{path}{name}, ")
+    for number, one in enumerate(results if isinstance(results, list) else ()):
+        if isinstance(one, dict) and "ratio" in one:
+            yield f"{path}{one.get('part', number)}", one
+
+
+def others_of(results: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Every other number: errors, orders, shares, counts."""
+    for name, one in results.items() if isinstance(results, dict) else ():
+        if name not in CIRCUMSTANCES | {"ratio", "pareto"}:
+            yield from others_of(one, f"{path}{name}, ")
+    for number, one in enumerate(results if isinstance(results, list) else ()):
+        yield from others_of(one, f"{path}{number}, ")
+    if isinstance(results, int | float) and not isinstance(results, bool):
+        yield path.removesuffix(", "), float(results)
+
+
+def compare(ours: Results, theirs: Results) -> Iterator[str]:
+    """Lines on one study: the machines, the ratios, the other numbers."""
+    machines = " beside ".join("{processor} with {cores} cores".format(**one["machine"]) for one in (ours, theirs))
+    yield f"{theirs['benchmark']}: {machines}"
+    first, second = dict(ratios_of(ours)), dict(ratios_of(theirs))
+    if common := [name for name in first if name in second]:
+        apart = {name: second[name]["ratio"] / first[name]["ratio"] for name in common}
+        known = [name for name in common if "interval" in first[name] and "interval" in second[name]]
+        overlapping = sum(overlap(first[name]["interval"], second[name]["interval"]) for name in known)
+        low, middle, high = np.percentile(list(apart.values()), (10, 50, 90))
+        furthest = max(apart, key=lambda name: abs(np.log(apart[name])))
+        yield (
+            f"  {len(common)} ratios: theirs over ours {middle:.2f} at the median, {low:.2f} to {high:.2f} in the "
+            f"middle 80 %; {overlapping} of {len(known)} intervals overlap; "
+            f"furthest apart {apart[furthest]:.2f}: {furthest}"
+        )
+    numbers, those = dict(others_of(ours)), dict(others_of(theirs))
+    differences = {
+        name: abs(those[name] - one) / max(abs(one), abs(those[name]))
+        for name, one in numbers.items()
+        if name in those and one != those[name]
+    }
+    far = max(differences, key=lambda name: differences[name], default="")
+    yield f"  {len(numbers.keys() & those)} other numbers: {len(differences)} differ" + (
+        f", furthest {numbers[far]:.4g} beside {those[far]:.4g}: {far}" if far else ""
+    )
+
+
+def overlap(one: list[float], other: list[float]) -> bool:
+    """Whether two intervals have a point in common."""
+    return one[0] <= other[1] and other[0] <= one[1]
+
+
+def main(docs: Path, folder: Path) -> None:
+    """Compare the results in FOLDER with those in DOCS/measured."""
+    ours = load_results(docs / "measured")
+    theirs = {
+        name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        for name in STUDIES
+        if (folder / f"{name}.json").exists()
+    }
+    if not theirs:
+        sys.exit(f"there are no results in {folder}: run grader bench NAME --out {folder}")
+    for name, one in theirs.items():
+        print("\n".join(compare(ours[name], one)))
+    _, denied = fill((docs / "measured.md").read_text(encoding="utf-8"), ours | theirs)
+    if denied:
+        sys.exit("\n".join(denied))
+
+
+if __name__ == "__main__":
+    typer.run(main)
