@@ -11,10 +11,14 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import pytest
-from hypothesis import is_hypothesis_test
+from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 MARKS = {"Jail": "jail", "chromium": "browser", "sync_playwright": "browser", "subprocess": "process"}
 """What a name in the code says about a test."""
+
+# A busy machine must not fail a property test: no limits of wall-clock time, for one example or for drawing them.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 HERE = str(Path(__file__).parent)
 NOT_FAST = {"cost", "slow", "postgres", *MARKS.values()}

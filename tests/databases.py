@@ -20,6 +20,8 @@ from grader.store.database import Database
 POSTGRES = os.environ.get("GRADER_TEST_POSTGRES", "postgresql://postgres@127.0.0.1:5432/test")
 WORKER = os.environ.get("PYTEST_XDIST_WORKER")
 BACKENDS = ("sqlite", "postgresql")
+CONNECT_S = 30
+"""How long a busy machine may take to answer [s]."""
 
 
 @contextmanager
@@ -35,13 +37,9 @@ def database_url(backend: str, folder: Path, *, empty: bool = False) -> Iterator
             file.write_bytes(newest_tables())
         yield f"sqlite:///{file}"
         return
-    schema = f"grader_test_{secrets.token_hex(6)}"
-    try:
-        server = own_database()
-        connection = psycopg.connect(server, autocommit=True, connect_timeout=3)
-    except psycopg.OperationalError:
-        pytest.skip(f"no PostgreSQL answers at {POSTGRES}; set GRADER_TEST_POSTGRES to test on one")
-    with connection:
+    need_postgresql()
+    schema, server = f"grader_test_{secrets.token_hex(6)}", own_database()
+    with psycopg.connect(server, autocommit=True, connect_timeout=CONNECT_S) as connection:
         connection.execute(f"CREATE SCHEMA {schema}")
         try:
             url = make_url(server).update_query_dict({"options": f"-csearch_path={schema}"})
@@ -62,6 +60,22 @@ def newest_tables() -> bytes:
         return file.read_bytes()
 
 
+def need_postgresql() -> None:
+    """Skips where no PostgreSQL answers."""
+    if not postgresql_answers():
+        pytest.skip(f"no PostgreSQL answers at {POSTGRES}; set GRADER_TEST_POSTGRES to test on one")
+
+
+@cache
+def postgresql_answers() -> bool:
+    """Asked once: where it has answered, a test that cannot connect later fails instead of being skipped."""
+    try:
+        psycopg.connect(POSTGRES, connect_timeout=CONNECT_S).close()
+    except psycopg.OperationalError:
+        return False
+    return True
+
+
 @cache
 def own_database() -> str:
     """The URL of this process's database on the server, which is made if it is not there."""
@@ -69,7 +83,7 @@ def own_database() -> str:
         return POSTGRES
     url = make_url(POSTGRES)
     url = url.set(database=f"{url.database}_{WORKER}")
-    with psycopg.connect(POSTGRES, autocommit=True, connect_timeout=3) as connection:
+    with psycopg.connect(POSTGRES, autocommit=True, connect_timeout=CONNECT_S) as connection:
         try:
             connection.execute(f'CREATE DATABASE "{url.database}"')
         except psycopg.errors.DuplicateDatabase:

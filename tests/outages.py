@@ -1,10 +1,12 @@
-"""Outages for tests: a PostgreSQL server behind a connection that can be cut."""
+"""Outages for tests: a PostgreSQL server behind a connection that can be cut, and a disk that can be filled."""
 
 import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
+import psycopg
 from sqlalchemy.engine import make_url
 
 
@@ -65,3 +67,52 @@ def cable_to(url: str) -> Iterator[tuple[Cable, str]]:
         yield cable, parsed.set(host="127.0.0.1", port=cable.port).render_as_string(hide_password=False)
     finally:
         cable.cut()
+
+
+LIMIT = """
+from pathlib import Path
+from sqlalchemy import event
+from sqlalchemy.pool import Pool
+
+@event.listens_for(Pool, "checkout")
+def limit(connection, *_):
+    connection.execute(f"PRAGMA max_page_count = {{1 if Path({mark!r}).exists() else 2**32 - 2}}")
+"""
+"""Lets a SQLite file grow no more while the file `mark` exists, which SQLite reports as it does a full disk."""
+
+TABLES = ("submissions", "verdicts", "events", "results", "jobs")
+FULL = """
+CREATE OR REPLACE FUNCTION is_full() RETURNS trigger LANGUAGE plpgsql
+    AS $$ BEGIN RAISE EXCEPTION 'No space left on device' USING ERRCODE = 'disk_full'; END $$;
+"""
+"""Fails as PostgreSQL does where a table cannot grow; what is there can still be read and removed."""
+
+
+class Disk:
+    """The disk of a database: `fill` makes what grows fail in every process, `free` ends it."""
+
+    def __init__(self, url: str, mark: Path) -> None:
+        self._url, self._mark = url, mark
+        self._is_sqlite = url.startswith("sqlite:")
+
+    @property
+    def before(self) -> str:
+        """The code that a process runs first, so that it notices."""
+        return LIMIT.format(mark=str(self._mark)) if self._is_sqlite else ""
+
+    def fill(self) -> None:
+        """From now on no more fits in."""
+        self._mark.touch()
+        self._change(FULL, "CREATE TRIGGER full_disk BEFORE INSERT OR UPDATE ON {} EXECUTE FUNCTION is_full()")
+
+    def free(self) -> None:
+        """Makes room."""
+        self._mark.unlink(missing_ok=True)
+        self._change("", "DROP TRIGGER IF EXISTS full_disk ON {}")
+
+    def _change(self, first: str, each: str) -> None:
+        if not self._is_sqlite:
+            with psycopg.connect(self._url, autocommit=True) as connection:
+                connection.execute(
+                    ";".join([first.strip().rstrip(";"), *(each.format(table) for table in TABLES)]).strip(";")
+                )

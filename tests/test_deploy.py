@@ -18,9 +18,11 @@ import psycopg
 import pytest
 from sqlalchemy.engine import make_url
 
-from databases import POSTGRES
+from databases import CONNECT_S, POSTGRES, need_postgresql
 from grader.api.admission import PREFIX as API
+from grader.identity import DEFAULT_COURSE
 from grader.settings import Settings
+from grader.store.courses import audit_page
 from grader.store.database import Database
 from proxies import DEPLOY, PROXIES, adapted, free_port
 from sites import Site, open_site, write_content
@@ -322,10 +324,8 @@ def test_a_backup_neither_overwrites_nor_invents(tmp_path: Path) -> None:
 def test_a_postgresql_backup_made_under_load_restores_to_the_same_gradebook(tmp_path: Path) -> None:
     if shutil.which("pg_dump") is None:
         pytest.fail("pg_dump is missing: install postgresql-client")
-    try:
-        server = psycopg.connect(POSTGRES, autocommit=True, connect_timeout=3)
-    except psycopg.OperationalError:
-        pytest.skip(f"no PostgreSQL answers at {POSTGRES}")
+    need_postgresql()
+    server = psycopg.connect(POSTGRES, autocommit=True, connect_timeout=CONNECT_S)
     name = f"grader_deploy_{os.getpid()}"
     there = make_url(POSTGRES)
     where = {"PGHOST": there.host or "", "PGPORT": str(there.port or 5432), "PGUSER": there.username or "",
@@ -388,6 +388,9 @@ def test_a_new_key_draws_other_hidden_cases(tmp_path: Path) -> None:
     old = hidden_case_secret(database)
     as_written(block("grader rotate-secret"), tmp_path)
     assert hidden_case_secret(database) not in (old, b"")
+    with database.read() as session:
+        (entry,) = audit_page(session, DEFAULT_COURSE, None, 9)
+    assert (entry.name, entry.action) == ("command line", "key of the hidden cases rotated")
     database.close()
 
 

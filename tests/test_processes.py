@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,12 +15,14 @@ from typing import Any
 import httpx
 import pytest
 from pydantic import ValidationError
+from sqlalchemy import text
 
 from databases import database_url
 from grader.accounts import revoke_tokens
 from grader.api.rate import PLACES, RateLimit, SharedBuckets
 from grader.errors import TooManyRequests
 from grader.settings import Settings
+from grader.store.database import Database
 from queue_kills import START_S, descendants, process_of, settings_on, wait_until_ready
 from tokens import issue_token
 
@@ -170,9 +174,73 @@ def test_a_killed_server_is_replaced_while_the_other_answers(served: Served) -> 
     assert newest == [made.json()["id"], *reversed(acknowledged)][:100]
 
 
+COUNTS = """
+import sys
+from pathlib import Path
+from grader.metrics import shared_folder
+with shared_folder() as folder:
+    (Path(folder) / "counter_1.db").touch()
+    print(folder, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_the_folder_of_metrics_of_a_killed_serve_is_removed_by_the_next(tmp_path: Path) -> None:
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+
+    @contextmanager
+    def counting() -> Iterator[tuple[subprocess.Popen[str], str]]:
+        with subprocess.Popen(
+            [sys.executable, "-c", COUNTS], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            yield process, process.stdout.readline().strip()
+
+    def folders() -> set[str]:
+        return {str(one) for one in tmp_path.iterdir()}
+
+    with counting() as (killed, left), counting() as (_, kept):
+        killed.kill()
+        killed.wait()
+        assert folders() == {left, kept}
+        with counting() as (_, new):
+            assert folders() == {kept, new}
+    assert folders() == set()
+
+
 def test_several_processes_are_refused_on_sqlite() -> None:
     with pytest.raises(ValidationError, match=r"GRADER_PROCESSES above 1 needs PostgreSQL.* set GRADER_DATABASE_URL"):
         Settings(processes=2)
+
+
+def settings_with(processes: int) -> Settings:
+    return Settings(processes=processes, database_url="postgresql://db.internal/grader")
+
+
+def test_processes_share_the_connections_that_one_may_have() -> None:
+    assert settings_with(1).connections == 64
+    assert [(n + 1) * settings_with(n).connections for n in range(2, 8)] == [63, 64, 60, 60, 63, 64]
+    assert settings_with(64).connections == 8
+
+
+def test_a_thread_waits_where_all_connections_are_in_use(tmp_path: Path) -> None:
+    database, reading = Database(f"sqlite:///{tmp_path}/grader.db", connections=2), threading.Event()
+
+    def read() -> None:
+        with database.read() as session:
+            session.execute(text("SELECT 1"))
+            reading.set()
+
+    with database.read() as one, database.read() as other:
+        for session in (one, other):
+            session.execute(text("SELECT 1"))
+        third = threading.Thread(target=read)
+        third.start()
+        assert not reading.wait(0.1)
+        other.close()
+        assert reading.wait(START_S)
+    third.join()
+    database.close()
 
 
 def test_limits_are_shared_by_those_who_share_the_memory() -> None:
