@@ -16,6 +16,8 @@ $(error There is no $(MUJOCO_LOCK): MUJOCO= may be 3.14.0 or $(patsubst requirem
 endif
 
 BIN := $(VENV)/bin
+# How often a test that fails is run again; the summary names it. None but in CI, where nobody can look at the machine.
+RERUNS ?= 0
 # Two processes share the tests file by file: the tests of a file share its server.
 TOGETHER := -n 2 --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
@@ -45,7 +47,7 @@ test: install ## the whole test suite: lint, types, layers, jail, database, brow
 	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
-	$(BIN)/python -m pytest $(TOGETHER)
+	$(BIN)/python -m pytest $(TOGETHER) --reruns $(RERUNS)
 
 wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
 

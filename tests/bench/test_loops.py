@@ -61,16 +61,39 @@ def no_loop() -> Paired:
     raise loops.NoLoop("no compiler")
 
 
-@pytest.mark.parametrize(("least", "code", "said"), [(1.0, 0, "ok"), (2.5, 1, "BELOW")])
-def test_a_ratio_below_its_floor_fails_and_one_not_measured_says_why(
-    least: float, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def found(least: float, *median: float) -> Paired:
+    low, high = median
+    return Paired((low + high) / 2, (low, high), least, 1.0, (low, high))
+
+
+FAST, SLOW = found(2.0, 1.95, 2.05), found(1.4, 1.3, 1.5)
+ONE_FAST_SAMPLE, DISTURBED = found(1.4, 1.95, 2.05), found(2.0, 1.3, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("measurements", "said", "times"),
+    [
+        ([FAST], "ok", 1),
+        ([ONE_FAST_SAMPLE], "ok", 1),
+        ([DISTURBED], "ok", 1),
+        ([SLOW, FAST], "ok", 2),
+        ([SLOW, SLOW, FAST], "ok", 3),
+        ([SLOW, SLOW, SLOW, FAST], "BELOW", 3),
+    ],
+)
+def test_a_ratio_below_its_floor_each_time_fails_and_one_not_measured_says_why(
+    measurements: list[Paired],
+    said: str,
+    times: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    twice = floors.Floor(
-        "twice as fast", lambda: Paired(2.0, (1.95, 2.05), 2.0, 1.0, (1.95, 2.0, 2.05)), least, "a test"
-    )
-    monkeypatch.setattr(floors, "FLOORS", [twice, floors.Floor("in C", no_loop, 1.0, "a test")])
-    assert floors.main([]) == code
+    turns = iter(measurements)
+    faster = floors.Floor("faster", lambda: next(turns), 1.8, "a test")
+    monkeypatch.setattr(floors, "FLOORS", [faster, floors.Floor("in C", no_loop, 1.0, "a test")])
+    assert floors.main([]) == (said == "BELOW")
+    assert len(measurements) - len(list(turns)) == times
     assert floors.main(["in C"]) == 0
     shown = capsys.readouterr().out
-    assert f"{said:6}twice as fast" in shown
+    assert f"{said:6}faster" in shown
     assert "not measured: no compiler" in shown

@@ -1,7 +1,9 @@
 """A fast check that no speed was lost: ratios of CPU time, each with a floor, so that any machine can run it.
 
 A ratio is the shortest time of one work over the shortest of the other, measured in turns: beside eight processes that
-spin on two cores it stays within a few percent of a quiet machine's.
+spin on two cores it stays within a few percent of a quiet machine's. One sample of the first work at a higher clock
+frequency lowers it all the same, and disturbed pairs lower the median of the pairs: lost speed lowers both, each time.
+So a floor is missed where both are below it in each of TURNS measurements.
 
 `python -m grader.bench.floors [WORD]` prints every ratio (of the floors whose name contains WORD) beside its floor and
 exits 1 where one is below.
@@ -35,18 +37,25 @@ from grader.numerics.process import prepare
 from grader.numerics.scene import Scene
 from grader.numerics.trials import check_bracket
 
+TURNS = 3
+"""How often a ratio below its floor is measured before it counts as lost speed."""
+
 ratio = partial(paired, budget_s=0.4)
 """The CPU time of the first work over that of the second: how many times faster the second is."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """The ratio of the shortest times must be at least `least`; `source` says what that number rests on."""
+    """The ratio must be at least `least`; `source` says what that number rests on."""
 
     name: str
     measure: Callable[[], Paired]
     least: float
     source: str
+
+    def held(self, found: Paired) -> bool:
+        """Whether the ratio of the shortest times or the upper end of the median's interval reaches the floor."""
+        return max(found.least, found.interval[1]) >= self.least
 
 
 def rungs(name: str, slow: int, fast: int) -> Paired:
@@ -109,6 +118,15 @@ FLOORS = [
 ]
 
 
+def measured(floor: Floor) -> tuple[Paired, bool]:
+    """The ratio, measured again while it is below the floor; and whether the floor held."""
+    for _ in range(TURNS):
+        found = floor.measure()
+        if held := floor.held(found):
+            break
+    return found, held
+
+
 def main(words: list[str]) -> int:
     """Print every ratio; return 1 where one is below its floor."""
     prepare()
@@ -117,14 +135,13 @@ def main(words: list[str]) -> int:
         if not all(word in floor.name for word in words):
             continue
         try:
-            found = floor.measure()
+            found, held = measured(floor)
         except NoLoop as why:
             print(f"{'-':6}{floor.name:32}not measured: {why}")
             continue
-        below = found.least < floor.least
-        failed += below
-        measured = f"x{found.least:.2f} (median {found.interval[0]:.2f} to {found.interval[1]:.2f})"
-        print(f"{'BELOW' if below else 'ok':6}{floor.name:32}{measured:32}floor x{floor.least:g}: {floor.source}")
+        failed += not held
+        shown = f"x{found.least:.2f} (median {found.interval[0]:.2f} to {found.interval[1]:.2f})"
+        print(f"{'ok' if held else 'BELOW':6}{floor.name:32}{shown:32}floor x{floor.least:g}: {floor.source}")
     return 1 if failed else 0
 
 

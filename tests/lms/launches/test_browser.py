@@ -252,9 +252,6 @@ def test_in_a_new_tab_through_to_a_score_at_the_platform(world: World) -> None:
     assert scores_of(world.platform, "in a tab")
 
 
-# Once on a busy machine Chromium did not show the page in the frame, although the server had delivered it: 200 in its
-# log. It could not be made to happen again, so this test is run once more if it fails, and the summary counts it.
-@pytest.mark.flaky(reruns=1)
 def test_the_platforms_storage_where_frames_keep_no_cookies(world: World) -> None:
     of_learner(world, "stored", cookieless=True)
     with world.context() as context:
