@@ -18,8 +18,8 @@ endif
 BIN := $(VENV)/bin
 # How often a test that fails is run again; the summary names it. None but in CI, where nobody can look at the machine.
 RERUNS ?= 0
-# Two processes share the tests file by file: the tests of a file share its server.
-TOGETHER := -n 2 --dist loadfile --no-loadscope-reorder
+# Three processes on two cores, since tests also wait; they share the tests file by file, as these share their server.
+TOGETHER := -n 3 --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 PAGES := README.md docs/measured.md
 
