@@ -76,7 +76,7 @@ def test_not_five_milliseconds(text: Any) -> None:
         ("1/0 s", "divides by zero"),
         ("2**99999", "is a calculation: type its result in ms"),
         ("9" * (CHARACTERS_MAX + 1), "too long"),
-        ("5 ms (about)", 'The unit "about" is not known: type one number in ms'),
+        ("5 ms (Euler)", 'The unit "Euler" is not known: type one number in ms'),
         ("5 - 6 ms", "is a range or a calculation: type one number in ms"),
         ("0x10", "cannot be read as a unit: type one number in ms"),
         ("5 __import__('os')", "cannot be read as a unit: type one number in ms"),

@@ -104,6 +104,8 @@ RULES: dict[str, Callable[[str], object]] = {
     "sides": quantities.sides,
     "unwrapped": quantities.unwrapped,
     "without hedge": quantities._without_hedge,
+    "formula": quantities.FORMULA.fullmatch,
+    "again": lambda text: quantities.AGAIN.sub("=", quantities.AGAIN_IN_PARENTHESES.sub(r"=\1", text)),
     "read_number": numbers.read_number,
     "unreadable": lambda text: numbers.unreadable(text, text, "no"),
     "units": read_whole_unit,

@@ -121,6 +121,56 @@ ACCEPTED: list[tuple[float, str | None, list[str]]] = [
     ]),
     (1000, "1/s", ["10^3", "10**3", "10³ 1/s", "1 kHz", "1e3 s^-1", "1000 1/s", "1 /ms", "1 1/ms", "1000 per second"]),
     (20, "steps", ["20", "20 steps", "20 Steps", "20 step", "n = 20", "about 20", "20 steps."]),
+    (5, "ms", [
+        "I get 5 ms", "I got 5 ms", "we found 5 ms", "It's 5 ms", "it is 5 ms", "so 5 ms", "so h = 5 ms",
+        "thus, h = 5 ms",
+        "hence h=5ms", "therefore h < 5 ms", "∴ h = 5 ms", "I think it is about 5 ms", "nearly 5 ms", "almost 5 ms",
+        "maybe 5 ms", "environ 5 ms", "aprox. 5 ms", "cca 5 ms", "rund 5 ms", "около 5 мс", "5 ms approx.",
+        "5 ms approx",
+        "5 ms (approx.)", "5 ms (about)", "5 ms, approximately", "5 ms I think", "5 ms (I guess)", "h must be 5 ms",
+        "h should be 5 ms", "The largest stable timestep is 5 ms.", "largest stable timestep = 5 ms", "h max = 5 ms",
+        "critical time step: 5 ms", "h -> 5 ms", "h → 5 ms", "0.005 s → 5 ms", r"h\to 5 ms", "h ≲ 5 ms", "h ≡ 5 ms",
+        "h ≐ 5 ms",
+    ]),
+    (5, "ms", [
+        "5 ms (0.005 s)", "0.005 s (5 ms)", "h = 0.005 s (5 ms)", "h < 5 ms (= 0.005 s)", "5 ms or 0.005 s",
+        "0.005 s or 5 ms", "0.005 s, i.e. 5 ms", "5 ms aka 0.005 s", "h = 2I/c = 5 ms", "h < 2I/c = 5 ms",
+        "h_max = 2I/c = 5 ms", "h = 2*I/c = 5 ms", "h = 2*0.05/20 = 0.005 s", "2*0.05/20 = 0.005 s",
+        "h=2I/c=2*0.05/20=0.005 s=5 ms", r"\frac{2 \cdot 0.05}{20} = 0.005\,s", "1/200 = 0.005 s", "0.1/20 = 0.005 s",
+        r"h = 2\sqrt{I/k} = 5\,\mathrm{ms}",
+    ]),
+    (5, "ms", [
+        r"\boxed{5\,\mathrm{ms}}", r"$\boxed{5\text{ ms}}$", r"\frac1{200} s", r"\displaystyle 5\,ms", "h_{max} = 5 ms",
+        r"h_\text{max} = 5\,\text{ms}", r"h_\mathrm{crit} = 5 ms", r"h \lesssim 5\,\mathrm{ms}", r"h \simeq 5 ms",
+        "_5 ms_", "__5 ms__", "5 ms。", "５ｍｓ。", "0‚005 s", "5·10^{-3} s",
+    ]),
+    (5, "ms", [
+        "5 мс", "5 мсек", "0,005 с", "0,005 сек", "5 Мс", "5 毫秒", "0.005 秒", "5 milisegundos", "0,005 segundos",
+        "0,005 seg",
+        "5 millisecondes", "0,005 seconde", "5 millisecondi", "0,005 secondi", "5 milissegundos", "5 ms per step",
+        "5 ms/step",
+        "0.005 s per time step", "5 millisecs",
+    ]),
+    (0.25, "kg m^2", [
+        "0.25 кг·м²", "0,25 кг*м^2", "0.25 KG·m²", "0.25 kgm^{2}", "0.25 kgs m^2", "I = m L^2 = 1*0.5^2 = 0.25 kg m^2",
+        "I=ml^2=0.25 kg m^2",
+    ]),
+    (9.81, "m/s^2", [
+        "9.81ms^-2", "9.81 ms⁻²", "9.81 ms-2", "9.81 ms**-2", "9.81 ms^(-2)", "9.81 м/с²", "9.81 ms^{-2}",
+        r"9.81\,\frac{\mathrm{m}}{\mathrm{s}^2}",
+    ]),
+    (3, "m/s", ["3 ms^-1", "3ms⁻¹", "3 m per second", "3 м/с"]),
+    (5, "N", ["5 kg ms^-2", "5 Н"]),
+    (200, "Hz", [
+        "200 steps per second", "200 times per second", "200 samples/s", "200 Гц", "200 s^{-1}", "12000 r/min",
+        "12000 tr/min",
+        "12000 U/min", "200 hz approx.",
+    ]),
+    (5000, "Hz", ["5 ms^-1", "5 /ms"]),
+    (-0.5, "m", ["minus 0.5 m", "Minus 0,5", "negative 0.5 m", "z = minus 0.5 m", "-0.5 м"]),
+    (math.pi / 6, "rad", [r"\frac\pi6", r"\frac{\pi}6", "30 graden", "30 grados", "30 degrés", "30 град", "30 度"]),
+    (0.125, None, [r"\frac18", "0.125 (12.5 %)", "12.5٪"]),
+    (20, "steps", ["20 time steps", "20 timesteps"]),
 ]  # fmt: skip
 
 REFUSED: list[tuple[str | None, str, list[str]]] = [
@@ -153,7 +203,7 @@ REFUSED: list[tuple[str | None, str, list[str]]] = [
     ]),
     ("ms", "ends with a sign: type one number in ms", ["5ms~", "5 ms =", "h = 5 ms ="]),
     ("ms", "does not begin with a number", [
-        "I get 5 ms", "at h = 5 ms", "nearly 5 ms", "h [ms] = 5", "fifth",
+        "at h = 5 ms", "h [ms] = 5", "fifth",
     ]),
     ("ms", "is not known", ["5 ms each", "h=5 ms (Euler)"]),
     ("ms", "is a bound or a range: type one number in ms", [
@@ -163,9 +213,7 @@ REFUSED: list[tuple[str | None, str, list[str]]] = [
     ("ms", "is a bound or a range", ["h is less than 5 ms", "h is at most 5 ms", "=> 5 ms", "h in ms: 5", "5 ms :)"]),
     ("rad", "is a calculation: type its result in rad", ["pi*1/6", "0.1666667 pi*1.0"]),
     ("rad", "cannot be read as a unit", ["1/6 π", "(1/6)π"]),
-    ("Hz", "is not known", ["200 steps per second", "200 times per second", "200 hz approx."]),
     ("m/s^2", "is not known", ["9.81 m/ss"]),
-    ("m/s^2", "does not measure what is asked", ["9.81ms^-2"]),
     ("N m/rad", "does not measure what is asked", ["20k", "20 k"]),
     ("N m/rad", 'can mean "20.000 N m/rad" or "20000 N m/rad"', ["20,000 N m/rad"]),
     ("ms", "has a power of ten without its sign ^", ["5 x 10-3 s", "5×10-3 s", "5*10-3 s"]),
@@ -195,7 +243,7 @@ REFUSED: list[tuple[str | None, str, list[str]]] = [
     ("ms", "closes a parenthesis that was not opened", ["5 ms)"]),
     ("ms", "leaves a parenthesis open", ["5 (ms"]),
     ("ms", "is not known: type one number in ms", [
-        "5 c°C", "5 ms (about)", "5 parsnips", "10^3 parsnips", "1/200 parsnips", "5 ms approx", "5 blah", "2I/c",
+        "5 c°C", "5 parsnips", "10^3 parsnips", "1/200 parsnips", "5 blah", "2I/c",
         "5 ms ok", "5 xyz",
     ]),
     ("ms", '"kg" does not measure what is asked: type one number in ms', ["5 kg", "5kg", "h = 5 kg"]),
@@ -224,7 +272,58 @@ REFUSED: list[tuple[str | None, str, list[str]]] = [
     (None, "type one of these two, or your number without a unit", ["2,006"]),
     ("steps", "is not what is counted: type one number in steps", ["5 ms", "5 kg"]),
     ("K", "does not measure what is asked", ["1 degC m"]),
+    ("ms", "can mean milliseconds (ms) or megaseconds", ["5 Ms", "5 Msec", "5 MSec", "h = 5 Ms."]),
+    (None, "is a unit, but a plain number is asked", ["5 s", "0.125 s."]),
+    ("ms", "gives two answers", ["5 -> 6 ms", "6 ms → 5 ms", "h = 5 ms = 2x = 6 ms", "1/200 = 5 ms", "5 = 6 s"]),
+    ("ms", "is a bound or a range", ["h <- 5 ms", "z <- 5", "h must be below 5 ms"]),
+    ("ms", "is a range or a calculation", ["5 ms or 5 s", "5 ms or 6 ms", "h = 5-6 = 5 ms", "5 or 5", "5 ms or 5"]),
+    ("ms", "is a calculation", ["5 (5) ms", "5 (5)", "sqrt(25) = 5 ms"]),
+    ("ms", '"kg" does not measure what is asked', ["h = 4 kg = 5 ms"]),
+    ("ms", 'can mean "2.006 s" or "2006 s"', ["h = 2,006 s = 5 ms"]),
+    ("m/s", "does not measure what is asked", ["3 ms", "3 ms^2", "3 ms^-2"]),
+    ("steps", "is not what is counted", ["20k steps", "20 k steps"]),
 ]  # fmt: skip
+
+NEVER_RIGHT: list[tuple[float, str | None, list[str]]] = [
+    (5, "ms", [
+        "0.005 ms", "5 s", "5 us", "5 ns", "5 min", "5 Hz", "5 MS", "5 Ms", "5 m", "-5 ms", "50 ms", "5,5 ms",
+        "5 ± 5 ms",
+        "5/6 ms", "5;6", "5 6", "56", "5 ms 6 ms", "not 5 ms", "h != 5 ms", "h <> 5 ms", "h > 5 ms", "more than 5 ms",
+        "5 ms+", "5+ ms", "5++", "5% ms", "5 ms %", "5^2 ms", "5e3 ms", "5e-3 ms", "5.10^-3 s", "ln h = 5 ms",
+        "log h = 5",
+        "1/h = 5 ms", "2h = 5 ms", "h/2 = 5 ms", "h² = 5", "-h = 5 ms", "3+2 ms", "h = 5 ms = 5 s", "5 ms (5 s)",
+        "5 ms (6 ms)", "5 s (5 ms)", "5 ms, not 6 ms", "6 ms not 5 ms", "not 6 ms but 5 ms", "5 ms is wrong",
+        "5 ms, 6 ms",
+        "6 ms -> 5 ms", "5 ms*s", "5 /ms", "1/5 ms", "half of 5 ms", "twice 5 ms", "5 ms squared", "5 thousand ms",
+        "5k ms", "minus 5 ms", "(5) (6) ms", "0x5 ms", "5!", "5! ms", "5:00 ms", "0:05", "5,000", "5'000", "5 000",
+        "5 ms to 10 ms", "h_min = 5 ms, h_max = 6 ms", "h1 = 6 ms, h2 = 5 ms", "h = 6 ms for RK4, 5 ms for Euler",
+        "5 ms (wrong)", "5 ms - 1", "5 ms x 2", "2 x 5 ms", "5 ms × 10^3", "5_0 ms", "5e ms", "5 pi", "5 Δms", "5₅",
+        "just under 5 ms", "slightly less than 5 ms", "5 times 3 ms", "5 thousand microseconds", "so not 5 ms",
+        "I think not 5 ms", "it is not 5 ms", "h is not 5 ms", "h should not be 5 ms", "6 ms or 5 ms", "6 (5 ms)",
+        "h = 6 ms (5 ms)", "negative 5 ms", "minus minus 5 ms",
+    ]),
+    (math.pi / 6, "rad", [
+        "1/6π", "1/(6π)", "6/π", "π/6π", "π/6/2", "π/6 deg", "30", "30 gon", "30'", "-π/6", "π - π/6",
+    ]),
+    (0.125, None, ["0.125 s", "0.125 %", "0.125 rad", "0.125 steps", "8", "12.5", "12.5 % - 1"]),
+    (0.25, "kg m^2", [
+        "0.25 kg cm^2", "0.25 Mg m^2", "0.25 N m", "0.25 (kg m)^2", "0.25 kg ms^2", "0.25 kg m^2 or 0.5",
+    ]),
+    (200, "Hz", ["200 rpm", "200 /min", "200 rad/s", "200 steps", "200 steps per minute", "200 r/min", "5 ms"]),
+    (9.81, "m/s^2", ["9.81 ms^2", "9.81 ms", "9.81 ms^-1", "-9.81 ms^-2", "9.81 m/ms^2"]),
+    (20, "steps", ["20 s", "20 %", "20k steps", "20-30 steps", "20 times 2", "20 steps/s"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"), [(value, unit, text) for value, unit, texts in NEVER_RIGHT for text in texts]
+)
+def test_never_read_as_the_right_number(value: float, unit: str | None, text: str) -> None:
+    try:
+        read = read_quantity(text, unit).value
+    except InvalidAnswer:
+        return
+    assert read != pytest.approx(value, rel=0.02)
 
 
 def test_the_tables_are_as_long_as_they_claim() -> None:

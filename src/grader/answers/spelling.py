@@ -16,11 +16,15 @@ LOOKALIKES = str.maketrans(
         **dict.fromkeys("º˚∘", "°"),
         **dict.fromkeys("≃≅≒", "≈"),
         **dict.fromkeys("∼～〜", "~"),
-        **dict.fromkeys("⩽≦", "≤"),
+        **dict.fromkeys("⩽≦≲⪅", "≤"),
+        **dict.fromkeys("≐≡≔", "="),
         **dict.fromkeys("⩾≧", "≥"),
         "∆": "Δ",
         "٫": ".",
-        "،": ",",
+        **dict.fromkeys("،‚", ","),
+        "。": ".",
+        "٪": "%",
+        "⟶": "→",
     }
 )
 SUPERSCRIPT = re.compile("[⁺⁻⁰¹²³⁴-⁹]+")
@@ -30,16 +34,17 @@ MARKUP = re.compile(r"</?[A-Za-z][^<>]*>|&[A-Za-z#]")
 TAGS_WITH_A_MEANING = (("<sup>", "^"), ("<sub>", "_"), ("<", " <"))
 """A space before every other tag keeps `5<br>0` two numbers."""
 
-TEX_FRACTION = re.compile(r"\\[dt]?frac ?\{([^{}]*)\} ?\{([^{}]*)\}")
+TEX_FONT = re.compile(r"([_^]?)\\(?:math(?:rm|it|bf|sf)|text(?:rm|bf|it)?|mbox|boxed) ?\{([^{}]*)\}")
+TEX_FRACTION = re.compile(r"\\[dt]?frac ?(?:\{([^{}]*)\}|([0-9]|\\pi)) ?(?:\{([^{}]*)\}|([0-9]))")
 TEX_COMMAND = re.compile(r"\\([A-Za-z]+|.)")
 TEX_RAISED = re.compile(r"([_^])\{ *([^{}]*?) *\}")
 MICRO = re.compile("μ +")
 TEX_COMMANDS: Mapping[str, str] = {
     **dict.fromkeys([*",;:! ()[]", "quad", "qquad", "left", "right"], " "),
     **dict.fromkeys(["mathrm", "mathit", "mathbf", "mathsf", "text", "textrm", "mbox", "rm", "operatorname"], " "),
-    **dict.fromkeys(["SI", "si", "qty", "num", "unit"], " "),
+    **dict.fromkeys(["SI", "si", "qty", "num", "unit", "boxed", "displaystyle"], " "),
     **dict.fromkeys(["circ", "degree"], "°"),
-    **dict.fromkeys(["le", "leq", "leqslant"], "≤"),
+    **dict.fromkeys(["le", "leq", "leqslant", "lesssim"], "≤"),
     **dict.fromkeys(["ge", "geq", "geqslant"], "≥"),
     **dict.fromkeys(["ne", "neq", "not"], "≠"),
     "times": "×",
@@ -48,8 +53,8 @@ TEX_COMMANDS: Mapping[str, str] = {
     "mu": "μ",
     "Omega": "Ω",
     "Delta": "Δ",
-    "approx": "≈",
-    "sim": "≈",
+    **dict.fromkeys(["approx", "sim", "simeq", "cong"], "≈"),
+    **dict.fromkeys(["to", "rightarrow", "Rightarrow", "implies"], "→"),
     "lt": "<",
     "gt": ">",
     "pm": "±",
@@ -86,7 +91,7 @@ def without_markup(text: str) -> str:
             text = text.replace(tag, shown)
         text = plain_text(text)
     paired = "$" in text and text.count("$") % 2 == 0
-    if paired or "\\" in text:
+    if paired or "\\" in text or TEX_RAISED.search(text):
         text = _without_tex(text.replace("$", " ") if paired else text)
     return " ".join(text.split())
 
@@ -94,10 +99,14 @@ def without_markup(text: str) -> str:
 def _without_tex(text: str) -> str:
     """Turn TeX into plain text. Braces become spaces: `5{6}` does not become 56."""
     text = text.replace("{,}", ",").replace("~", " ")
-    text = TEX_FRACTION.sub(r"(\1/\2)", text)
+    text = TEX_FRACTION.sub(r"(\1\2/\3\4)", TEX_FONT.sub(_tex_font, text))
     text = TEX_COMMAND.sub(_tex_command, text)
     text = TEX_RAISED.sub(r"\1\2 ", text).replace("{", " ").replace("}", " ")
     return MICRO.sub("μ", text).replace("^° ", "°").replace("^°", "°")
+
+
+def _tex_font(found: re.Match[str]) -> str:
+    return f"{found[1]}{{{found[2]}}}" if found[1] else f" {found[2]} "
 
 
 def _tex_command(found: re.Match[str]) -> str:

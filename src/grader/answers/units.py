@@ -3,7 +3,6 @@
 import math
 import re
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum, auto
@@ -14,6 +13,7 @@ import pint
 from pint.util import UnitsContainer
 
 from grader.answers.spelling import fold, quoted, without_markup
+from grader.answers.unit_names import COUNTED, IN_ANY_CASE, JOINED, SPELLINGS, TWO_MEANINGS
 from grader.errors import InvalidAnswer
 
 CHARACTERS_MAX = 60
@@ -23,7 +23,7 @@ FACTOR = re.compile(
     r"""
     (?P<times>\ ?[*.-]\ ?|\ ?(?P<over>/|per\ )\ ?|\ )?
     (?P<open>\(\ ?)?
-    (?P<name>[A-Za-zμΩ°%‰_]+)
+    (?P<name>(?:[^\W\dπ]|[°%‰])+)
     (?:(?:\ ?(?:\^|\*\*)\ ?(?P<bracket>\()?)?(?P<power>[+-]?[1-9])(?![0-9]|\.[0-9])(?(bracket)\)))?
     (?P<close>\ ?\)(?:\ ?(?:\^|\*\*)?\ ?(?P<group_power>[+-]?[1-9])(?![0-9]|\.[0-9]))?)?
     """,
@@ -35,51 +35,6 @@ POWERS = {"square": 2, "sq": 2, "cubic": 3}
 POWER_BEFORE = re.compile(r"\b(square|sq|cubic) ([A-Za-z]+)")
 PREFIX_APART = re.compile(r"\b(micro|milli|centi|kilo|mega)[ -](?=[A-Za-z])")
 """`square meters` and `milli seconds`."""
-
-SPELLINGS: Mapping[str, str] = {
-    "°": "degree",
-    "°C": "degree_Celsius",
-    "°F": "degree_Fahrenheit",
-    "%": "percent",
-    "‰": "permille",
-    "Kg": "kilogram",
-    "Grad": "degree",
-    "Mhz": "megahertz",
-}
-"""Names that pint does not know or reads as another unit. `Grad` is the German noun for a degree."""
-
-IN_ANY_CASE: Mapping[str, str] = {
-    **dict.fromkeys(["rad", "rads"], "radian"),
-    **dict.fromkeys(["deg", "degs"], "degree"),
-    **dict.fromkeys(["rev", "revs"], "turn"),
-    **dict.fromkeys(["sec", "secs"], "second"),
-    "min": "minute",
-    "hz": "hertz",
-    "khz": "kilohertz",
-    "rpm": "revolutions_per_minute",
-    "pct": "percent",
-    **dict.fromkeys(["sek", "sekunde", "sekunden"], "second"),
-    **dict.fromkeys(["millisekunde", "millisekunden"], "millisecond"),
-    **dict.fromkeys(["mikrosekunde", "mikrosekunden"], "microsecond"),
-}
-"""Short names that mean the same in any case."""
-
-TWO_MEANINGS: Mapping[str, str] = {
-    "grad": "degrees (deg) or gradians (gon)",
-    "mhz": "millihertz (mHz) or megahertz (MHz)",
-}
-"""Names of two units; the student must say which one is meant."""
-
-JOINED: Mapping[str, tuple[str, ...]] = {
-    "".join(names): names
-    for names in (
-        *((force, length) for force in ("N", "kN", "mN") for length in ("m", "mm", "cm")),
-        *((force, "m", "s") for force in ("N", "kN", "mN")),
-        *((mass, length) for mass in ("kg", "Kg", "g") for length in ("m", "cm", "mm")),
-    )
-    if names != ("g", "m")
-}
-"""Symbols written without a space, `Nm`, `kgm`: a power belongs to the last one."""
 
 FAMILIES = (
     ("nanosecond", "microsecond", "millisecond", "second", "minute", "hour"),
@@ -186,16 +141,17 @@ def read_unit(text: str) -> Unit:
     if len(folded) > CHARACTERS_MAX:
         raise InvalidAnswer(f"{quoted(text)} is too long to be a unit")
     powers: dict[str, int] = {}
-    for symbol, power in _factors(folded):
+    factors = _factors(folded)
+    for symbol, power in [factor for factor in factors if factor[0].lower() not in COUNTED] or factors:
         *first, last = JOINED.get(symbol, (symbol,))
         sign = 1 if power > 0 else -1
         for part, part_power in (*((part, sign) for part in first), (last, power)):
             name = look_up(part)
             powers[name] = powers.get(name, 0) + part_power
-    factors = tuple((name, power) for name, power in powers.items() if power)
-    if factors != tuple((name, 1) for name, _ in factors[:1]):
-        factors = tuple((f"delta_{name}" if name in SCALES_WITH_OFFSET else name, power) for name, power in factors)
-    return Unit(text.strip(), factors)
+    named = tuple((name, power) for name, power in powers.items() if power)
+    if named != tuple((name, 1) for name, _ in named[:1]):
+        named = tuple((f"delta_{name}" if name in SCALES_WITH_OFFSET else name, power) for name, power in named)
+    return Unit(text.strip(), named)
 
 
 def _factors(text: str) -> list[tuple[str, int]]:
