@@ -232,3 +232,14 @@ def test_the_document_of_another_grader_has_the_same_exit_codes() -> None:
     assert (done.returncode, json.loads(done.stdout)["score"]) == (1, 0.0)
     refused = grader("grade", "1.3-check", "q2", "5 ms", "--format", "junit", "--json")
     assert (refused.returncode, refused.stdout) == (2, "")
+
+
+def test_import_writes_what_is_sound_and_lists_the_faults_of_the_rest(tmp_path: Path) -> None:
+    lesson = tmp_path / "7.md"
+    lesson.write_text(
+        '```quiz\n{"kind": "open", "q": "Why?"}\n```\n```lab simlab\n{"model": "m", "seconds": "3"}\n```\n'
+    )
+    done = grader("import", str(lesson), "--out", str(tmp_path / "quizzes"))
+    assert done.returncode == 2
+    assert [path.name for path in (tmp_path / "quizzes").iterdir()] == ["7-check.json"]
+    assert "7: line 4: seconds: must be a valid number, not '3'" in done.stdout + done.stderr

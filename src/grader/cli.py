@@ -259,7 +259,7 @@ def import_(
     lesson: Path,
     out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes"),
 ) -> None:
-    """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON."""
+    """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON; labs with faults are left out."""
     from grader.lesson import import_lesson
 
     imported = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem)
@@ -270,6 +270,8 @@ def import_(
         path = out / f"{quiz_id}.json"
         path.write_text(json.dumps(quiz, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
         print(path)
+    if imported.faults:
+        raise ContentError(imported.faults)
 
 
 @cli.command()

@@ -42,17 +42,22 @@ class Block:
 
 @dataclass(frozen=True)
 class Lesson:
-    """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`; and remarks for the author."""
+    """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`; and remarks for the author.
+
+    `faults` are those of labs, which were left out.
+    """
 
     quizzes: dict[str, dict[str, Any]]
     remarks: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
 
 def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
     """The quizzes and labs of a lesson. What this service does not have is a remark, and costs nothing else.
 
-    Does not check what needs the content folder: models, keyframes, runs. Raises ContentError with all faults, each
-    with the lesson's name, the line and the reason.
+    A lab with faults is left out of a lesson that has quizzes. Does not check what needs the content folder: models,
+    keyframes, runs. Raises ContentError with all faults where a quiz has one or there is no quiz, each with the
+    lesson's name, the line and the reason.
     """
     markdown = markdown.removeprefix("\ufeff")
     reading = _Reading(name)
@@ -65,12 +70,13 @@ def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
             reading.add_lab(block)
         elif block.words[:1] == ("debug",):
             reading.add_debug(block)
+    asks = bool(reading.quizzes)
     reading.finish(_title(markdown) or name)
-    if not reading.quizzes and not reading.faults and not reading.remarks:
+    if not reading.quizzes and not reading.lab_faults and not reading.faults and not reading.remarks:
         reading.fault(1, "no quiz or lab block here: begin one with ```quiz or ```lab simlab")
-    if reading.faults:
-        raise ContentError(sorted(reading.faults))
-    return Lesson(reading.quizzes, tuple(sorted(reading.remarks)))
+    if reading.faults or (reading.lab_faults and not asks):
+        raise ContentError(sorted(reading.faults + reading.lab_faults))
+    return Lesson(reading.quizzes, tuple(sorted(reading.remarks)), tuple(sorted(reading.lab_faults)))
 
 
 def blocks(markdown: str) -> Iterator[Block]:
@@ -105,6 +111,7 @@ class _Reading:
         self.name = name
         self.base = UNFIT.sub("-", name).strip("-._")[:50] or "lesson"
         self.faults: list[Fault] = []
+        self.lab_faults: list[Fault] = []
         self.remarks: list[Fault] = []
         self.quizzes: dict[str, dict[str, Any]] = {}
         self.lines: dict[str, int] = {}
@@ -149,10 +156,24 @@ class _Reading:
                 self._check_programs(question.sim, f"{question.id}.sim", line)
 
     def add_lab(self, block: Block, kinds: tuple[str, ...] = ()) -> None:
-        """Add a lab; `kinds` is what the fence says of its kind. The default of its id comes from its title."""
+        """Add a lab without faults; `kinds` is what the fence says of its kind."""
+        if any(inner.words[:1] in (("quiz",), ("debug",)) for inner in blocks(block.text)):
+            self.fault(block.line, "this lab block never ends: close it before the quiz that follows")
+            return
+        others, self.faults = self.faults, []
+        lab = self._lab(block, kinds)
+        if self.faults:
+            self.remark(block.line, "this lab is left out: correct its faults and import the lesson again")
+        elif lab is not None:
+            self.labs.append(lab)
+        self.lab_faults += self.faults
+        self.faults = others
+
+    def _lab(self, block: Block, kinds: tuple[str, ...]) -> dict[str, Any] | None:
+        """Read a lab, whose default id comes from its title."""
         raw = self._object(block)
         if raw is None:
-            return
+            return None
         kind = str(raw.get("kind", next(iter(kinds), LAB_KINDS[0])))
         if kind not in LAB_KINDS:
             self.remark(block.line, unknown_kind(kind))
@@ -160,11 +181,11 @@ class _Reading:
         lab = {"id": _slug(str(raw.get("title") or kind), taken), "kind": kind, **raw}
         if str(lab["id"]) in taken:
             self.fault(block.line, f"two labs have the id {lab['id']!r}: give each its own")
-            return
-        self.labs.append(lab)
+            return None
         checked = self._validate(LAB, lab, block.line)
         if isinstance(checked, LabConfig):
             self._check_programs(checked, str(lab["id"]), block.line)
+        return lab
 
     def finish(self, title: str) -> None:
         """Find repeated ids over all blocks, and put the labs into a quiz of their own."""

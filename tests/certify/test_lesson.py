@@ -164,6 +164,60 @@ def test_a_lab_without_a_kind_runs_one_scene_and_one_of_an_unknown_kind_costs_no
     assert "no lab 'policies'" in remark.why
 
 
+def test_a_lab_with_faults_is_left_out_and_costs_the_lesson_no_quiz() -> None:
+    lesson = import_lesson(
+        """```quiz
+{"kind": "open", "q": "Why?"}
+```
+```lab simlab
+{"model": "pendulum", "readout": []}
+```
+```lab simlab
+{"model": "pendulum", "title": "Sound"}
+```
+```sim
+{"model": "pendulum", "controller": "data.ctrl[0] ="}
+```
+```lab integrators
+{"model": "pendulum", // the lesson's
+}
+```
+```lab simlab
+{"model": "pendulum"
+""",
+        "9.9",
+    )
+    assert list(lesson.quizzes) == ["9.9-check", "9.9-labs"]
+    assert [lab["title"] for lab in lesson.quizzes["9.9-labs"]["labs"]] == ["Sound"]
+    assert [fault.key for fault in lesson.faults] == ["line 10", "line 14, column 23", "line 17", "line 4"]
+    assert "JSON has no comments" in lesson.faults[1].why
+    assert [remark.key for remark in lesson.remarks] == ["line 10", "line 13", "line 17", "line 4"]
+    assert all("left out" in remark.why for remark in lesson.remarks)
+
+
+def test_a_lab_that_never_ends_and_holds_a_quiz_is_refused() -> None:
+    quiz = """```quiz
+{"kind": "open", "q": "Why?"}
+```
+"""
+    (fault,) = faults_of(quiz + '```lab simlab\n{"model": "pendulum"}\n' + quiz)
+    assert "line 4" in fault and "never ends" in fault
+
+
+@pytest.mark.parametrize(
+    ("text", "cure"),
+    [
+        ('{"q": "a",}', "remove the comma after the last item"),
+        ('{"options": ["a", ]}', "remove the comma after the last item"),
+        ('{"q": "a", /* easy */ "kind": "open"}', "JSON has no comments"),
+        ("{\"q\": 'a'}", "texts stand between double quotes"),
+    ],
+)
+def test_what_is_javascript_and_not_json_is_told_with_its_cure(text: str, cure: str) -> None:
+    (fault,) = faults_of(f"```quiz\n{text}\n```")
+    assert "broken JSON" in fault and cure in fault
+
+
 def test_a_sim_fence_is_a_lab_beside_those_of_lab_fences() -> None:
     lab = {"model": "pendulum", "readouts": [{"label": "angle", "expr": "data.qpos[0]"}]}
     fences = [f"```{words}\n{json.dumps(lab | {'title': words})}\n```" for words in ("lab simlab", "sim", "simlab")]

@@ -25,11 +25,24 @@ def parse_json(text: str, file: str) -> Any | Fault:
     try:
         value = json.loads(text, object_pairs_hook=JsonObject)
     except json.JSONDecodeError as error:
-        return Fault(file, f"line {error.lineno}, column {error.colno}", f"broken JSON: {error.msg}")
+        why = f"broken JSON: {error.msg}{_cure(text, error.pos)}"
+        return Fault(file, f"line {error.lineno}, column {error.colno}", why)
     except (RecursionError, ValueError):
         return Fault(file, "whole file", "broken JSON: nested too deeply, or a number with too many digits")
     too_deep = depth(value) > DEPTH_MAX
     return Fault(file, "whole file", f"nested deeper than {DEPTH_MAX} levels") if too_deep else value
+
+
+def _cure(text: str, position: int) -> str:
+    """The cure for what is JavaScript and not JSON at this position; empty where there is no known one."""
+    around = text[:position].rstrip()[-1:] + text[position : position + 1]
+    if text.startswith(("//", "/*", "#"), position):
+        return " (JSON has no comments: take a key that begins with x-)"
+    if around in (",]", ",}"):
+        return " (remove the comma after the last item)"
+    if around.endswith(("'", "`")):
+        return ' (texts stand between double quotes: "...")'
+    return ""
 
 
 def depth(value: Any) -> int:
