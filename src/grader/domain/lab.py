@@ -1,9 +1,9 @@
 """The lab configs that authors write: `sim` of a predict question, and the labs of a lesson."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import AliasChoices, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 Expression = str
 """An expression or statement in a small subset of JavaScript; it is compiled when content is loaded."""
@@ -104,6 +104,12 @@ class Plot(LabPart):
     refLines: tuple[Any, ...] = ()
     traces: tuple[PlotTrace, ...] = Field(min_length=1)
 
+    @model_validator(mode="after")
+    def _has_a_height(self) -> Self:
+        if self.ymin is not None and self.ymax is not None and self.ymin >= self.ymax:
+            raise ValueError(f"ymin must be below ymax, not {self.ymin:g} and {self.ymax:g}")
+        return self
+
 
 OVERLAYS = ("frames", "joints", "contacts", "forces", "com", "sites", "cameras", "shadows")
 """What can be drawn over the scene; `com` are the bodies' centres of mass."""
@@ -131,7 +137,7 @@ class LabConfig(LabPart):
     toggles: tuple[str, ...] | None = None
     forceScale: float | None = Field(default=None, gt=0)
     seconds: float | None = Field(default=None, gt=0, le=60)
-    stopAt: float | Expression | None = None
+    stopAt: Annotated[float, Field(gt=0)] | Expression | None = None
     autoplay: bool = False
     note: str | None = None
     height: float | None = None

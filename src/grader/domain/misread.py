@@ -24,13 +24,15 @@ def misread(
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yields the place of every refused value in the JSON value `raw`, and one reason for each place.
 
-    `choices` lists the values of each key that selects the class of a part. pydantic calls a list too short also when
-    its items are faulty: that is left out.
+    `choices` lists the values of each key that selects the class of a part. What only follows from a fault inside
+    a part is left out.
     """
     details = error.errors(include_url=False)
     told = set[tuple[str | int, ...]]()
     for detail in details:
         loc = detail["loc"]
+        if detail["type"] == "default_factory_not_called":
+            continue
         if detail["type"] == "too_short" and any(loc == one["loc"][: len(loc)] != one["loc"] for one in details):
             continue
         place = tuple(place_in(raw, detail))
@@ -71,6 +73,7 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
         case "option_index":
             return detail["msg"]
     why = re.sub(r"^(Input|String|Tuple|List|Dictionary) should", "must", detail["msg"]).removeprefix("Value error, ")
+    why = why.replace("a valid array", "a list between [ and ]")
     given = detail["input"]
     return f"{why}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else why
 

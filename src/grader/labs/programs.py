@@ -12,6 +12,7 @@ from grader.expressions import Program, ProgramKind, compile_program
 
 PATH = re.compile(r"(model|data|ctx)(\.[A-Za-z_][A-Za-z0-9_]*)+(\[[0-9]+\])?")
 PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+NUMBER = re.compile(r"\s*[0-9.]+\s*")
 COMPILED_MAX = 256
 
 
@@ -54,6 +55,10 @@ class _Compiler:
             self.faults.extend(error.faults)
             return NOTHING
 
+    def condition(self, place: str, text: str) -> Program:
+        self.demand(not NUMBER.fullmatch(text), place, f"{text!r} is always true: write a time without the quotes")
+        return self.program(place, text)
+
     def setter(self, place: str, control: Slider | Select) -> tuple[Program, ...]:
         path, parameter = control.set, control.param
         self.demand(path is None or PATH.fullmatch(path), f"{place}.set", "is not a path such as model.opt.timestep")
@@ -88,9 +93,14 @@ class _Compiler:
 
     def reference_line(self, place: str, line: Any) -> Program | None:
         """A line at a height that an expression gives: a text, or an object with `expr`."""
-        if isinstance(line, dict):
-            line, place = line.get("expr"), f"{place}.expr"
-        return self.program(place, line) if isinstance(line, str) else None
+        height = line.get("y") if isinstance(line, dict) else line
+        if isinstance(height, float | int) and not isinstance(height, bool):
+            return None
+        text, place = (line.get("expr"), f"{place}.expr") if isinstance(line, dict) else (line, place)
+        self.demand(
+            isinstance(text, str), place, 'is no line: give its height, an expression, or {"y": 1, "label": "..."}'
+        )
+        return self.program(place, text) if isinstance(text, str) else None
 
 
 @dataclass(frozen=True)
@@ -122,7 +132,7 @@ def _compiled(lab: _Lab, where: str) -> LabPrograms:
             if isinstance(one, Button)
         },
         controller=None if config.controller is None else c.program("controller", config.controller, "statement"),
-        stop=c.program("stopAt", config.stopAt) if isinstance(config.stopAt, str) else None,
+        stop=c.condition("stopAt", config.stopAt) if isinstance(config.stopAt, str) else None,
         shown=c.shown(config),
         reference_lines=tuple(
             tuple(c.reference_line(f"plots.{i}.refLines.{j}", line) for j, line in enumerate(plot.refLines))

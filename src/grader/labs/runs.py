@@ -118,7 +118,8 @@ class Running:
             moment = self.presses[0][0] if self.presses else duration
             count = min(frame, max(1, ceil((moment - self.elapsed) / h - 1e-6)))
             if self.record.steps + count > STEPS_MAX:
-                raise LabRefused(f"{duration:g} s at this timestep take more than {STEPS_MAX} steps.")
+                too_long = f"{duration:g} s at this timestep take more than {STEPS_MAX} steps"
+                raise LabRefused(f"{too_long}: take fewer seconds or a larger timestep.")
             stopped = self._step_singly(count) if each_step else self._step_chunk(count, h)
             self._press()
             self._keep_frame()

@@ -30,7 +30,12 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
     runs: list[LabRun] = []
 
     def tried(*settings: Any, setting: str = "") -> list[Fault]:
-        return _tried(lambda: runs.append(run_lab(config, xml, *settings, where=where)), where, setting=setting)
+        return _tried(
+            lambda: runs.append(run_lab(config, xml, *settings, where=where)),
+            where,
+            refused=".seconds",
+            setting=setting,
+        )
 
     whole = tried()
     if whole:

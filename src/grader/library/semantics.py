@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from grader.answers import known_unit
@@ -31,7 +31,13 @@ def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> 
     """Yield a fault for every model that a question or lab names and that is not in models/."""
     for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
-            yield Fault(file, at, f"there is no models/{name}.xml: take one of {', '.join(sorted(models))}")
+            bare = PurePosixPath(name).stem
+            cure = (
+                f"write {bare!r}, without folder and .xml"
+                if bare in models
+                else f"take one of {', '.join(sorted(models))}"
+            )
+            yield Fault(file, at, f"there is no models/{name}.xml: {cure}")
 
 
 def of_unknown_kind(raw: Any) -> bool:
