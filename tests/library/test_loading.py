@@ -474,7 +474,8 @@ def test_a_model_that_attaches_another_is_one_text_bit_for_bit(root: Path) -> No
     ("part", "why"),
     [
         (None, "attaches 'parts/part.xml', which is not a file"),
-        ("<mujoco", "not well-formed"),
+        ("<mujoco", "attaches 'parts/part.xml': does not compile: not well-formed"),
+        (ATTACHING, "attaches 'parts/part.xml' in 'parts/part.xml': no model may contain itself"),
         (PART.replace("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>'), "m.stl"),
         (PART.replace('name="rod" pos', 'name="other" pos'), "does not compile"),
         (

@@ -4,6 +4,8 @@ import ctypes
 import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 
@@ -92,9 +94,13 @@ def flattened(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | 
             return [Fault(file, "model", f"attaches more than {ATTACHED_MAX} files: write some of them here")]
     if not attached:
         return xml
+    try:
+        TopologicalSorter({name: _attached_files(text) for name, text in attached.items()}).prepare()
+    except CycleError as error:  # MuJoCo would attach them without end, and crash
+        return [Fault(file, "model", f"attaches {' in '.join(map(repr, error.args[1]))}: no model may contain itself")]
     others = [
-        fault
-        for text in (xml, *attached.values())
+        replace(fault, why=f"attaches {name!r}: {fault.why}" if name else fault.why)
+        for name, text in {"": xml, **attached}.items()
         for fault in _other_file_faults(_without_models(text), file, "model")
     ]
     return others or _one_text(xml, file, {name: text.encode() for name, text in attached.items()})
