@@ -286,8 +286,6 @@ def test_events_and_lengths_that_are_not_allowed_are_refused() -> None:
         ({"trail": {"of": "tip"}}, "q.sim.trail", "names no point"),
         ({"stopAt": "data.qpos[0] >"}, "q.sim.stopAt", "line 1"),
         ({"stopAt": "3"}, "q.sim.stopAt", "write a time without the quotes"),
-        ({"plots": [{"refLines": [{"label": "g"}], "traces": TRACES}]}, "q.sim.plots.0.refLines.0.expr", "is no line"),
-        ({"plots": [{"refLines": [0, True], "traces": TRACES}]}, "q.sim.plots.0.refLines.1", "is no line"),
         ({"setup": "model.opt.timestep = 1e-6"}, "q.sim.seconds", "take fewer seconds or a larger timestep"),
         ({"xml": "x"}, None, ""),
     ],

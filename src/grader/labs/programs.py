@@ -93,14 +93,9 @@ class _Compiler:
 
     def reference_line(self, place: str, line: Any) -> Program | None:
         """A line at a height that an expression gives: a text, or an object with `expr`."""
-        height = line.get("y") if isinstance(line, dict) else line
-        if isinstance(height, float | int) and not isinstance(height, bool):
-            return None
-        text, place = (line.get("expr"), f"{place}.expr") if isinstance(line, dict) else (line, place)
-        self.demand(
-            isinstance(text, str), place, 'is no line: give its height, an expression, or {"y": 1, "label": "..."}'
-        )
-        return self.program(place, text) if isinstance(text, str) else None
+        if isinstance(line, dict):
+            line, place = line.get("expr"), f"{place}.expr"
+        return self.program(place, line) if isinstance(line, str) else None
 
 
 @dataclass(frozen=True)
