@@ -16,6 +16,7 @@ from grader.identity import COOKIE, Role
 from grader.queue import jobs
 from grader.settings import Settings
 from grader.store import regrades, submissions
+from servers import PLAIN
 from web.browsing import chromium, findings, service
 
 BROWSER = {"Accept": "text/html,*/*;q=0.8", "Sec-Fetch-Site": "same-origin"}
@@ -37,7 +38,7 @@ def origin(settings: Settings) -> Iterator[str]:
 @pytest.fixture
 def browser(origin: str) -> Iterator[httpx.Client]:
     """A browser without JavaScript, whose session has not begun."""
-    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as browser:
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True, verify=PLAIN) as browser:
         yield browser
 
 
@@ -223,7 +224,7 @@ def test_attempts_are_the_learners_own(browser: httpx.Client, origin: str) -> No
     [mine] = browser.get("/api/v1/submissions?question=rk4-step").json()["items"]
     address = f"/quizzes/1.3-exercises/rk4-step?attempt={mine['id']}"
     assert "SECRET" in browser.get(address).text
-    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as other:
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True, verify=PLAIN) as other:
         send(other, "1.3-check/q1", "1")
         assert other.get(address).status_code == 404
         assert other.get(f"/quizzes/1.3-exercises/rk4-step/attempts?left={mine['id']}").status_code == 404
@@ -280,7 +281,7 @@ def test_a_script_that_runs_is_not_stopped(browser: httpx.Client, settings: Sett
 def test_nobody_stops_the_script_of_another(browser: httpx.Client, origin: str) -> None:
     page = queue(browser).text
     name = STOP.findall(page)[0][1]
-    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as other:
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True, verify=PLAIN) as other:
         assert stop(other, page).status_code == 401
         queue(other)
         assert stop(other, page).status_code == 404

@@ -19,6 +19,7 @@ from grader.store import submissions
 from grader.store.submissions import Mark
 from grader.store.tables import Submission
 from grader.web.work import graded_again
+from servers import PLAIN
 from web.browsing import service
 from web.test_forms import BROWSER, card, fields
 
@@ -53,7 +54,7 @@ def origin(settings: Settings) -> Iterator[str]:
 
 @pytest.fixture
 def browser(origin: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True) as browser:
+    with httpx.Client(base_url=origin, headers=BROWSER, follow_redirects=True, verify=PLAIN) as browser:
         yield browser
 
 
