@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 from typing import Any
 
@@ -31,6 +32,7 @@ from grader.exercises import (
     judge_exercise,
     lazy_answers,
     plan_exercise,
+    recorder,
     runner,
 )
 from grader.sandbox.jail import Jail
@@ -418,3 +420,61 @@ def test_a_fault_is_told_once_at_its_own_key() -> None:
 def test_a_parameter_that_cannot_be_read_is_told_in_plain_words(changes: dict[str, Any], key: str, why: str) -> None:
     (fault,) = check_exercise(with_check(SERVO, **changes), model_xml, "f")
     assert (fault.key, fault.why) == (".".join(filter(None, ("servo-threshold.check", key))), why)
+
+
+LEAK = "h4711"
+"""What scripts below try to tell of a hidden trial; it stands for the numbers of the trial."""
+
+
+def note_of(name: str, info: object, numbers: Sequence[float] = ()) -> bytes:
+    text, values = json.dumps(info).encode(), np.array(numbers, "<f8").tobytes()
+    return recorder.note_of(name, text, values)
+
+
+def run_at(timestep_s: float, qpos: float = 1.0, ctrl: float = 0.0) -> list[float]:
+    """One run of the note `search`, without a warning."""
+    return [0, timestep_s, 0, 0.0, qpos, 0.0, 0, ctrl, 3.0, 0, timestep_s]
+
+
+SEARCH = {"total": 3, "created": 3, "given": 0, "set_s": 0.0, "models": [[]], "others": []}
+FORGED = {
+    "message of a handled exception": note_of(
+        "handled", {"type": "KeyError", "line": 3, "clause": 4, "times": 1, "message": LEAK}
+    ),
+    "line of a handled exception": note_of(
+        "handled", {"type": "KeyError", "line": 471147, "clause": 4, "times": 1, "message": ""}
+    ),
+    "type of a returned value": note_of("search", SEARCH, run_at(0.02)) + note_of("returned", {"type": LEAK}),
+    "printed number": note_of("search", SEARCH, run_at(0.02)) + note_of("printed", {"text": "0.4711"}),
+    "fields of the model": note_of("search", SEARCH | {"models": [[LEAK]]}, run_at(0.02) + run_at(0.03)),
+    "timesteps": note_of("search", SEARCH, run_at(0.04711)),
+    "start": note_of("search", SEARCH, run_at(0.02, qpos=0.4711) + run_at(0.03, qpos=0.4711)),
+    "target": note_of("search", SEARCH, run_at(0.02, ctrl=0.4711) + run_at(0.03, ctrl=0.4711)),
+}
+
+
+@pytest.mark.parametrize("claim", [[], [0.0123, 0.0126], None])
+@pytest.mark.parametrize("what", FORGED)
+def test_a_forged_trace_tells_nothing_of_a_hidden_case(
+    what: str, claim: list[float] | None, run: Callable[..., RunReport]
+) -> None:
+    plan, report = plan_exercise(SERVO, model_xml, SEED), run(SERVO, RIGHT, SEED)
+    hidden, traces = dict(report.hidden_results), b""
+    for index, trial in enumerate(plan.trials):
+        if trial.hidden:
+            del hidden[f"t{index}_claim"]
+            hidden |= {} if claim is None else {f"t{index}_claim": np.array(claim, dtype=np.float64)}
+            traces += b"".join(n.to_bytes(4, "little") for n in (index, len(FORGED[what]))) + FORGED[what]
+    hidden["hidden_traces"] = np.frombuffer(traces, np.uint8)
+    verdict = judge_exercise(SERVO, plan, replace(report, hidden_results=hidden))
+    assert verdict.status is Status.PARTIAL
+    assert "4711" not in verdict.model_dump_json(exclude={"evidence"})
+
+
+def test_the_line_of_a_hidden_exception_is_a_line(run: Callable[..., RunReport]) -> None:
+    plan, report = plan_exercise(SERVO, model_xml, SEED), run(SERVO, RIGHT, SEED)
+    said = np.frombuffer(b'{"raised": "KeyError", "line": 47110815}', np.uint8)
+    hidden = {f"t{index}_raised": said for index, trial in enumerate(plan.trials) if trial.hidden}
+    verdict = judge_exercise(SERVO, plan, replace(report, hidden_results=hidden))
+    assert "KeyError" in verdict.model_dump_json()
+    assert "4711" not in verdict.model_dump_json(exclude={"evidence"})

@@ -68,6 +68,28 @@ def answer(x):
     assert all(SECRET.encode() not in array.tobytes() for array in report.results.values())
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "os.write(3, b'A' + bytes([len(name)]) + name + b'Z')",
+        "os.write(3, (b'A' + bytes([len(name)]) + name + b'B\\x00' + struct.pack('<I', 1) + b'x') * 2)",
+        "os._exit(83)",
+    ],
+)
+def test_neither_broken_frames_nor_exit_codes_tell_of_hidden_inputs(jail: Jail, line: str) -> None:
+    source = f"""
+import os, struct
+def answer(x):
+    if x != 1.5:
+        name = b'h' + str(x)[2:].encode()
+        {line}
+    return x
+"""
+    report = run(jail, source)
+    assert report.status is RunStatus.CRASHED
+    assert report.reason and "83" not in report.reason
+
+
 def test_a_script_that_asks_for_them_early_loses_its_own_output(jail: Jail) -> None:
     source = """
 import json, os, struct

@@ -6,6 +6,8 @@ import base64
 import builtins
 import json
 import marshal
+import re
+import types
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,6 +15,7 @@ from importlib.metadata import entry_points
 from inspect import getsource
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
@@ -44,13 +47,17 @@ from grader.exercises.parameters import (
     known_keys,
     with_numbers,
 )
-from grader.exercises.trace import NO_TRACE, read_traces
+from grader.exercises.trace import NO_TRACE, is_line, read_traces
 
 TRACES = {False: "traces", True: "hidden_traces"}
 """The names of the results that hold the traces of the visible and of the hidden trials."""
 
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
+
+NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
+NUMBERS_TOLD, FIGURES_TOLD = 8, 2
+"""Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
 
 STEPPED = (
     "The function let MuJoCo take the step (mj_step or another integrator), which this exercise does not allow: take "
@@ -59,6 +66,10 @@ STEPPED = (
 
 
 RAISED_CHARS_MAX = 1000
+
+
+ALL_TYPES = [one.__name__ for one in vars(types).values() if isinstance(one, type)]
+"""Names of Python's types that are no built-in names, such as `function`."""
 
 
 OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
@@ -289,7 +300,8 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     kind = installed_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}
     results = [results_of(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
-    held = {hidden: read_traces(parts[hidden].get(name)) for hidden, name in TRACES.items()}
+    known = {False: None, True: known_words(kind.driver)}
+    held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
     raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
     judged = settled(
@@ -317,6 +329,22 @@ def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Ver
     return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
 
 
+def tells_numbers(sentence: str) -> bool:
+    """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many.
+
+    A script that makes up its trace chooses the numbers that a mistake's sentence takes from there.
+    """
+    figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
+    return len(figures) > NUMBERS_TOLD or any(len(one) > FIGURES_TOLD for one in figures)
+
+
+@cache
+def known_words(driver: str) -> frozenset[str]:
+    """Returns the words that a driver's notes may hold without telling anything that only the script knows."""
+    public = (*map(dir, (builtins, np, mujoco, mujoco.MjModel, mujoco.MjData, mujoco.MjOption)), ALL_TYPES)
+    return frozenset().union(re.findall(r"\w+", driver), *public)
+
+
 def failed(question: CodeQuestion, status: Status, why: str, findings: tuple[Finding, ...] = ()) -> Verdict:
     """Returns a verdict without points."""
     return Verdict(status=status, points=0.0, max_points=question.points, findings=findings, diagnosis=why or None)
@@ -342,7 +370,7 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
         what, line = "", None
     if trial.hidden and not isinstance(vars(builtins).get(what), type):
         what = ""
-    place = f", in line {line} of your script" if isinstance(line, int) else ""
+    place = f", in line {line} of your script" if is_line(line) else ""
     return Judgement(False, f"{clear(what or 'An exception', place)}.", None)
 
 
@@ -434,4 +462,6 @@ def diagnosis_of(
         return slip, slip
     hint = first.trial.case.hint if first.trial.case else None
     mistake = kind.mistake(plan.parameters, whole)
+    if first.trial.hidden and mistake and tells_numbers(mistake):
+        mistake = None
     return mistake or hint or message, hint or message if kind.mistakes_tell_size or not mistake else mistake

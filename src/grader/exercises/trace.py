@@ -5,9 +5,10 @@ the notes up to the first that is not well formed.
 """
 
 import json
+import re
 import struct
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -19,7 +20,11 @@ BYTES_MAX = 64 * 1024
 """The size of a trial's trace, with room to spare: the recorder's limit is half of it."""
 INFO_BYTES_MAX = 16 * 1024
 NOTES_MAX = 4096
+LINES_MAX = 10_000
+"""A higher line is not believed: a script chooses which line it tells, and so could tell a number of a hidden case."""
 NAME_CHARS_MAX = 32
+WORDS_MAX = 3
+"""The words of a text that a driver notes, such as `argument 1`."""
 
 Numbers = NDArray[np.float64]
 
@@ -93,10 +98,11 @@ class Trace:
 NO_TRACE = Trace()
 
 
-def read_traces(values: "NDArray[np.generic] | None") -> dict[int, Trace]:
+def read_traces(values: "NDArray[np.generic] | None", known: Container[str] | None = None) -> dict[int, Trace]:
     """Returns the traces in the result `traces` by the index of the trial, up to the first that is not whole.
 
-    `grader.exercises.harness` writes the result.
+    `grader.exercises.harness` writes the result. `known` is given for hidden trials: a text with a word that is not
+    among these is emptied, as the script may have made it of the numbers of a hidden case.
     """
     found: dict[int, Trace] = {}
     if values is None or values.dtype != np.uint8 or values.ndim != 1:
@@ -104,13 +110,13 @@ def read_traces(values: "NDArray[np.generic] | None") -> dict[int, Trace]:
     at = 0
     while at + 8 <= min(len(values), ALL_BYTES_MAX):
         index, size = struct.unpack("<II", values[at : at + 8].tobytes())
-        found[index] = read_trace(values[at + 8 : at + 8 + size])
+        found[index] = read_trace(values[at + 8 : at + 8 + size], known)
         at += 8 + size
     return found
 
 
-def read_trace(values: "NDArray[np.generic] | None") -> Trace:
-    """Returns the trace of a trial; an empty one if there is none."""
+def read_trace(values: "NDArray[np.generic] | None", known: Container[str] | None = None) -> Trace:
+    """Returns the trace of a trial, with known words alone as in `read_traces`; an empty one if there is none."""
     if values is None:
         return NO_TRACE
     if values.dtype != np.uint8 or values.ndim != 1:
@@ -119,10 +125,22 @@ def read_trace(values: "NDArray[np.generic] | None") -> Trace:
     whole = len(values) <= BYTES_MAX
     try:
         for note in read_notes(raw):
-            notes.append(note)
+            notes.append(note if known is None else replace(note, info=in_known_words(note.info, known)))
     except (ValueError, struct.error, RecursionError):
         whole = False
     return Trace(tuple(note for note in notes if note.name != "cut"), not whole or any(n.name == "cut" for n in notes))
+
+
+def in_known_words(value: Any, known: Container[str]) -> Any:
+    """Returns JSON in which each text with an unknown word is empty; numbers of one digit are known."""
+    if isinstance(value, dict):
+        return {key: in_known_words(one, known) for key, one in value.items()}
+    if isinstance(value, list):
+        return [in_known_words(one, known) for one in value]
+    if isinstance(value, str):
+        words = re.findall(r"\w+", value)
+        return value if len(words) <= WORDS_MAX and all(len(w) == 1 or w in known for w in words) else ""
+    return value
 
 
 def read_notes(raw: bytes) -> Iterator[Note]:
@@ -165,7 +183,7 @@ def read_returned(note: Note) -> Returned:
 def read_handled(info: Mapping[str, Any]) -> Handled | None:
     """Returns what a note says of a handled exception; None if a line or the count is no number."""
     line, clause, times = (info.get(key) for key in ("line", "clause", "times"))
-    if not (is_count(line) and is_count(clause) and is_count(times)):
+    if not (is_line(line) and is_line(clause) and is_count(times)):
         return None
     return Handled(text_in(info, "type"), line, clause, times, text_in(info, "message"))
 
@@ -185,3 +203,8 @@ def list_in(info: Mapping[str, Any], key: str) -> list[Any]:
 def is_count(value: object) -> TypeGuard[int]:
     """Whether a value is a whole number of a sensible size."""
     return type(value) is int and 0 <= value < 2**31
+
+
+def is_line(value: object) -> TypeGuard[int]:
+    """Whether a value may be the number of a line."""
+    return is_count(value) and 1 <= value <= LINES_MAX

@@ -57,10 +57,12 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
     try:
         message = parse(ending.results)
     except Malformed as error:
-        return RunStatus.CRASHED, f"The results that the script sent back cannot be used: {error}.", None
+        why = "" if ending.hidden_sent else f": {error}"  # names and exit codes may reveal hidden inputs, like reasons
+        return RunStatus.CRASHED, f"The results that the script sent back cannot be used{why}.", None
     if message.end is None or code != 0:
-        return RunStatus.CRASHED, f"The script ended its own process (exit code {code}) before it was graded.", None
-    reason = "" if ending.hidden_sent else message.reason  # it may reveal hidden inputs
+        how = "" if ending.hidden_sent else f" (exit code {code})"
+        return RunStatus.CRASHED, f"The script ended its own process{how} before it was graded.", None
+    reason = "" if ending.hidden_sent else message.reason
     return message.end, reason or SILENT.get(message.end, ""), message
 
 

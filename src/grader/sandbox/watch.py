@@ -67,7 +67,7 @@ class Watch:
         first, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
         self._unsent = memoryview(first)
         self._wants, self._answered = Wants(job.heard), 0
-        self._without_integrators = without_integrators
+        self._without_integrators, self._removing = without_integrators, False
         self._late = {child.stdout: bytearray(), child.stderr: bytearray()}
         self._hidden_sent = False
         self._last = b""
@@ -171,11 +171,15 @@ class Watch:
             self._selector.register(self._child.job, selectors.EVENT_WRITE)
 
     def _answer(self) -> None:
-        """Answer the requests that have arrived: the first with the inputs, the second with the hidden inputs."""
+        """Answer the requests that have arrived: the first with the inputs, the second with the hidden inputs.
+
+        Both may arrive at once; neither is answered while the integrators are still there.
+        """
         wants = min(self._wants.scan(self._read[self._child.results]), WANTS_MAX)
-        while self._answered < wants:
+        while self._answered < wants and not self._removing:
             self._answered += 1
             if self._answered == 1 and self._without_integrators:
+                self._removing = True
                 self._child.ask_for_removal()
                 continue
             if self._answered == WANTS_MAX:
@@ -189,7 +193,9 @@ class Watch:
         """Read a message of the keeper: the integrators are removed, or the child has died."""
         message = self._child.status.recv(READ_BYTES)
         if message == b"removed":
+            self._removing = False
             self._send_next()
+            self._answer()
         else:
             self._last = message
             self._selector.unregister(self._child.status.fileno())

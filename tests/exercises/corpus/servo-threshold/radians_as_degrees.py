@@ -1,7 +1,7 @@
 # mistake: The start is set to pi / 180, one degree, although the angle is 1 rad; the growth then takes longer to be seen.
 # next: Set data.qpos[0] = 1.0; MuJoCo's angles are in radians.
 # status: partial
-# told: Your runs start with hinge at 0.01745 rad, not at 1 rad at
+# told: Your runs start with hinge at 0.017 rad, not at 1 rad at
 import math
 
 import mujoco

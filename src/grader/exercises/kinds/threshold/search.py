@@ -67,6 +67,10 @@ class Seen:
         """Where a timestep is, for the student; no number of a hidden trial."""
         return f"At {1e3 * seconds:.4g} ms" if self.shown else "At a timestep of a hidden case"
 
+    def figures(self, number: float) -> str:
+        """A number of a run, for the student; of a hidden trial to two figures, which the runner lets through."""
+        return f"{number:.4g}" if self.shown else f"{number:.2g}"
+
     @property
     def called_stable(self) -> list[Run]:
         """The runs at timesteps that the claim calls stable, the largest first."""
@@ -124,10 +128,8 @@ def odd_return(seen: Seen) -> str | None:
             "two numbers, (h_stable, h_unstable)."
         )
     many = f" of {given.shape[0]} items" if given.type in ("tuple", "list") and given.shape else ""
-    return (
-        f"Your function returns a value of type {given.type}{many}: it must return (h_stable, h_unstable) in seconds, "
-        "or None."
-    )
+    what = f"a value of type {given.type}{many}" if given.type else "something else"
+    return f"Your function returns {what}: it must return (h_stable, h_unstable) in seconds, or None."
 
 
 def far_beyond(seen: Seen) -> str | None:
@@ -192,8 +194,8 @@ def one_timestep(seen: Seen) -> str | None:
         return None
     used = "Your only run" if len(runs) == 1 else "Every run"
     return (
-        f"{used} used a timestep of {1e3 * runs[0].timestep_s:.4g} ms: the model that you step is not one whose "
-        "timestep you set. Set opt.timestep on the very model that you pass to mj_step."
+        f"{used} used a timestep of {seen.figures(1e3 * runs[0].timestep_s)} ms: the model that you step is not one "
+        "whose timestep you set. Set opt.timestep on the very model that you pass to mj_step."
     )
 
 
@@ -238,9 +240,9 @@ def other_start(seen: Seen) -> str | None:
             f"{value:g} rad: set data.qpos[0] = {value:g} each time you have created or reset the data."
         )
     if len(wrong) == len(runs) and len({(run.qpos, run.qvel) for run in runs}) == 1:
-        speed = f" and a speed of {runs[0].qvel:.4g} rad/s" if runs[0].qvel else ""
+        speed = f" and a speed of {seen.figures(runs[0].qvel)} rad/s" if runs[0].qvel else ""
         return (
-            f"Your runs start with {joint} at {runs[0].qpos:.4g} rad{speed}, not at {value:g} rad at rest. "
+            f"Your runs start with {joint} at {seen.figures(runs[0].qpos)} rad{speed}, not at {value:g} rad at rest. "
             f"Set data.qpos[0] = {value:g}, and leave data.qvel at 0."
         )
     if wrong and wrong[0] is not runs[0]:
@@ -258,8 +260,8 @@ def other_target(seen: Seen) -> str | None:
     if len(targets) != 1 or expected in targets:
         return None
     return (
-        f"Your runs set data.ctrl[0] to {targets.pop():.4g}, which is the servo's target; it should stay {expected:g}, "
-        "so that the servo pulls the joint back from its start."
+        f"Your runs set data.ctrl[0] to {seen.figures(targets.pop())}, which is the servo's target; it should "
+        f"stay {expected:g}, so that the servo pulls the joint back from its start."
     )
 
 
@@ -396,13 +398,14 @@ def edge_of_search(seen: Seen) -> str | None:
     top = highest < 0.95 * longest_s and not any(run.raised for run in runs if run.timestep_s == highest)
     if top and (isinstance(seen.claim, NoLimit) or (seen.called_stable and len(seen.called_unstable) < 2)):
         return (
-            f"Your search ends at {1e3 * highest:.4g} ms, where nothing is unstable yet. "
+            f"Your search ends at {seen.figures(1e3 * highest)} ms, where nothing is unstable yet. "
             f"Search up to {1e3 * longest_s:g} ms."
         )
     bottom = lowest > 1.05 * shortest_s and all(run.raised for run in runs if run.timestep_s == lowest)
     if bottom and isinstance(seen.claim, Bracket) and seen.claim.low <= lowest * (1 + CLOSE):
         return (
-            f"Your search begins at {1e3 * lowest:.4g} ms, which is unstable already. Begin at {1e3 * shortest_s:g} ms."
+            f"Your search begins at {seen.figures(1e3 * lowest)} ms, which is unstable already. "
+            f"Begin at {1e3 * shortest_s:g} ms."
         )
     return None
 
