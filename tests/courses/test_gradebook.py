@@ -44,6 +44,16 @@ def test_the_generic_form() -> None:
     )
 
 
+def test_a_name_begins_no_new_cell_where_semicolons_separate_them() -> None:
+    """As Excel reads the file in countries where the decimal sign is a comma."""
+    row = Row("Eve;=1+1;", "eve\t=1+1")
+    line = list(gradebook_csv([row], COLUMNS))[-1]
+    for separator in ";\t":
+        (read,) = csv.reader([line], delimiter=separator, strict=False)
+        assert not any(cell.startswith("=") for cell in read), read
+    assert lines([row])[-1][0] == "Eve;=1+1;"
+
+
 def test_canvas_gets_its_header_order_and_its_assignments() -> None:
     assert lines([ADA, BOB], Form.CANVAS) == [
         ["Student", "ID", "SIS User ID", "SIS Login ID", "Section", "Knowledge check, 1 (4711)", 'The "RK4" step'],
