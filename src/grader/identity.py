@@ -6,6 +6,7 @@ The room `courses` issues and revokes them.
 
 import hashlib
 import hmac
+import re
 import secrets
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -29,6 +30,14 @@ TOUCH = timedelta(minutes=1)
 """Resolution of `last_used_at`: not every request writes it."""
 
 FAILED = "Send a valid token as `Authorization: Bearer ...`, or sign in."
+
+
+INVISIBLE = re.compile("[\\u034f\\u115f\\u1160\\u17b4\\u17b5\\u2800\\u3164\\uffa0]")
+"""Letters, marks and symbols that show nothing: with one, two names look the same. `isprintable` refuses the others.
+
+Source: Unicode, Default_Ignorable_Code_Point in the categories L and M but for variation selectors, and the empty
+braille pattern.
+"""
 
 
 class Role(StrEnum):
@@ -197,6 +206,12 @@ def find(session: Session, kind: Kind, presented: str) -> Credential | None:
     return credential
 
 
+def still_holds(session: Session, who: Identity) -> bool:
+    """Whether the credential that was presented has not ended meanwhile."""
+    kind = Kind.SESSION if who.by_cookie else Kind.TOKEN
+    return credentials.find(session, who.credential, kind.value, now()) is not None
+
+
 def identity_of(credential: Credential) -> Identity:
     """The identity that a credential proves."""
     by_cookie = credential.kind == Kind.SESSION
@@ -208,8 +223,8 @@ def identity_of(credential: Credential) -> Identity:
 
 
 def checked_name(what: str, name: str) -> str:
-    """Returns the name. Raises Unprocessable if it is empty, too long, or not printable."""
-    if not name.strip() or len(name) > NAME or not name.isprintable():
+    """Returns the name. Raises Unprocessable if it is empty, too long, or has characters that cannot be seen."""
+    if not name.strip() or len(name) > NAME or not name.isprintable() or INVISIBLE.search(name):
         raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters.")
     return name
 

@@ -18,7 +18,7 @@ from grader.accounts import in_database
 from grader.api.scopes import scope_of
 from grader.courses.tokens import create_token
 from grader.errors import Unprocessable
-from grader.identity import Scope
+from grader.identity import Scope, checked_name
 from grader.store.courses import AuditEntry
 from grader.store.tables import Credential, now
 from sites import Site
@@ -365,3 +365,13 @@ def test_what_is_no_lifetime(text: str) -> None:
     with pytest.raises(Unprocessable):
         lifetime_of(text)
     assert lifetime_of("2w") == timedelta(weeks=2)
+
+
+@pytest.mark.parametrize(
+    "name", ["Ann\u3164", "\u2800", "A\u034fnn", "Ann\u200b", "\u202ennA", "Ann\u00ad", "An\ufeffn"]
+)
+def test_a_name_has_nothing_invisible(name: str) -> None:
+    """With it two names would look the same."""
+    with pytest.raises(Unprocessable):
+        checked_name("learner", name)
+    assert checked_name("learner", "Zoë Ğ अनीता 山田") == "Zoë Ğ अनीता 山田"

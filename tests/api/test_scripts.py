@@ -1,25 +1,29 @@
 """Scripts over HTTP: queued, run in the real jail, graded, with events on the way."""
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from sqlalchemy import select
 
+from grader.accounts import revoke_tokens
 from grader.api import events
+from grader.api.streams import STREAMS_MAX
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
 from grader.exercises import Tell
 from grader.grading_process import Graders, Script
-from grader.identity import Identity, Role
+from grader.identity import identity_of
 from grader.library import Library
 from grader.pipeline import Retries, untold
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.settings import Settings
 from grader.store import submissions
-from grader.store.tables import Submission
+from grader.store.tables import Credential, Submission
 from grader.worker import Grading, Judge, fault_with, grade_with
 from sites import ROOT, Site, open_site
 
@@ -139,10 +143,43 @@ def test_a_verdict_that_is_committed_while_events_are_read_is_told_with_its_subm
     submission_id = hand_in(idle.client("ann"), "x = 1").json()["id"]
     with context.database.write() as session:
         submission = session.get_one(Submission, submission_id)
-        who = Identity(submission.learner, submission.user, Role.STUDENT, submission.course)
+        token = session.scalars(select(Credential).where(Credential.member == submission.learner)).one()
+        who = identity_of(token)
         submissions._add_event(session, submission_id, submissions.GRADED)
     told, over = events.read_events(events.Listener(context, who, submission_id, 0), 0)
     assert ([event.event for event in told], over) == ([submissions.QUEUED], False)
+
+
+def test_a_stream_ends_with_the_token_that_opened_it(idle: Site) -> None:
+    ann = idle.client("ann", course="left")
+    events = f"{hand_in(ann, 'x = 1').headers['location']}/events"
+    with ann.stream("GET", events) as stream:
+        lines = stream.iter_lines()
+        assert "event: queued" in lines  # reads up to there
+        assert revoke_tokens(idle.settings, "ann", "left") == 1
+        a_worker(idle, lambda _: GOOD).do_one()
+        assert "verdict" not in "\n".join(lines)
+
+
+def test_the_oldest_of_too_many_streams_ends(idle: Site) -> None:
+    """A thousand streams of one learner made another wait two seconds when the script was graded."""
+    ann, bob = idle.client("ann", course="crowd"), idle.client("bob", course="crowd")
+    mine, theirs = (f"{hand_in(one, 'x = 1').headers['location']}/events" for one in (ann, bob))
+    with ExitStack() as stack:
+
+        def opened(client: httpx.Client, events: str) -> Iterator[str]:
+            lines: Iterator[str] = stack.enter_context(client.stream("GET", events)).iter_lines()
+            assert "event: queued" in lines  # reads up to there
+            return lines
+
+        other = opened(bob, theirs)
+        first, second, *_ = [opened(ann, mine) for _ in range(STREAMS_MAX + 1)]
+        assert "event: graded" not in list(first)  # ends before the script is graded
+        worker = a_worker(idle, lambda _: GOOD)
+        while worker.do_one():
+            pass
+        assert "event: graded" in list(second)
+        assert "event: graded" in list(other)
 
 
 def test_nobody_else_may_listen(graded: Site) -> None:

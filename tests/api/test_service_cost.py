@@ -19,6 +19,7 @@ import pytest
 
 from databases import BACKENDS, database_url
 from grader.api import events
+from grader.api.streams import STREAMS_MAX
 from grader.bench.answers import Client
 from grader.settings import Settings
 from grader.store import submissions
@@ -131,11 +132,12 @@ def listener_at(site: Site, client: httpx.Client, location: str) -> socket.socke
 def test_two_hundred_listeners_do_not_slow_an_answer(idle: Site) -> None:
     ann, bob = idle.client("ann"), idle.client("bob")
     made = bob.post(SUBMISSIONS, json=script(0))
+    listeners = [idle.client(f"tina{n}", "instructor") for n in range(-(-LISTENERS // STREAMS_MAX))]
     answer_cpu_s(ann)
     alone = min(answer_cpu_s(ann) for _ in range(5))
     with ExitStack() as stack:
-        for _ in range(LISTENERS):
-            stack.enter_context(listener_at(idle, bob, made.headers["location"]))
+        for n in range(LISTENERS):
+            stack.enter_context(listener_at(idle, listeners[n % len(listeners)], made.headers["location"]))
         beside = min(answer_cpu_s(ann) for _ in range(5))
     print(f"{1000 * beside:.2f} ms of CPU beside listeners, {1000 * alone:.2f} ms without")
     assert beside < LISTENED_MAX * alone

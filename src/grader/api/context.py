@@ -12,6 +12,7 @@ from grader.api.admission import identity_in
 from grader.api.lab_runs import LabRuns
 from grader.api.rate import RateLimit
 from grader.api.readiness import Readiness
+from grader.api.streams import Streams
 from grader.content import Contents
 from grader.courses.desk import Desk
 from grader.courses.gradebook import SheetLines
@@ -54,6 +55,7 @@ class Context:
     """By ETag."""
     gradebook_lines: SheetLines = field(default_factory=lambda: Parts(GRADEBOOKS_KEPT))
     statistics: Statistics = field(default_factory=Statistics)
+    streams: Streams = field(default_factory=Streams)
 
     def desk_of(self, course: str) -> Desk:
         """What reviewing in a course works with, on its content as it is now."""

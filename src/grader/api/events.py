@@ -17,7 +17,7 @@ from grader.api.problems import documented
 from grader.api.submissions import seen_by, view_for, visible
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, standing_of
-from grader.identity import Identity
+from grader.identity import Identity, still_holds
 from grader.store import submissions
 from grader.store.database import AWAY
 from grader.store.tables import Event, Submission
@@ -63,15 +63,15 @@ def listen(
 )
 async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterator[ServerSentEvent]:
     """Every event since `Last-Event-ID`, then those to come; the last is `graded` or `needs_review`."""
-    last, over = listener.last, False
-    loop, changed = asyncio.get_running_loop(), asyncio.Event()
+    last, over, user = listener.last, False, listener.who.id
+    loop, streams = asyncio.get_running_loop(), listener.context.streams
     signals = listener.context.database.signals
 
     def wake() -> None:
         loop.call_soon_threadsafe(changed.set)
 
-    with signals.listening(submissions.EVENTS, wake, listener.submission_id):
-        while not over:
+    with streams.opened(user) as changed, signals.listening(submissions.EVENTS, wake, listener.submission_id):
+        while not over and streams.has(user, changed):
             changed.clear()
             try:
                 events, over = await run_in_threadpool(read_events, listener, last)
@@ -86,8 +86,10 @@ async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterato
 
 
 def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], bool]:
-    """The events after number `last`, as they are sent, and whether no more will come."""
+    """The events after number `last`, as they are sent, and whether no more will come; none to a revoked token."""
     with listener.context.database.read() as session:
+        if not still_holds(session, listener.who):
+            return [], True
         submission = session.get_one(Submission, listener.submission_id)
         over, shown = submission.status in submissions.AT_REST, dict[str, Any]()
         if over:
