@@ -1,6 +1,7 @@
 """A course may have a content folder of its own: every route and page goes by the course of the caller."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,6 +26,53 @@ def write(folder: Path, answer: int, quiz: str = "own") -> Path:
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
     return write(tmp_path / "mechanics", 5)
+
+
+WRITTEN: tuple[dict[str, object], ...] = (
+    {},
+    {"role": "student"},
+    {"points": 0, "comment": "KILROY"},
+    {"text": "KILROY", "points": 0},
+    {"attempts": 5},
+)
+"""Bodies of which each route that changes something takes one, or none."""
+
+
+@pytest.mark.slow
+def test_no_id_of_another_course_is_of_use(shared_site: Site) -> None:
+    """Every documented route, called with the ids of one course by an instructor of another."""
+    teacher = shared_site.client("tina", "instructor", "of tina")
+    ann = shared_site.client("ann", course="of tina")
+    posts = {
+        "tokens": {"user": "zoe", "role": "student"},
+        "webhooks": {"url": "https://example.org/hook"},
+        "regrades": {"quiz": "small", "scope": "all", "dry_run": True},
+    }
+    for route, body in posts.items():
+        assert teacher.post(f"{API}/{route}", json=body).status_code in (201, 202), route
+    answer = {"quiz": "small", "question": "q4", "answer": "Because."}
+    assert ann.post(f"{API}/submissions", json=answer).status_code == 201
+    lists = ("submissions", "members", "tokens", "webhooks", "regrades", "reviews")
+
+    def held() -> list[list[dict[str, object]]]:
+        found = [teacher.get(f"{API}/{one}").json()["items"] for one in lists]
+        return [[{**item, "last_used_at": None} for item in items] for items in found]
+
+    before = held()
+    ids = {str(items[0]["id"]) for items in before}
+    assert len(ids) == len(lists) - 1  # the review is that of the submission
+    strangers = [
+        shared_site.client(f"otto{n}", "instructor", "of otto") for n in range(len(ids))
+    ]  # each has a rate limit
+    for path, operations in shared_site.app.openapi()["paths"].items():
+        own = path.replace("{quiz_id}", "small").replace("{question_id}", "q4")
+        for one, stranger in zip(ids, strangers, strict=True) if "{" in own else ():
+            url = re.sub(r"\{[^}]*\}", one, own)
+            for method in operations:
+                for body in [None] if method in ("get", "delete") else WRITTEN:
+                    answered = stranger.request(method, url, json=body, headers={"If-Match": "*"})
+                    assert answered.status_code in (403, 404, 409, 412, 422), (method, url, body, answered.text)
+    assert held() == before
 
 
 @pytest.fixture

@@ -43,6 +43,8 @@ STEPS = [
     "code_under_a_trusted_name",
     "ctypes_from_a_thread_pool",
     "steps_in_an_audit_hook",
+    "steps_in_a_finalizer",
+    "steps_in_a_signal_handler",
     "modules_under_another_name",
     "calls_back_from_a_warning",
     "calls_a_saved_pointer",
