@@ -224,9 +224,14 @@ def identity_of(credential: Credential) -> Identity:
 
 def checked_name(what: str, name: str) -> str:
     """Returns the name. Raises Unprocessable if it is empty, too long, or has characters that cannot be seen."""
-    if not name.strip() or len(name) > NAME or not name.isprintable() or INVISIBLE.search(name):
+    if not name.strip() or len(name) > NAME or name != visible_part(name):
         raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters.")
     return name
+
+
+def visible_part(name: str) -> str:
+    """The name without characters that cannot be seen, which other systems may send."""
+    return "".join(filter(str.isprintable, INVISIBLE.sub("", name)))
 
 
 def checked_role(role: str) -> Role:

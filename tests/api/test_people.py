@@ -4,7 +4,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,10 @@ from grader.api.scopes import scope_of
 from grader.courses.tokens import create_token
 from grader.errors import Unprocessable
 from grader.identity import Scope, checked_name
+from grader.lms import launch
 from grader.store.courses import AuditEntry
 from grader.store.tables import Credential, now
+from grader.web import provider
 from sites import Site
 
 API = "/api/v1"
@@ -375,3 +377,10 @@ def test_a_name_has_nothing_invisible(name: str) -> None:
     with pytest.raises(Unprocessable):
         checked_name("learner", name)
     assert checked_name("learner", "Zoë Ğ अनीता 山田") == "Zoë Ğ अनीता 山田"
+
+
+@pytest.mark.parametrize("name_in", [launch.name_in, provider.name_in])
+def test_a_name_that_another_system_sends_is_cleaned(name_in: Callable[[dict[str, str]], str]) -> None:
+    """Refusing it would lock its bearer out."""
+    found = name_in({"name": "A\u034fnn\u3164 \u202eLee\u200b"})
+    assert checked_name("learner", found) == found == "Ann Lee"

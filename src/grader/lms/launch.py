@@ -10,6 +10,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from grader.domain.platform import Platform
 from grader.errors import Unauthorized
+from grader.identity import visible_part
 from grader.lms import claims as words
 from grader.lms.addresses import is_at, is_of_platform
 from grader.store.platforms import ID
@@ -112,7 +113,7 @@ def identifier(claims: Mapping[str, Any], name: str) -> str:
 
 def label(text: object) -> str:
     """A text as it may be shown: printable, and no longer than a name. Empty for anything else."""
-    return "".join(filter(str.isprintable, text))[:NAME].strip() if isinstance(text, str) else ""
+    return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
 
 
 def name_in(claims: Mapping[str, Any]) -> str:

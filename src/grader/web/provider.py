@@ -15,7 +15,7 @@ from grader.courses import people
 from grader.courses.audit import Action, record
 from grader.courses.sign_in import BrowserSession, start_session
 from grader.errors import Forbidden, Unauthorized
-from grader.identity import Role
+from grader.identity import Role, visible_part
 from grader.store import people as stored_people
 from grader.store.tables import NAME
 
@@ -133,7 +133,7 @@ def fetched(client: Any, url: str) -> Any:
 def name_in(claims: dict[str, Any]) -> str:
     """The user's name as far as the provider tells it, cleaned to what a name may be."""
     for claim in ("name", "preferred_username", "email", "sub"):
-        text = "".join(filter(str.isprintable, str(claims.get(claim) or ""))).strip()
+        text = visible_part(str(claims.get(claim) or "")).strip()
         if text:
             return text[:NAME]
     return "learner"
