@@ -1,5 +1,6 @@
 """Cells of CSV files: no spreadsheet runs one as a formula, and what was written is read back. Pure."""
 
+import csv
 import re
 from collections.abc import Iterable, Iterator
 
@@ -8,18 +9,32 @@ FORMULA = re.compile(r"'*(?:\s*[=+\-@＝＋－＠]|[\t\r\n])")
 """Texts that a spreadsheet may run as a formula. Source: OWASP, CSV injection."""
 
 
-SEPARATORS = re.compile(r'[,;\t"\r\n]')
-"""What begins a new cell in any spreadsheet: where the decimal sign is a comma, Excel separates cells by semicolons."""
+SEPARATORS = re.compile("[;\t]")
+"""What begins a new cell in Excel where the decimal sign is a comma, and in text that is pasted."""
+
+
+class _Line:
+    """A file whose `write` returns the text, so that csv.writer.writerow returns the line."""
+
+    def write(self, text: str) -> str:
+        return text
 
 
 def lines(rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    r"""The lines of a CSV file, ended by "\r\n" (RFC 4180); one row is held at a time."""
-    return (f"{','.join(map(quoted, row))}\r\n" for row in rows)
+    r"""The lines of a CSV file, ended by "\r\n" (RFC 4180); one row is held at a time.
+
+    Cells with another spreadsheet's separator are quoted too, which csv.writer does not do.
+    """
+    line = csv.writer(_Line()).writerow
+    for row in rows:
+        cells = list(row)
+        text = line(cells)
+        yield f"{','.join(map(quoted, cells))}\r\n" if SEPARATORS.search(text) else text
 
 
 def quoted(text: str) -> str:
-    """The text in quotes where a spreadsheet would end the cell within it."""
-    return f'"{text.replace(chr(34), chr(34) * 2)}"' if SEPARATORS.search(text) else text
+    """The text in quotes where any spreadsheet would end the cell within it."""
+    return f'"{text.replace(chr(34), chr(34) * 2)}"' if re.search(r'[,;\t"\r\n]', text) else text
 
 
 def guarded(text: str) -> str:
