@@ -33,9 +33,10 @@ FIELDS = (
     *("dof_damping", "dof_armature", "dof_frictionloss", "jnt_stiffness", "qpos_spring"),
 )
 OPTIONS = ("gravity", "solver", "disableflags", "enableflags", "iterations", "tolerance", "density", "viscosity")
-ACTUATION = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+FLAGS = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in ("actuation", "autoreset")}
+"""Flags that are noted by their own names, besides `disableflags`."""
 OTHER_STEPS = ("mj_step1", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta", "mjd_transitionFD")
-"""Other functions that step or linearise; the names of those that were called, once in a run, are noted."""
+"""Other functions that step or linearise: each is watched until its first call, and noted in that trial and later."""
 
 plain = {name: getattr(mujoco, name) for name in ("mj_step", "mj_resetData", "mj_resetDataKeyframe")}
 
@@ -44,6 +45,7 @@ class Search:
     """The runs of one trial."""
 
     def __init__(self) -> None:
+        self.others: set[str] = set()
         self.restart(hidden=False)
 
     def restart(self, *, hidden: bool) -> None:
@@ -53,7 +55,8 @@ class Search:
         self.runs: list[list[float]] = []
         self.total = 0
         self.created = 0
-        self.others: set[str] = set()
+        self.cleared = False
+        """Whether the last run was followed by a reset."""
         self.models: list[Any] = []
         self.differs: list[list[str]] = []
         self.given: dict[str, bytes] = {}
@@ -65,7 +68,7 @@ class Search:
 
     def begin(self, model: Any, data: Any) -> None:
         """Notes how a run begins."""
-        self.waiting = False
+        self.waiting = self.cleared = False
         self.total += 1
         if len(self.runs) == self.runs_max:
             return
@@ -94,6 +97,7 @@ class Search:
         info = {
             "total": self.total,
             "created": self.created,
+            "cleared": self.cleared,
             "models": self.differs,
             "given": given,
             "set_s": float(model.opt.timestep),
@@ -122,7 +126,7 @@ def values_of(model: Any) -> dict[str, bytes]:
     """Returns what the motion of a model depends on, but for the timestep and the integrator."""
     values = {name: getattr(model, name).tobytes() for name in FIELDS}
     values |= {name: np.asarray(getattr(model.opt, name)).tobytes() for name in OPTIONS}
-    return values | {"actuation": bytes([bool(model.opt.disableflags & ACTUATION)])}
+    return values | {name: bytes([bool(model.opt.disableflags & bit)]) for name, bit in FLAGS.items()}
 
 
 def warned(data: Any) -> int:
@@ -147,6 +151,7 @@ def before_import() -> None:
     def reset(name: str) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
             between_runs()
+            search.cleared = search.total > 0
             return plain[name](*arguments, **named)
 
         return call

@@ -1,7 +1,7 @@
 """Recognises wrong ways to the largest stable timestep: checks which of them gives the student's claims."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import mujoco
@@ -11,7 +11,7 @@ from grader.exercises.kind import Judged, Trial
 from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim, span_of, warns
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.recorded import read_search
-from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
+from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain, too_coarse
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
@@ -206,6 +206,13 @@ def overshoots(asked: Asked, claim: Claim) -> bool:
     return not swings_out(asked, claim.low * (1 - 1e-3)) and swings_out(asked, claim.high * (1 + 1e-3))
 
 
+def exchanged(asked: Asked, claim: Claim) -> bool:
+    """The limit of implicitfast under Euler, and the other way round."""
+    other = {EULER.code: IMPLICITFAST, IMPLICITFAST.code: EULER}.get(asked.cell.integrator.code)
+    cell = asked.cell if other is None else replace(asked.cell, integrator=other)
+    return judge_claim(asked.parameters, cell, claim).passed
+
+
 def another_model(asked: Asked, claim: Claim) -> bool:
     """The limit of the first model, reported for another one."""
     return asked.first.case != asked.cell.case and claim_fits(asked, claim, asked.first.scene)
@@ -341,6 +348,14 @@ METHODS: tuple[WrongMethod, ...] = (
         all_claims=True,
     ),
     WrongMethod(
+        "exchanged",
+        "Your limits under Euler and under implicitfast are exchanged: the servo's damping lowers Euler's limit and "
+        "raises implicitfast's. In a formula turn the sign of kv, which actuator_biasprm[0, 2] holds as -kv; in a "
+        "simulation set model.opt.integrator to the integrator you are given.",
+        exchanged,
+        all_claims=True,
+    ),
+    WrongMethod(
         "half a second",
         "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s.",
         simulated(seconds=0.5),
@@ -380,7 +395,13 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Ce
             continue
         if wrong and all(method.gives(asked, claim) for asked, claim, _ in (claims if method.all_claims else wrong)):
             return method.sentence.format(**particulars(parameters, judged))
-    return explain(parameters, seen, FALLBACK)
+    return explain(parameters, seen, FALLBACK) or coarse_though_right(parameters, judged)
+
+
+def coarse_though_right(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+    """Returns the sentence of too coarse a search whose visible answers are right all the same, by luck."""
+    visible = [one for one in judged if not one.trial.hidden and not isinstance(one.judgement.outcome, NoLimit)]
+    return explain(parameters, visible, (too_coarse,)) if all(one.judgement.passed for one in visible) else None
 
 
 def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:

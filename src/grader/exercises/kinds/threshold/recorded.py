@@ -46,7 +46,7 @@ class Run:
 class Search:
     """The runs of one trial: `differs` names for each model the fields in which it is not the given one.
 
-    `created` counts how often a data was created or reset.
+    `created` counts how often a data was created or reset; `cleared`: the last run was followed by a reset.
     """
 
     runs: tuple[Run, ...]
@@ -56,6 +56,7 @@ class Search:
     given: int | None
     set_s: float
     others: tuple[str, ...]
+    cleared: bool = False
 
 
 def read_search(trace: Trace) -> Search | None:
@@ -75,6 +76,7 @@ def read_search(trace: Trace) -> Search | None:
         given=given if isinstance(given, int) else None,
         set_s=set_s if isinstance(set_s, float) else 0.0,
         others=texts_of(note.info.get("others")),
+        cleared=note.info.get("cleared") is True,
     )
 
 

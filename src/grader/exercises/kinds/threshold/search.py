@@ -49,6 +49,7 @@ WORDS = {
     "gravity": "gravity",
     "solver": "the constraint solver",
     "disableflags": "what is disabled",
+    "autoreset": "the automatic reset",
 }
 
 
@@ -168,6 +169,27 @@ def actuators_off(seen: Seen) -> str | None:
     return (
         "The actuators of your model are switched off (mjDSBL_ACTUATION), and without its servo nothing is unstable. "
         "Leave that flag alone; the automatic reset after a warning is mjDSBL_AUTORESET."
+    )
+
+
+def rolled_out(seen: Seen) -> str | None:
+    """The runs are those of mujoco.rollout."""
+    if seen.search.runs or "rollout" not in seen.search.others:
+        return None
+    return (
+        "Your runs are those of mujoco.rollout, and you found nothing unstable: after a warning MuJoCo resets the "
+        "state, so that it never holds nan. Look whether the time, the first number of each state, stops growing."
+    )
+
+
+def linearised(seen: Seen) -> str | None:
+    """A step is linearised, and no run made."""
+    if seen.search.runs or "mjd_transitionFD" not in seen.search.others:
+        return None
+    return (
+        "You linearise a step with mjd_transitionFD, and found nothing unstable: its eigenvalues are complex, and the "
+        "motion grows where the absolute value of one of them passes 1. Compare np.abs(eigenvalues).max() with 1, and "
+        "set timestep and integrator before."
     )
 
 
@@ -350,8 +372,19 @@ def overlooked(seen: Seen) -> str | None:
     if missed is None:
         return None
     kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.warned >> bit & 1)
+    at, differs = seen.at(missed.timestep_s), seen.search.differs
+    if seen.search.cleared:
+        return (
+            f"{at} MuJoCo raised {kinds}, and your answer calls that timestep stable. Your script resets the data "
+            "after the run, which sets data.warning back to 0: read the numbers of BADQPOS, BADQVEL and BADQACC before."
+        )
+    if missed.model < len(differs) and "autoreset" in differs[missed.model]:
+        return (
+            f"{at} MuJoCo raised {kinds}, and your answer calls that timestep stable. You switched the automatic reset "
+            "off, so that data.time never falls back: look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC."
+        )
     return (
-        f"{seen.at(missed.timestep_s)} MuJoCo raised {kinds} and reset the state, and your answer calls that "
+        f"{at} MuJoCo raised {kinds} and reset the state, and your answer calls that "
         "timestep stable. After the steps, look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or at "
         "data.time falling back."
     )
@@ -370,9 +403,10 @@ def own_criterion(seen: Seen) -> str | None:
     horizon_s = seen.parameters.horizon_s
     early = calm.lasted_s < 0.9 * horizon_s and seen.shown
     when = f" within {calm.lasted_s:.2g} s, where you ended it" if early else f" within {horizon_s:g} s"
+    look = ": print what your condition compares at the step where it ends" if early else ""
     return (
         f"{seen.at(calm.timestep_s)} your run raised no warning{when}, and you call it unstable. Here a run is "
-        "unstable when MuJoCo raises a warning, not when the motion is large or inaccurate."
+        f"unstable when MuJoCo raises a warning, not when the motion is large or inaccurate{look}."
     )
 
 
@@ -383,6 +417,37 @@ def counters_stood(seen: Seen) -> str | None:
     return (
         "Warnings of an earlier run still stood in data.warning when a run began, so that it counts as unstable. "
         "Call mujoco.mj_resetData before each run: it clears them."
+    )
+
+
+def never_lowered(seen: Seen) -> str | None:
+    """Once a run was unstable, all smaller timesteps count as unstable, down to the shortest."""
+    runs, parameters = seen.search.runs, seen.parameters
+    first = next((index for index, run in enumerate(runs) if run.raised), len(runs))
+    calm = [run for run in runs[first:] if not run.raised]
+    if not isinstance(seen.claim, Bracket) or len(calm) < REPEATED or seen.search.total > len(runs):
+        return None
+    if any(run.lasted_s < 0.9 * parameters.horizon_s for run in calm):
+        return None
+    falls = all(after.timestep_s < before.timestep_s for before, after in pairwise(runs[first:]))
+    if not falls or seen.claim.high > calm[-1].timestep_s * (1 + CLOSE):
+        return None
+    return (
+        "After your first unstable run every later one counts as unstable, although MuJoCo raised no warning in most "
+        "of them. What remembers a warning, a flag or a counter, must be set back at the start of each run."
+    )
+
+
+def value_and_uncertainty(seen: Seen) -> str | None:
+    """A timestep and a number that is smaller than any timestep of a run."""
+    if not isinstance(seen.claim, Bracket) or seen.claim.number is not None or not seen.search.runs:
+        return None
+    tried = [run.timestep_s for run in seen.search.runs]
+    if not 0 <= seen.claim.high < min(*tried, seen.parameters.width_s) <= seen.claim.low <= max(tried):
+        return None
+    return (
+        "Your second number is smaller than every timestep that you ran: it seems to be the uncertainty of the first. "
+        "Return the two ends of the bracket, (h_stable, h_unstable)."
     )
 
 
@@ -423,8 +488,8 @@ def other_model(seen: Seen) -> str | None:
 
 
 def nothing_simulated(seen: Seen) -> str | None:
-    """A number without a step."""
-    if seen.search.total or seen.search.others or not isinstance(seen.claim, Bracket):
+    """Answers without a step, some of them numbers."""
+    if seen.search.total or seen.search.others or isinstance(seen.claim, Unreadable):
         return None
     return (
         "Nothing was simulated: your answer comes from a formula or was written down. "
@@ -450,10 +515,14 @@ def ends_untried(seen: Seen) -> str | None:
                     "Return both ends in seconds."
                 )
             place = f"{1e3 * end:.4g} ms" if seen.shown else "a timestep"
-            return (
-                f"You report {place} as {what}, but never ran it. "
-                "Return the last timesteps that you found stable and unstable."
+            found = any(run.raised for run in seen.search.runs)
+            more = (
+                ". Return the last timesteps that you found stable and unstable."
+                if found
+                else f", and none of your runs was unstable. Run {1e3 * seen.parameters.search_s[1]:g} ms first, and "
+                "return None where that is stable."
             )
+            return f"You report {place} as {what}, but never ran it{more}"
     return None
 
 
@@ -488,12 +557,15 @@ CERTAIN: tuple[Rule, ...] = (
     other_target,
     too_short,
     rounded_ends,
+    of_none(rolled_out),
+    of_none(linearised),
     of_none(overlooked),
     of_none(edge_of_search),
 )
 """What the runs show without doubt; the first that explains every wrong claim is told."""
 
 FALLBACK: tuple[Rule, ...] = (
+    value_and_uncertainty,
     places_in_a_list,
     turned_round,
     edge_of_search,
@@ -501,6 +573,7 @@ FALLBACK: tuple[Rule, ...] = (
     overlooked,
     counters_stood,
     other_model,
+    never_lowered,
     own_criterion,
     nothing_simulated,
     ends_untried,
