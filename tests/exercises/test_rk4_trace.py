@@ -200,7 +200,7 @@ def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Rea
 
 def test_the_order_of_a_tableau_is_that_of_the_books() -> None:
     orders = [order_of(rows) for rows in NAMED.values()]
-    assert orders == [1, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4]
+    assert orders == [1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4]
     assert order_of(CLASSICAL) == order_of(RALSTON) == order_of(GILL) == 4
     assert order_of(repeated(2, 0.5)) == 4
     assert order_of([*CLASSICAL[:-1], (1 / 8, 3 / 8, 3 / 8, 1 / 8)]) < 4

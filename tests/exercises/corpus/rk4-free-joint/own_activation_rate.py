@@ -1,6 +1,6 @@
 # mistake: the rate of the activation is written by hand as ctrl - act; the time constant is forgotten. Read data.act_dot
 # status: partial
-# told: In your stage 3 data.act is not its value at the start of the step plus multiples of
+# told: In your stage 3 data.act cannot be read as its value at the start of the step plus multiples of
 # told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 

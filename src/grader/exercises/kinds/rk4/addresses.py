@@ -17,8 +17,10 @@ from grader.exercises.kinds.rk4.rotations import (
     Spin,
     Turning,
     alike,
+    fits,
     in_the_body,
     inverse,
+    like_numbers,
     rotated,
     spins_of,
     turnings,
@@ -47,7 +49,8 @@ def like_angles(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> s
     turned = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
     if not has_free_joint or turn_rightly(turned, rows):
         return None
-    if not all(moves_by(steps, dof, dof, rows) for dof in range(int(model.nv))):
+    normalised = fits(like_numbers, turned, rows)  # also where the quaternion is normalised afterwards
+    if not normalised and not all(moves_by(steps, dof, dof, rows) for dof in range(int(model.nv))):
         return None
     return (
         "Your velocities are added to data.qpos number by number, also where it holds a quaternion, which has four "

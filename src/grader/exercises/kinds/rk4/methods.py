@@ -37,6 +37,10 @@ NAMED: Mapping[str, Matrix] = {
     "the midpoint method: second order, two slopes a step": ((), (1 / 2,), (0, 1)),
     "Heun's method: second order, two slopes a step": ((), (1,), (1 / 2, 1 / 2)),
     "Ralston's method of second order, two slopes a step": ((), (2 / 3,), (1 / 4, 3 / 4)),
+    "the implicit midpoint rule, its middle found by repetition: second order, one slope counts": (
+        *((), (1 / 2,), (0, 1 / 2), (0, 0, 1 / 2)),
+        (0, 0, 0, 1),
+    ),
     "Kutta's third-order method": ((), (1 / 2,), (-1, 2), (1 / 6, 2 / 3, 1 / 6)),
     "Heun's third-order method": ((), (1 / 3,), (0, 2 / 3), (1 / 4, 0, 3 / 4)),
     "Ralston's third-order method": ((), (1 / 2,), (0, 3 / 4), (2 / 9, 1 / 3, 4 / 9)),

@@ -206,8 +206,9 @@ def another_forward(run: Run, student: Trajectory, departure: float) -> str | No
     for integrator in (RK4, EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
         if matches(run, student, unforced_run(run, integrator.code, PREFIX), departure):
             return (
-                f"The trajectory is that of MuJoCo's own stepping ({integrator.name}): the accelerations did not come "
-                "from mujoco.mj_forward."
+                f"The trajectory is that of MuJoCo's own stepping ({integrator.name}), without the force that "
+                "mj_forward carries here: the accelerations did not come from data.qacc, as mujoco.mj_forward leaves "
+                "it. Take them from there."
             )
     return None
 

@@ -5,7 +5,8 @@ the last one. Quaternions are compared without their sign and length.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product as product_of
 
 import mujoco
 import numpy as np
@@ -120,6 +121,42 @@ def read_as_xyzw(turning: Turning, rows: Matrix, row: int) -> Rows:
     return unshuffled(product(shuffled(turning.quats[0]), turn))
 
 
+def half_reordered(inward: bool) -> Rule:
+    """(x, y, z, w) on the way out of a right product alone, or `inward` on the way into it alone."""
+
+    def rule(turning: Turning, rows: Matrix, row: int) -> Rows:
+        if not any(rows[row - 1]):
+            return np.array(turning.quats[0])
+        turn = turn_by(turning.h * turning.rate(rows[row - 1]))
+        if inward:
+            return product(shuffled(turning.quats[0]), turn)
+        return unshuffled(product(turning.quats[0], turn))
+
+    return rule
+
+
+def euler_angles(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The rates are added to the angles about the fixed axes x, y, z (roll, pitch, yaw)."""
+    w, x, y, z = turning.quats[0] / (np.linalg.norm(turning.quats[0]) or 1.0)
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    angles = np.array([roll, pitch, yaw]) + turning.h * turning.rate(rows[row - 1])
+    about_x, about_y, about_z = (turn_by(turn) for turn in np.diag(angles))
+    return product(about_z, product(about_y, about_x))
+
+
+def like_numbers(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The rates are added to the first three numbers of the quaternion."""
+    moved: Rows = turning.quats[0] + turning.h * np.array([*turning.rate(rows[row - 1]), 0.0])
+    return moved
+
+
+def first_rate(turning: Turning, rows: Matrix, row: int) -> Rows:
+    """The derivative with the rate of the start at every stage."""
+    return derivative(0.5)(replace(turning, rates=np.tile(turning.rates[0], (len(turning.rates), 1))), rows, row)
+
+
 def small_angle(turning: Turning, rows: Matrix, row: int) -> Rows:
     """The turn (1, w h / 2), normalised."""
     return product(turning.quats[0], np.array([1.0, *(turning.h / 2 * turning.rate(rows[row - 1]))]))
@@ -200,6 +237,14 @@ WRONG: Mapping[str, Rule] = {
     "The quaternion in its derivative is read as (x, y, z, w): MuJoCo's order is (w, x, y, z), so put w first.": (
         derivative(0.5, xyzw=True)
     ),
+    "Your quaternions go into a product as (w, x, y, z) and come back into data.qpos as (x, y, z, w): put w first "
+    "again before you write them.": half_reordered(inward=False),
+    "Your quaternions go into a product as (x, y, z, w) and come back into data.qpos as (w, x, y, z): MuJoCo's order "
+    "is (w, x, y, z) on both ways.": half_reordered(inward=True),
+    "Your turns add h times the angular velocity to roll, pitch and yaw, but it is not their rate: leave the "
+    "quaternion a quaternion, and turn it with mj_integratePos.": euler_angles,
+    "The quaternion's derivative takes the angular velocity of the start of the step at every stage: take that of the "
+    "stage, quat * (0, omega) / 2 with both from the same stage.": first_rate,
     "Your turns are (1, h w/2), the form for small angles, which is not accurate enough: use mj_integratePos, or cos "
     "and sin of half the angle.": small_angle,
     "Your angular velocities are turned into the world's axes before they turn the quaternion from the right: they are "
@@ -250,10 +295,56 @@ def rule_of(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str |
     return next((name for name, rule in rules.items() if fits(rule, every, rows)), None)
 
 
+def sign_turned(row: int, column: int, *, whole: bool) -> Rule:
+    """One term with the wrong sign in the quaternion's derivative, or in the product with the `whole` turn.
+
+    Number `row` of a product holds number `column` of the second factor times number `row ^ column` of the first.
+    """
+    unit = np.eye(4)
+
+    def wrong_product(one: Rows, other: Rows) -> Rows:
+        term = product(one * unit[row ^ column], other * unit[column])
+        return np.array(product(one, other) - 2 * term)
+
+    def rule(turning: Turning, rows: Matrix, stage: int) -> Rows:
+        if whole:
+            return wrong_product(turning.quats[0], turn_by(turning.h * turning.rate(rows[stage - 1])))
+        slopes = [
+            wrong_product(quat / (np.linalg.norm(quat) or 1.0), np.array([0.0, *rate]))
+            for quat, rate in zip(turning.quats[1:-1], turning.rates[1:-1], strict=True)
+        ]
+        change = padded(rows[stage - 1], len(slopes)) @ np.array(slopes)
+        found: Rows = turning.quats[0] + turning.h / 2 * change
+        return found
+
+    return rule
+
+
+def wrong_sign(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+    """Returns the sentence of a product of quaternions, written out, in which one sign is wrong."""
+    every = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
+    for row, column, whole in product_of(range(4), range(4), (False, True)):
+        if fits(sign_turned(row, column, whole=whole), every, rows):
+            what = "product with the turn" if whole else "quaternion's derivative"
+            return (
+                f"One sign in your {what} is wrong: in the number {'wxyz'[row]} of the result, that of the "
+                f"quaternion's {'wxyz'[row ^ column]} times the other factor's {'wxyz'[column]}. Compare it with "
+                "mju_mulQuat, number by number."
+            )
+    return None
+
+
 def ends_elsewhere(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
     """Returns the sentence of quaternions that are turned rightly in every stage, and otherwise at the end."""
     every = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
     stages = range(1, len(rows))
+    rules = (in_the_body, derivative(0.5))
+    if not any(alike(one.quats[row], rule(one, rows, row)) for rule in rules for one in every for row in stages[1:]):
+        return (
+            "Your velocities move as they should, but your orientations do not: in your stage 2 the quaternion is not "
+            "that of the start of the step, turned by h/2 times the angular velocity. Print it, and compare it with "
+            "what mj_integratePos makes of the start."
+        )
     if not all(alike(one.quats[row], in_the_body(one, rows, row)) for one in every for row in stages):
         return None
     if all(alike(one.quats[-1], in_the_body(one, rows, len(rows))) for one in every):

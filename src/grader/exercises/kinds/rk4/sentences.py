@@ -292,10 +292,28 @@ def odd_positions(reading: Reading, velocities: Matrix) -> str | None:
 def own_velocity(rows: Rows) -> str | None:
     """Returns the sentence of stages whose positions move by the velocity of the same stage."""
     own = [index for index, row in enumerate(rows[:-1], 1) if row and set(row) == {Term("v", index)}]
+    mean = next((index for index, row in enumerate(rows[:-1], 1) if row and is_own_mean(row, index)), None)
+    if mean is not None and not own:
+        return (
+            f"In your stage {mean}, the position moves by the mean of its old and its own new velocity, the formula of "
+            "constant acceleration (h v + h h a/2): move it by the velocity of the stage before alone."
+        )
     if not own:
         return None
+    if own[0] == 1:
+        return (
+            "Your positions have moved already when mj_forward is first called: positions and velocities move in turn, "
+            "as in a leapfrog. Call it first at the start of the step, for k1, and move both together, from the start, "
+            "to each stage."
+        )
     whose, their = ("stages move", "their") if len(own) > 1 else (f"stage {own[0]} moves", "its")
     return f"Your {whose} the position with {their} own new velocity; use the velocity of the stage before."
+
+
+def is_own_mean(row: Combination, stage: int) -> bool:
+    """Whether a stage's position moves by equal shares of the first velocity and of its own."""
+    first, own = row.get(Term("v", 1)), row.get(Term("v", stage))
+    return len(row) == 2 and first is not None and own is not None and abs(first - own) <= SAME
 
 
 def last_velocity(result: Combination, after: Term) -> str | None:

@@ -82,7 +82,12 @@ REUSED: Mapping[tuple[float, ...], str] = {
 
 
 def reused(rows: Matrix) -> str | None:
-    """Returns the sentence of three classical stages with another slope in place of the fourth."""
+    """Returns the sentence of three classical stages with another slope in place of the third or fourth."""
+    if same(rows, [(), (1 / 2,), (0, 1), (1 / 6, 2 / 3, 1 / 6)]):
+        return (
+            "Your third stage is never evaluated: k2 is used in its place. Evaluate k3 at half the step too, with k2; "
+            "what is kept by time alone gives k2 again, since both lie at t + h/2."
+        )
     if len(rows) != STAGES or not same([*rows[:-1], ()], [*CLASSICAL[:3], ()]):
         return None
     found = next((text for weights, text in REUSED.items() if same_row(rows[-1], weights)), None)
@@ -117,7 +122,7 @@ def chained(rows: Matrix) -> str | None:
     if same(rows, from_the_last(CLASSICAL)):
         return (
             "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them at the "
-            "start of the step (data.qpos.copy())."
+            "start of the step (data.qpos.copy()); and move a copy by y + h/2 * k, because y += ... changes y itself."
         )
     if same(rows, [*CLASSICAL[:-1], (padded(CLASSICAL[3], STAGES) + WEIGHTS).tolist()]):
         return (

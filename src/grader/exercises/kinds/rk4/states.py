@@ -7,6 +7,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.fits import Rows, Term, as_text
 from grader.exercises.kinds.rk4.recorded import Step
+from grader.exercises.kinds.rk4.rotations import OFFSETS
 from grader.exercises.kinds.rk4.stages import FRACTIONS, STAGES, in_words, number_word
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, Matrix, Reading, plain, same, same_row
 
@@ -21,6 +22,9 @@ CUTS_MIN = 2
 
 CLOCK_ATOL = 1e-6
 """Difference in timesteps below which two times are the same: a time of many seconds has lost digits."""
+
+LENGTHS_MIN = 3
+"""The fewest different lengths of steps that count as the script's own: a fixed one shows two, as the timestep has."""
 
 NUMBERS_MIN = 2
 """The fewest coordinates of which "every" is said."""
@@ -115,8 +119,8 @@ def odd_activations(reading: Reading) -> str | None:
         )
     where = f"In your stage {unknown + 1}" if unknown < reading.calls else "At the end of your step"
     return (
-        f"{where} data.act is not its value at the start of the step plus multiples of h times data.act_dot: take its "
-        "slope from data.act_dot, as mj_forward leaves it, and change data.act in no other way."
+        f"{where} data.act cannot be read as its value at the start of the step plus multiples of h times "
+        "data.act_dot: take its slope from data.act_dot, as mj_forward leaves it, and change data.act in no other way."
     )
 
 
@@ -189,6 +193,67 @@ def without_slope(reading: Reading, model: mujoco.MjModel) -> str | None:
     return None
 
 
+def own_length(reading: Reading) -> str | None:
+    """Returns the sentence of steps that move by the first slope, but as far as no timestep tells."""
+    lengths = []
+    for step in reading.steps if reading.calls else ():
+        slope, change = step.qacc[1], step.qvel[2] - step.qvel[0]
+        share = float(slope @ change) / (float(slope @ slope) or 1.0)
+        if share <= 0 or np.max(np.abs(change - share * slope)) > CUT_ATOL * (1 + np.max(np.abs(change))):
+            return None
+        lengths.append(share / step.timestep_s)
+    if len({f"{length:.4g}" for length in lengths}) < LENGTHS_MIN:
+        return None
+    return (
+        "Your steps are not as long as model.opt.timestep: in every call the second stage lies at another distance "
+        "from the start. Use h = model.opt.timestep, not the time that has passed on a clock, nor a step size of your "
+        "own."
+    )
+
+
+def one_by_one(reading: Reading) -> str | None:
+    """Returns the sentence of stages that move one coordinate at a time."""
+    steps = reading.steps
+    if reading.calls < 2 * STAGES or any(step.qvel.shape[1] < NUMBERS_MIN for step in steps):
+        return None
+    for step in steps:
+        moves = np.diff(step.qvel[1:], axis=0) != 0
+        if np.any(np.sum(moves, axis=1) > 1) or np.sum(np.any(moves, axis=0)) < NUMBERS_MIN:
+            return None
+    return (
+        "Your step moves one joint at a time: from one call of mj_forward to the next all other joints stand still. "
+        "Each acceleration depends on all of them, so move the whole of data.qpos and data.qvel to every stage."
+    )
+
+
+def back_at_the_start(reading: Reading) -> str | None:
+    """Returns the sentence of a mj_forward that runs after each stage's state has been put back."""
+    for step in reading.steps:
+        at_start = [begins_at(step, step, row) for row in range(1, step.calls + 1)]
+        if step.calls <= STAGES or all(at_start) or not at_start[-1]:
+            return None
+        if np.max(np.abs(step.qvel[-1] - step.qvel[0] - step.timestep_s * step.qacc[1])) > CUT_ATOL:
+            return None
+    return (
+        "mj_forward is called again after a stage's state has been put back, so that data.qacc and data.act_dot are "
+        "those of the start of the step each time. Copy them right after the call at the stage's state."
+    )
+
+
+def one_sum(reading: Reading) -> str | None:
+    """Returns the sentence of positions and velocities that end with the same change."""
+    for step in reading.steps:
+        if step.qpos.shape[1] != step.qvel.shape[1]:
+            return None
+        q, v = step.qpos[-1] - step.qpos[0], step.qvel[-1] - step.qvel[0]
+        if not np.any(q) or np.max(np.abs(q - v)) > CUT_ATOL * np.max(np.abs(q)):
+            return None
+    return (
+        "At the end of your step positions and velocities change by the same numbers: their two sums are one array, as "
+        "after dq = dv = np.zeros(...), which gives one array two names. Make an array for each."
+    )
+
+
 def kept(reading: Reading) -> str | None:
     """Returns the sentence of steps that begin at a state, or use slopes, of an earlier call; None if none do."""
     steps = reading.steps
@@ -241,17 +306,37 @@ def explain_idle(reading: Reading, model: mujoco.MjModel) -> str | None:
                 "No position changes, neither in the stages nor at the end, although the velocities do: write the new "
                 "positions into data.qpos[:]. If you loop over the joints, begin with joint 0."
             )
-        if first_free(model, still):
-            return (
-                "The place of a free joint never changes, although its velocity does: move its first three numbers in "
-                "data.qpos by the first three of its velocity. If you loop over the joints, begin with joint 0."
-            )
-        return (
-            "The position of a hinge or slide never changes, although its velocity does: after a quaternion its place "
-            "in data.qpos is neither the joint's number nor its jnt_dofadr. Write it at model.jnt_qposadr[joint]."
-        )
+        return still_joint(reading, model, still)
     what = "velocities" if idle else "positions"
     return f"Some {what} do not change, while others do: advance all of data.qpos and data.qvel."
+
+
+def still_joint(reading: Reading, model: mujoco.MjModel, still: Sequence[int]) -> str:
+    """Returns the sentence of a joint behind or before a quaternion whose position never changes."""
+    if first_free(model, still):
+        return (
+            "The place of a free joint never changes, although its velocity does: move its first three numbers in "
+            "data.qpos by the first three of its velocity. If you loop over the joints, begin with joint 0."
+        )
+    if all_behind(reading, model):
+        return (
+            "Joints behind the first one with a quaternion never move, although their velocities do: go on with "
+            "the loop over the joints after it (no break or return in the loop), and read the place of each joint "
+            "from model.jnt_qposadr."
+        )
+    return (
+        "The position of a hinge or slide never changes, although its velocity does: after a quaternion its place "
+        "in data.qpos is neither the joint's number nor its jnt_dofadr. Write it at model.jnt_qposadr[joint]."
+    )
+
+
+def all_behind(reading: Reading, model: mujoco.MjModel) -> bool:
+    """Whether two joints or more follow the first one with a quaternion, and no number of theirs ever changes."""
+    turning = [joint for joint in range(int(model.njnt)) if int(model.jnt_type[joint]) in OFFSETS]
+    behind = model.jnt_qposadr[turning[0] + 1 :]
+    return len(behind) >= NUMBERS_MIN and not any(
+        np.any(step.qpos[:, behind[0] :] - step.qpos[0, behind[0] :]) for step in reading.steps
+    )
 
 
 def first_free(model: mujoco.MjModel, still: Sequence[int]) -> bool:

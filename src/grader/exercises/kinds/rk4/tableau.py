@@ -29,8 +29,14 @@ Matrix = Sequence[Row]
 CLASSICAL: Matrix = ((), (1 / 2,), (0, 1 / 2), (0, 0, 1), WEIGHTS)
 """The rows of Kutta's classical method: four stages, then the weights."""
 
-OF_ONE_SLOPE: Sequence[Matrix] = ([(1.0,)], [(0.0, 0.0, 0.0, 1.0)])
-"""Weights of the first slope alone and of the last: activations change too slowly for two hidden steps to show them."""
+OTHER_WEIGHTS: Sequence[Matrix] = tuple(
+    [weights]
+    for weights in (
+        *((1.0,), (0.0, 0.0, 0.0, 1.0), (0.0, 1.0), (0.0, 0.0, 1.0), (1 / 2, 0.0, 0.0, 1 / 2)),
+        *((1 / 4,) * 4, (1 / 6,) * 4, (1.0,) * 4, (1.0, 2.0, 2.0, 1.0), (1 / 8, 3 / 8, 3 / 8, 1 / 8)),
+    )
+)
+"""Weights that activations are tried with: they change too slowly for two hidden steps to show them."""
 
 SAME = 1e-8
 """Coefficients that differ by less are the same."""
@@ -155,7 +161,7 @@ def read_tableau(model: mujoco.MjModel, steps: Sequence[Step], known: Matrix = C
         alike,
         positions=read_rows(positions.systems(alike, others(straight, still)), "v", (known,), given),
         velocities=velocities,
-        activations=read_rows(ACTIVATIONS.systems(alike, acts), "r", (known, *OF_ONE_SLOPE)) if acts else (),
+        activations=read_rows(ACTIVATIONS.systems(alike, acts), "r", (known, *OTHER_WEIGHTS)) if acts else (),
         times=read_rows(TIMES.systems(alike, range(1)), "t", ()),
         idle=idle,
         still=still,

@@ -12,17 +12,21 @@ from grader.exercises.kinds.rk4.addresses import misplaced, of_other_length
 from grader.exercises.kinds.rk4.judge import RunOutcome
 from grader.exercises.kinds.rk4.methods import name_of, order_of
 from grader.exercises.kinds.rk4.recorded import read_steps
-from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, ends_elsewhere, rule_of, spins_of
+from grader.exercises.kinds.rk4.rotations import BODY, RIGHT, ends_elsewhere, rule_of, spins_of, wrong_sign
 from grader.exercises.kinds.rk4.sentences import explain, follows_classical
 from grader.exercises.kinds.rk4.stages import STAGES
 from grader.exercises.kinds.rk4.states import (
     agrees_until,
+    back_at_the_start,
     cut_off,
     explain_activations,
     explain_idle,
     explain_time,
     kept,
+    one_by_one,
+    one_sum,
     other_data,
+    own_length,
     rounded,
     whole_numbers,
     without_slope,
@@ -94,6 +98,8 @@ def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Tol
         sentence := other_data(reading)
         or kept(reading)
         or explain_idle(reading, model)
+        or one_by_one(reading)
+        or back_at_the_start(reading)
         or cut_off(reading)
         or whole_numbers(reading)
         or rounded(reading)
@@ -104,7 +110,7 @@ def told(outcome: RunOutcome, judged: Judged[Any, Any], reading: Reading) -> Tol
     else:
         sentence = explain(reading, judged.trace.returned)
     sentence = sentence or (explain_rest(reading, outcome) if follows_classical(reading) else None)
-    fallback = by_others(judged.trace) or without_slope(reading, model)
+    fallback = by_others(judged.trace) or without_slope(reading, model) or one_sum(reading) or own_length(reading)
     return Told(sentence, fallback or agrees_until(reading) or odd_end(model, reading))
 
 
@@ -138,7 +144,9 @@ def turned_sentence(model: mujoco.MjModel, reading: Reading, outcome: RunOutcome
     if rule == BODY and alike and not (same(velocities, CLASSICAL) and MUJOCO_MOVES_ONCE):
         return moved_once(velocities)
     sentence = misplaced(model, reading.steps, velocities, hidden=hidden)
-    return sentence or (of_other_length(model, reading.steps) if rule in RIGHT else None)
+    return sentence or (
+        of_other_length(model, reading.steps) if rule in RIGHT else wrong_sign(model, reading.steps, velocities)
+    )
 
 
 def moved_once(rows: Matrix) -> str:
