@@ -18,7 +18,7 @@ SEED = 1
 
 GENERIC = {
     *("rk4-free-joint/four_velocities_for_a_ball", "servo-threshold/count_read_before_the_run"),
-    "servo-threshold/textbook_explicit_euler",
+    *("servo-threshold/textbook_explicit_euler", "rk4-free-joint/rates_in_the_order_of_yaw"),
 }
 """Programs that get a sentence which is true and does not name their mistake, as a reader of both judged."""
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kinds.rk4.recorded import Rows, Step
-from grader.exercises.kinds.rk4.tableau import Matrix, padded
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, padded, same
 
 EXACT = 1e-11
 """The largest difference of a quaternion from its prediction."""
@@ -335,11 +335,12 @@ def wrong_sign(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> st
 
 
 def ends_elsewhere(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
-    """Returns the sentence of quaternions that are turned rightly in every stage, and otherwise at the end."""
+    """Returns the sentence of quaternions that turn wrongly in every stage, or at the end alone; None for others."""
     every = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
     stages = range(1, len(rows))
     rules = (in_the_body, derivative(0.5))
-    if not any(alike(one.quats[row], rule(one, rows, row)) for rule in rules for one in every for row in stages[1:]):
+    right = (alike(one.quats[row], rule(one, rows, row)) for rule in rules for one in every for row in stages[1:])
+    if same(rows, CLASSICAL) and not any(right):
         return (
             "Your velocities move as they should, but your orientations do not: in your stage 2 the quaternion is not "
             "that of the start of the step, turned by h/2 times the angular velocity. Print it, and compare it with "

@@ -312,7 +312,7 @@ def explain_idle(reading: Reading, model: mujoco.MjModel) -> str | None:
 
 
 def still_joint(reading: Reading, model: mujoco.MjModel, still: Sequence[int]) -> str:
-    """Returns the sentence of a joint behind or before a quaternion whose position never changes."""
+    """Returns the sentence of joints whose positions never change although their velocities do."""
     if first_free(model, still):
         return (
             "The place of a free joint never changes, although its velocity does: move its first three numbers in "
