@@ -403,10 +403,9 @@ def own_criterion(seen: Seen) -> str | None:
     horizon_s = seen.parameters.horizon_s
     early = calm.lasted_s < 0.9 * horizon_s and seen.shown
     when = f" within {calm.lasted_s:.2g} s, where you ended it" if early else f" within {horizon_s:g} s"
-    look = ": print what your condition compares at the step where it ends" if early else ""
     return (
         f"{seen.at(calm.timestep_s)} your run raised no warning{when}, and you call it unstable. Here a run is "
-        f"unstable when MuJoCo raises a warning, not when the motion is large or inaccurate{look}."
+        "unstable when MuJoCo raises a warning, not when the motion is large or inaccurate."
     )
 
 
