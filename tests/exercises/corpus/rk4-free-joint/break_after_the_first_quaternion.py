@@ -2,6 +2,7 @@
 # next: Drop the break.
 # status: partial
 # told: Joints behind the first one with a quaternion never move
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
 
