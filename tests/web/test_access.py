@@ -239,6 +239,8 @@ def test_without_javascript_an_exercise_is_handed_in_and_judged(browser: Browser
     page = context.new_page()
     page.goto(SERVO)
     expect(page.get_by_text("load a file")).to_be_hidden()
+    width = "element => element.getBoundingClientRect().width"
+    assert page.locator("textarea.code").evaluate(width) > 0.9 * page.locator(".editor").evaluate(width)
     page.locator("textarea.code").fill("def largest_stable_timestep(model, integrator):\n    return 0.02, 0.0204\n")
     page.get_by_role("button", name="Run and judge").click()
     expect(page.locator("#result [data-status]")).to_have_text(re.compile("correct"))
