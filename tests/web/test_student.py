@@ -210,6 +210,11 @@ def test_offline_nothing_typed_is_lost(visit: Visit) -> None:
     visit.context.set_offline(True)
     card.get_by_role("button").click()
     expect(card.locator("[data-trouble].bad")).to_contain_text("cannot be reached")
+    number = visit.card("1.3-check", "q2")
+    number.get_by_role("textbox").fill("5 ms")
+    number.get_by_role("button").click()
+    expect(number.locator("[data-trouble].bad")).to_contain_text("cannot be reached")
+    expect(number.locator("[aria-invalid=true]")).to_have_count(0)  # the connection failed, not the number
     visit.context.set_offline(False)
     visit.page.reload()
     expect(card.get_by_role("textbox")).to_have_value("Written in a tunnel.")

@@ -87,13 +87,13 @@ function stepBack(form) {
   said?.classList.toggle("is-old", lines(drafts.valueOf(form)) !== lines(drafts.given(form)));
 }
 
-function tell(form, sentence, bad = false) {
+function tell(form, sentence, bad = false, isTyped = bad) {
   const node = form.querySelector("[data-trouble]");
   node.textContent = sentence;
   node.classList.toggle("bad", bad);
   const field = form.querySelector("input[type=text]");
   if (field) field.toggleAttribute("aria-invalid", false);
-  if (field && bad) field.setAttribute("aria-invalid", "true");
+  if (field && isTyped) field.setAttribute("aria-invalid", "true");
 }
 
 async function send(form, submitter) {
@@ -114,7 +114,7 @@ async function send(form, submitter) {
     take(page, form, sent.get("answer"), response.ok);
     if (isStop) drafts.keep(form); // it is as if it had not been sent
   } catch {
-    tell(form, OFFLINE, true);
+    tell(form, OFFLINE, true, false);
   } finally {
     button.disabled = false;
   }
@@ -241,13 +241,13 @@ function echo(form) {
   if (!typed.trim()) return tell(form, "");
   timers.set(form, setTimeout(async () => {
     const [quiz, question] = form.dataset.answer.split("/");
-    const { post } = await import("./api.js");
     try {
+      const { post } = await import("./api.js");
       const understood = await post("/answers:validate", { quiz, question, answer: typed });
       if (form.elements.answer.value !== typed) return;
       tell(form, understood.valid ? `read as ${understood.read_as}` : understood.message, !understood.valid);
     } catch (error) {
-      if (form.elements.answer.value === typed) tell(form, error.message, true);
+      if (form.elements.answer.value === typed) tell(form, error.status ? error.message : OFFLINE, true, false);
     }
   }, TYPING_MS));
 }
