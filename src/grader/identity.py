@@ -225,7 +225,7 @@ def identity_of(credential: Credential) -> Identity:
 def checked_name(what: str, name: str) -> str:
     """Returns the name. Raises Unprocessable if it is empty, too long, or has characters that cannot be seen."""
     if not name.strip() or len(name) > NAME or name != visible_part(name):
-        raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters.")
+        raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters, not {name[: NAME + 1]!r}.")
     return name
 
 

@@ -88,10 +88,11 @@ def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: B
 
 def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
     desk.goto(PEOPLE)
-    desk.get_by_label("Names, one per line").fill("Eve\nEve")
-    desk.get_by_role("button", name="Make links").click()
-    expect(desk.get_by_role("alert")).to_contain_text("given twice")
-    expect(desk.get_by_label("Names, one per line")).to_have_value("Eve\nEve")
+    for typed, told in (("Ann\nEve\nEve", "Given twice: Eve."), ("Ann\nEve\teve@example.org", r"Eve\teve@example.org")):
+        desk.get_by_label("Names, one per line").fill(typed)
+        desk.get_by_role("button", name="Make links").click()
+        expect(desk.get_by_role("alert")).to_contain_text(told)
+        expect(desk.get_by_label("Names, one per line")).to_have_value(typed)
 
 
 def test_tokens_and_the_course_link_are_made_shown_and_ended_by_forms(site: Site, desk: Page) -> None:

@@ -1,6 +1,7 @@
 """Ways into a course: single-use links for named members, and a link with a code for everybody who has it."""
 
 import secrets
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -19,6 +20,9 @@ INVITATION = timedelta(days=14)
 
 NAMES_AT_ONCE = 1000
 """Names of one invitation, at most."""
+
+TOLD = 5
+"""Names of a list that a refusal tells, at most."""
 
 CLOSED = "This course link is unknown or closed. Ask your instructor for the current one."
 
@@ -40,8 +44,9 @@ def invite(
     A name that is a member already gets a new link and the role; its earlier links end.
     """
     checked = people.checked_person(role)
-    if len(set(names)) < len(names):
-        raise Unprocessable("A name is given twice: two people of one name need different names here.")
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")
+        raise Unprocessable(f"Given twice: {some}. Two people of one name need different names here.")
     members = [people.named(session, name, checked, course) for name in names]
     for member in members:
         member.role = checked.value
