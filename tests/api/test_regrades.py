@@ -156,6 +156,8 @@ def signed_in(site: Site) -> httpx.Client:
 
 def test_the_pages_try_out_apply_and_cancel_without_a_script(site: Site, content: Path) -> None:
     made = hand_in(site, "ann", 2)
+    for name, choice in (("zoe", 2), ("Cem", 1), ("dee", 2), ("Bob", 1)):
+        hand_in(site, name, choice)
     browser, teacher = signed_in(site), site.client("tina", "instructor")
     change_key(teacher, content, 2)
     assert "q1: Which?" in browser.get("/instructor/regrades").text
@@ -167,6 +169,8 @@ def test_the_pages_try_out_apply_and_cancel_without_a_script(site: Site, content
     tried = browser.get(str(shown.url)).text
     assert 'http-equiv="refresh"' not in tried
     assert re.search(r"ann.*incorrect 0 → correct 1.*changed.*\+1", tried, re.DOTALL)
+    assert "Points rise for 3 and fall for 2." in tried
+    assert re.search("ann.*Bob.*Cem.*dee.*zoe", tried, re.DOTALL)
     assert teacher.get(f"{API}/submissions/{made}").json()["revision"] == 1
     applied = browser.post(f"{shown.url}/apply")
     cancelled = browser.post(f"{applied.url}/cancel")

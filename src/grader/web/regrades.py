@@ -73,7 +73,8 @@ def show(
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,
     }
-    return page(request, "regrade.html", who=who, regrade=shown, rows=rows[:ROWS], changed=changed, **more)
+    listed = sorted(rows[:ROWS], key=lambda row: ((row["user"] or row["learner"]).casefold(), row["place"]))
+    return page(request, "regrade.html", who=who, regrade=shown, rows=listed, changed=changed, after=after, **more)
 
 
 @router.post(f"{PAGE}/{{regrade_id}}/cancel")
