@@ -199,6 +199,10 @@ def apart(reading: Reading) -> str | None:
     velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
     if velocities is None:
         return None
+    if same(velocities, [*CLASSICAL[:-1], (0, 0, 0, 1)]) and not (positions and same(velocities, positions)):
+        return (
+            "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it."
+        )
     sentence = odd_positions(reading, velocities)
     if sentence or (positions is not None and same(velocities, positions)):
         return sentence
@@ -217,10 +221,6 @@ def odd_velocities(velocities: Matrix) -> str | None:
         return (
             "The velocity of each of your stages starts from that of the stage before: restore v to the start of the "
             "step before every stage."
-        )
-    if same(velocities, [*CLASSICAL[:-1], (0, 0, 0, 1)]):
-        return (
-            "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it."
         )
     if len(velocities) > 2 and not any(np.any(stage) for stage in velocities[:-1]):
         return (
