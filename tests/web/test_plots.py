@@ -57,7 +57,7 @@ def test_before_the_solution_the_map_holds_no_limit() -> None:
     text = json.dumps([stability.title, stability.caption, str(stability.pictures), stability.table])
     assert "19.98" not in text
     assert "22.34" not in text
-    assert "Euler and implicitfast" in stability.title
+    assert "Look at Euler, implicitfast and discrete: " in stability.title
 
 
 def test_the_label_of_a_limit_keeps_clear_of_the_bound() -> None:

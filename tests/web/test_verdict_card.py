@@ -53,12 +53,14 @@ def test_hidden_cases_that_fail_alike_are_one_line() -> None:
     same, other = "Departs from MuJoCo's RK4.", "The time is wrong."
     hidden = [finding(f"hidden case {number}", False, same) for number in (1, 2, 3)]
     passed = [finding(f"hidden case {number}", True) for number in (5, 6)]
-    findings = [finding("seen", False, same), *hidden, finding("hidden case 4", False, other), *passed]
+    pair = [finding(f"hidden case {number}", False, same) for number in (7, 8)]
+    findings = [finding("seen", False, same), *hidden, finding("hidden case 4", False, other), *passed, *pair]
     shown = card({"status": "incorrect", "findings": findings})
     assert [(cell.title, cell.of) for cell in shown.failed] == [
         ("Seen", 1.0),
         ("Hidden cases 1 to 3", 3.0),
         ("Hidden case 4", 1.0),
+        ("Hidden cases 7 and 8", 2.0),
     ]
     assert len(shown.passed) == 2
 

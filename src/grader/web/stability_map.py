@@ -84,7 +84,8 @@ def title_of(rows: Sequence[Row], spring: float | None) -> str:
     wrong = [row for row in rows if row.limit and verdict_on(row) not in ("right", None)]
     if not any(row.limit for row in rows):
         bad = [row.claim.integrator for row in rows if row.is_right is False]
-        return f"Look at {' and '.join(bad)}: an end of your bracket is on the wrong side" if bad else "Your brackets"
+        named = " and ".join([", ".join(bad[:-1]), *bad[-1:]] if len(bad) > 1 else bad)
+        return f"Look at {named}: an end of your bracket is on the wrong side" if bad else "Your brackets"
     if not wrong:
         return "Here your brackets meet every limit"
     middles = [sum(row.claim.claim_ms) / 2 for row in wrong if row.claim.claim_ms]

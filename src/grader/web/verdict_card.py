@@ -195,8 +195,13 @@ def cases_of(titles: Sequence[str]) -> str:
         some = list(group)
         numbers = [int(title.split()[-1]) for title in some] if hidden else []
         is_whole = len(some) > 1 and numbers == [*range(numbers[0], numbers[0] + len(some))] if hidden else False
-        told += [f"Hidden cases {numbers[0]} to {numbers[-1]}"] if is_whole else some
+        told += [row_of(numbers[0], numbers[-1])] if is_whole else some
     return ", ".join(told)
+
+
+def row_of(first: int, last: int) -> str:
+    """Hidden cases from one number to another."""
+    return f"Hidden cases {first} {'and' if last == first + 1 else 'to'} {last}"
 
 
 def cell_of(finding: Mapping[str, Any]) -> Cell:
@@ -224,7 +229,7 @@ def together(cells: Sequence[Cell]) -> list[Cell]:
         if not hidden or some[0].passed or len(some) == 1:
             found.extend(some)
             continue
-        title = f"Hidden cases {some[0].title.split()[-1]} to {some[-1].title.split()[-1]}"
+        title = row_of(*(int(cell.title.split()[-1]) for cell in (some[0], some[-1])))
         got, of = sum(cell.got for cell in some), sum(cell.of for cell in some)
         found.append(replace(some[0], title=title, got=got, of=of))
     return found
