@@ -416,7 +416,7 @@ def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
             f"Not MuJoCo's method, but {near} as a fourth-order method must be.",
             f"It differs by {worst:.1e}; its error is {outcome.error:.1e}.",
         )
-    return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.1e} in all."
+    return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.2g} in all."
 
 
 def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:

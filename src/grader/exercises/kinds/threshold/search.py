@@ -109,7 +109,7 @@ def never_stepped(seen: Seen) -> str | None:
         return None
     if seen.search.created:
         return (
-            "Your function returned None without a single step: it makes a data, but mj_step is never called. Print "
+            "Your function returned None without a single step: it makes an MjData, but mj_step is never called. Print "
             "how many steps your loop takes (a run's length divided by the timestep); mj_forward moves nothing."
         )
     return (
