@@ -69,8 +69,8 @@ function stripOf(runs) {
 const resetOf = ({ warnings }) => warnings.find(({ kind }) => DIVERGED.test(kind))?.time ?? Infinity;
 
 function fillRow(row, run) {
-  const signed = (value) => (value === null ? "no number" : (value > 0 ? "+" : value < 0 ? "−" : "") + number(Math.abs(value), 3));
+  const signed = (value) => (value === null ? "no number" : (value > 0 ? "+" : value < 0 ? "−" : "") + number(Math.abs(value)));
   const [first] = run.warnings;
-  const texts = [resetOf(run) < Infinity ? "was reset" : signed(run.final_error_percent), number(run.cost_us_per_step, 3), first ? `${first.kind} at ${number(first.time)} s` : "none"];
+  const texts = [resetOf(run) < Infinity ? "was reset" : signed(run.final_error_percent), run.cost_us_per_step.toFixed(2), first ? `${first.kind} at ${number(first.time)} s` : "none"];
   row.querySelectorAll("td").forEach((cell, index) => { cell.textContent = texts[index]; });
 }
