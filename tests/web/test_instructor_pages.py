@@ -111,7 +111,7 @@ def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site
         answer(site.client(name), "small", "q2", number)
     answer(site.client("ann"), "small", "q4", "Because.")
     told = words(page(tina, "/instructor/statistics?quiz=small"))
-    assert "The hardest is How long?: 20 % of its points" in told
+    assert "The hardest is “How long?”: 20 % of its points" in told
     assert "20 % (4 to 62 %, n = 5)" in told
     assert re.search(r"Option chosen first Learners a 1 b right 3 c 1", told)
     assert re.search(
@@ -128,14 +128,14 @@ def test_the_plots_say_which_question_tells_nothing() -> None:
 
     titles = {"good": "Good", "bad": f"Bad {HOSTILE}" * 9}
     shares, tells = estimates_plot([one("good", 0.5, 0.2, 0.7), one("bad", -0.4, -0.6, -0.1)], titles)
-    assert tells.title.startswith("Who knows more answers Bad")
+    assert tells.title.startswith("Who knows more answers “Bad")
     assert tells.table[1] == ("Good", "0.5", "0.2 to 0.7", "30")
     for width in (308.0, 520.0):
         drawn = tells.draw(width).svg("wide-plot", shares.title)
         assert "<img" not in drawn
         assert drawn.count("<circle") == 2
     (_, tells) = estimates_plot([one("good", 0.5, 0.2, 0.7), one("bad", 0.1, -0.2, 0.4)], {"good": "g", "bad": "b"})
-    assert tells.title == "b may tell nothing apart"
+    assert tells.title == "“b” may tell nothing apart"
 
 
 def test_an_instructor_sees_what_the_policy_shows_the_learner_and_sends_nothing(site: Site, tina: httpx.Client) -> None:

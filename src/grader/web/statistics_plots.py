@@ -45,16 +45,16 @@ def title_of_shares(shares: Sequence[Named]) -> str:
     name, hardest = min(shares, key=lambda one: one[1].value)
     if hardest.n < LEARNERS_MIN or hardest.value >= max(one.value for _, one in shares):
         return "Share of the points"
-    return f"The hardest is {name}: {100 * hardest.value:.0f}{NARROW}% of its points"
+    return f"The hardest is “{name}”: {100 * hardest.value:.0f}{NARROW}% of its points"
 
 
 def title_of_tells(tells: Sequence[Named]) -> str:
     """What is to be seen: a question that those answer wrong who know more, else the one that tells least."""
     name, least = min(tells, key=lambda one: one[1].value)
     if least.high < 0:
-        return f"Who knows more answers {name} worse: look at its key"
+        return f"Who knows more answers “{name}” worse: look at its key"
     if least.low <= 0:
-        return f"{name} may tell nothing apart"
+        return f"“{name}” may tell nothing apart"
     return "Every question tells who knows from who does not"
 
 
