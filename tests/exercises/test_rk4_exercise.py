@@ -1,6 +1,7 @@
 """Runge-Kutta steps: the force that honest code does not notice, what counts, and what an author may write."""
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -193,6 +194,7 @@ def test_hidden_cases_tell_whether_they_are_right_and_nothing_else(grade: Grade)
         *(f"hidden case {i}" for i in range(1, 7)),
         "observed order",
     ]
+    assert re.search(r"departs at step 1, and by 0\.00\d+ in all", verdict.findings[0].message)
     assert {(f.message, f.measured, f.expected) for f in verdict.findings[1:7]} == {
         ("Departs from MuJoCo's RK4.", None, None)
     }

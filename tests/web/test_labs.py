@@ -288,6 +288,7 @@ def test_curves_that_coincide_are_one_line_with_one_name(page: Page) -> None:
     expect(lab.locator(".strips .line")).to_have_count(2)
     expect(lab.locator(".strips")).to_contain_text("size of the energy error (%), log")
     expect(lab.locator("[data-integrator=RK4] td").nth(2)).to_have_text("none")
+    expect(lab.locator("[data-integrator] td:nth-of-type(2)")).to_have_text([re.compile(r"^\d+\.\d\d$")] * 5)
 
 
 def test_labs_are_accessible_and_fit_narrow_screens(servo: Locator, page: Page) -> None:
