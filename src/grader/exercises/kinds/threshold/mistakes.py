@@ -10,8 +10,9 @@ import numpy as np
 from grader.exercises.kind import Judged, Trial
 from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim, span_of, warns
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.exercises.kinds.threshold.range_mistakes import too_coarse
 from grader.exercises.kinds.threshold.recorded import read_search
-from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain, too_coarse
+from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
