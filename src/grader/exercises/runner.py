@@ -56,7 +56,7 @@ GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
 
 NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
-NUMBERS_TOLD, FIGURES_TOLD = 8, 2
+NUMBERS_TOLD, FIGURES_TOLD = 12, 2
 """Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
 
 STEPPED = (
