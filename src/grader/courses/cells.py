@@ -23,7 +23,8 @@ class _Line:
 def lines(rows: Iterable[Iterable[str]]) -> Iterator[str]:
     r"""The lines of a CSV file, ended by "\r\n" (RFC 4180); one row is held at a time.
 
-    Cells with another spreadsheet's separator are quoted too, which csv.writer does not do.
+    Cells with another spreadsheet's separator are quoted too, which csv.writer does not do. Such a spreadsheet honours
+    the quotes of a line's first cell alone, so put there what a learner chooses.
     """
     line = csv.writer(_Line()).writerow
     for row in rows:

@@ -1,7 +1,8 @@
 """Tells which velocity moves which number of data.qpos: the addresses and axes of free, ball and other joints.
 
-Each rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. A wrong rule
-is told only where the right one does not predict them. A body at rest or upright may give the same numbers for both.
+Each rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. For a
+body at rest or upright a wrong rule may predict the same numbers as the right one: a wrong rule is told only where the
+right one fails.
 """
 
 from collections.abc import Sequence
