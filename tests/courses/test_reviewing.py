@@ -171,7 +171,9 @@ class Reviewing(RuleBasedStateMachine):
         with self.database.write() as session:
             submissions.add(session, [(row, verdict)])
             new = results.New(self.desk.library, row, verdict)
-            found = answers.stored(session, [answers.Asked(*new.key, credential="", key="")], now()).at
+            found = answers.stored(
+                session, [answers.Asked(*new.key, credential="", key="", is_extensible=True)], now()
+            ).at
             results.count_new(session, [new], found)
         self.answers.append(Answer(number, learner, quiz))
 

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from grader.courses.results import New, count_new
-from grader.courses.standing import Standing
+from grader.courses.standing import Standing, may_be_extended
 from grader.domain.verdict import Verdict
 from grader.errors import CallerError, Conflict, TooManyRequests, Unauthorized, Unprocessable
 from grader.identity import FAILED, Identity
@@ -66,7 +66,8 @@ class Answer:
     @property
     def asked(self) -> answers.Asked:
         """What is asked about it before it is taken."""
-        return answers.Asked(*self.at, self.who.credential, self.key or "")
+        is_extensible = may_be_extended(self.library, *self.at[2:])
+        return answers.Asked(*self.at, self.who.credential, self.key or "", is_extensible)
 
     @property
     def named(self) -> Key:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, String, and_, case, exists, func, literal, select
@@ -14,6 +15,7 @@ from sqlalchemy.sql.functions import FunctionElement
 from grader.domain.policy import Extension, Progress
 from grader.domain.verdict import Status
 from grader.store import extensions
+from grader.store.direct import DirectQuery
 from grader.store.given import GIVEN, Part
 from grader.store.outbox import Destination
 from grader.store.results import LearnerAt
@@ -49,7 +51,7 @@ def _listed_in_postgresql(element: Listed, compiler: Any, **kw: Any) -> str:
 
 
 class Asked(NamedTuple):
-    """A new answer: the learner at the question, the credential, and the idempotency key, which is empty for none."""
+    """A new answer: the learner at the question, and the credential."""
 
     course: str
     learner: str
@@ -57,11 +59,18 @@ class Asked(NamedTuple):
     question: str
     credential: str
     key: str
+    """Of idempotency; empty for none."""
+    is_extensible: bool
+    """Whether an extension could change anything at the question."""
 
     @property
     def at(self) -> LearnerAt:
         """The learner at the question."""
         return LearnerAt(*self[:4])
+
+
+PLACE = Asked._fields.index("is_extensible")
+"""The texts before it go to the database, and then the place of the answer."""
 
 
 def _given(name: str) -> Part:
@@ -88,36 +97,41 @@ ATTEMPTS = (
 DESTINATIONS = exists().where(_same(Destination, "course"), Destination.disabled_at.is_(None))
 SOURCE = aliased(Submission)
 NEWEST = (VerdictRow.submission_id == SOURCE.id) & (VerdictRow.revision == SOURCE.revision)
-RESULT_COLUMNS = tuple(Result.__table__.columns.keys())
-QUERY = (
-    select(
-        *Result.__table__.columns,
-        *(_given(name).label(f"given_{name}") for name in Asked._fields),
-        ATTEMPTS.label("attempts_made"),
-        DESTINATIONS.label("has_destinations"),
-        Credential.id.label("alive"),
-        Credential.expires_at,
-        SOURCE.id.label("source_id"),
-        SOURCE.attempt.label("source_attempt"),
-        SOURCE.created_at.label("source_at"),
-        SOURCE.outcome.label("source_outcome"),
-        VerdictRow.points.label("source_points"),
-        IdempotencyKey.submission_id.label("earlier_id"),
-        IdempotencyKey.request_digest,
-        IdempotencyKey.http_status,
-        ExtensionRow.quiz.label("extended"),
-        ExtensionRow.due,
-        ExtensionRow.until,
-        ExtensionRow.attempts,
+RESULT_COLUMNS = tuple(column.name for column in Result.__table__.columns if not column.primary_key)
+
+
+@cache
+def _query(*, with_keys: bool, with_extensions: bool) -> DirectQuery:
+    """What is stored about given answers; each join costs the database as much as the rest of an answer's row."""
+    query = (
+        select(
+            *(getattr(Result, name) for name in RESULT_COLUMNS),
+            Part(GIVEN.c.value, literal(PLACE)).label("place"),
+            ATTEMPTS.label("attempts_made"),
+            DESTINATIONS.label("has_destinations"),
+            Credential.id.label("alive"),
+            Credential.expires_at,
+            SOURCE.id.label("source_id"),
+            SOURCE.attempt.label("source_attempt"),
+            SOURCE.created_at.label("source_at"),
+            SOURCE.outcome.label("source_outcome"),
+            VerdictRow.points.label("source_points"),
+        )
+        .select_from(GIVEN)
+        .outerjoin(Credential, (Credential.id == _given("credential")) & Credential.revoked_at.is_(None))
+        .outerjoin(Result, _same(Result, *LearnerAt._fields))
+        .outerjoin(SOURCE, (SOURCE.id == Result.submission_id) & SOURCE.uses_attempt)
+        .outerjoin(VerdictRow, NEWEST)
     )
-    .select_from(GIVEN)
-    .outerjoin(Credential, (Credential.id == _given("credential")) & Credential.revoked_at.is_(None))
-    .outerjoin(Result, _same(Result, *LearnerAt._fields))
-    .outerjoin(SOURCE, (SOURCE.id == Result.submission_id) & SOURCE.uses_attempt)
-    .outerjoin(VerdictRow, NEWEST)
-    .outerjoin(IdempotencyKey, _same(IdempotencyKey, "course", "learner", "key"))
-    .outerjoin(ExtensionRow, _same(ExtensionRow, "course", "learner", "quiz"))
-)
+    if with_keys:
+        query = query.outerjoin(IdempotencyKey, _same(IdempotencyKey, "course", "learner", "key")).add_columns(
+            IdempotencyKey.submission_id.label("earlier_id"), IdempotencyKey.request_digest, IdempotencyKey.http_status
+        )
+    if with_extensions:
+        query = query.outerjoin(ExtensionRow, _same(ExtensionRow, "course", "learner", "quiz")).add_columns(
+            ExtensionRow.quiz.label("extended"), ExtensionRow.due, ExtensionRow.until, ExtensionRow.attempts
+        )
+    return DirectQuery(query)
 
 
 class Source(NamedTuple):
@@ -165,29 +179,31 @@ class Stored:
 
 def stored(session: Session, asked: Iterable[Asked], clock: datetime) -> Stored:
     """What the database holds about new answers; in one query, however many they are."""
-    known = Stored()
-    for row in session.connection().execute(QUERY, {"given": json.dumps(list(dict.fromkeys(asked)))}):
-        one = Asked(*row[len(RESULT_COLUMNS) :][: len(Asked._fields)])
+    known, every = Stored(), list(dict.fromkeys(asked))
+    keyed, extended = any(one.key for one in every), any(one.is_extensible for one in every)
+    given = json.dumps([(*one[:PLACE], place) for place, one in enumerate(every)])
+    for row in _query(with_keys=keyed, with_extensions=extended).rows(session.connection(), given=given):
+        one = every[int(row.place)]
         if row.alive is not None and (row.expires_at is None or row.expires_at > clock):
             known.alive.add(one.credential)
-        if row.earlier_id is not None:
+        if keyed and row.earlier_id is not None:
             known.earlier[one.course, one.learner, one.key] = Earlier(
                 row.earlier_id, row.request_digest, row.http_status
             )
         if one.at not in known.at:
-            known.at[one.at] = _found(row)
+            known.at[one.at] = found = _found(one.at, row)
+            if one.is_extensible and row.extended is not None:
+                found.extension = extensions.extension(row)
     return known
 
 
-def _found(row: Any) -> Found:
+def _found(at: LearnerAt, row: Any) -> Found:
     made, pending, correct, newest = json.loads(row.attempts_made)
     found = Found(Progress(made, pending, bool(correct)), newest or "", has_destinations=row.has_destinations)
     if row.submission_id is not None:
-        found.result = plain(Result, dict(zip(RESULT_COLUMNS, row, strict=False)))
+        found.result = plain(Result, {**at._asdict(), **dict(zip(RESULT_COLUMNS, row, strict=False))})
     if row.source_id is not None:
         found.source = Source(row.source_id, row.source_attempt, row.source_at, row.source_outcome, row.source_points)
-    if row.extended is not None:
-        found.extension = extensions.extension(row)
     return found
 
 

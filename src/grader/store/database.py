@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from grader.store import schema
-from grader.store.later import LATER, LaterStatements
+from grader.store.later import LaterStatements, keep_back
 from grader.store.names import folded
 from grader.store.signals import Signals
 
@@ -54,7 +54,8 @@ ANALYZED_AT = (100, 1_000, 10_000)
 
 LOCK_ALL = (
     "SELECT pg_advisory_xact_lock(key), set_config('enable_seqscan', 'off', true), "
-    "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true) "
+    "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true), "
+    "set_config('enable_material', 'off', true) "
     "FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
     "FROM json_array_elements_text(CAST(%(names)s AS json)) AS name ORDER BY key) AS keys"
 )
@@ -131,7 +132,7 @@ class Database:
         """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
-            session.connection().exec_driver_sql(LOCK_ALL, {"names": names}, LATER)
+            keep_back(session.connection(), LOCK_ALL, {"names": names})
 
     def tell_planner(self, session: Session, stored: int) -> None:
         """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
@@ -255,7 +256,7 @@ def _set_up_postgresql(engine: Engine) -> None:
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:
         if connection.get_execution_options().get("hasty", False):
-            connection.exec_driver_sql("SET LOCAL synchronous_commit = off", execution_options=LATER)
+            keep_back(connection, "SET LOCAL synchronous_commit = off", None)
 
 
 def _has_news(connection: Any) -> bool:

@@ -6,7 +6,7 @@ from sqlalchemy import String, bindparam
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
-PARTS = 6
+PARTS = 7
 """The most texts of an item that a statement can name."""
 
 

@@ -5,6 +5,8 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy import Connection, Engine, event
 
+from grader.store.driver import as_sqlalchemy, driver_of
+
 LATER = {"later": True}
 """Execution options of a statement whose result is not read.
 
@@ -12,6 +14,39 @@ On PostgreSQL it is sent with the next statement of its transaction or with the 
 """
 
 BEGIN = [("BEGIN", None)]
+
+_kept_back: WeakKeyDictionary[Any, list[tuple[str, Any]]] = WeakKeyDictionary()
+"""By the driver's connection."""
+
+
+def keep_back(connection: Connection, statement: str, parameters: Any) -> None:
+    """As to execute a statement with `LATER` on PostgreSQL, but past SQLAlchemy: that would take longer."""
+    _kept_back.setdefault(driver_of(connection), []).append((statement, parameters))
+
+
+def run(connection: Connection, statement: str, parameters: Any) -> Any:
+    """The driver's cursor of a statement of PostgreSQL that goes past SQLAlchemy, with what was kept back.
+
+    Raises DBAPIError.
+    """
+    with as_sqlalchemy(connection):
+        cursor = driver_of(connection).cursor()
+        if not _run_together(cursor, statement, parameters):
+            cursor.execute(statement, parameters)
+        return cursor
+
+
+def _run_together(cursor: Any, statement: str, parameters: Any) -> bool:
+    """Runs a statement with those that were kept back, if any were; returns whether it did."""
+    driver = cursor.connection
+    earlier = _kept_back.pop(driver, None)
+    if earlier is None:
+        return False
+    with driver.pipeline():
+        for one in earlier:
+            driver.execute(*one)
+        cursor.execute(statement, parameters)
+    return True
 
 
 class LaterStatements:
@@ -21,7 +56,6 @@ class LaterStatements:
     """
 
     def __init__(self, engine: Engine) -> None:
-        self._waiting: WeakKeyDictionary[Any, list[tuple[str, Any]]] = WeakKeyDictionary()
         event.listen(engine, "connect", self._on_connect)
         event.listen(engine, "begin", self._on_begin)
         event.listen(engine, "do_execute", self._on_execute)
@@ -33,37 +67,30 @@ class LaterStatements:
         connection.autocommit = True
 
     def _on_begin(self, connection: Connection) -> None:
-        driver: Any = connection.connection.driver_connection
+        driver = driver_of(connection)
         if driver.autocommit and connection.get_execution_options().get("isolation_level") != "AUTOCOMMIT":
-            self._waiting[driver] = BEGIN.copy()
+            _kept_back[driver] = BEGIN.copy()
 
     def _on_execute(self, cursor: Any, statement: str, parameters: Any, context: Any) -> bool:
         """Returns whether it has executed the statement, or keeps it back."""
-        connection = cursor.connection
         if context.execution_options.get("later", False):
-            self._waiting.setdefault(connection, []).append((statement, parameters))
+            _kept_back.setdefault(cursor.connection, []).append((statement, parameters))
             return True
         if hasattr(cursor, "name"):  # a cursor of the server, which cannot be opened together with anything else
-            self._send(connection)
-        if not (earlier := self._waiting.pop(connection, ())):
-            return False
-        with connection.pipeline():
-            for one in earlier:
-                connection.execute(*one)
-            cursor.execute(statement, parameters)
-        return True
+            self._send(cursor.connection)
+        return _run_together(cursor, statement, parameters)
 
     def _on_executemany(self, cursor: Any, _statement: str, _parameters: Any, _context: Any) -> None:
         self._send(cursor.connection)
 
-    def _send(self, connection: Any) -> None:
-        for one in self._waiting.pop(connection, ()):
-            connection.execute(*one)
+    def _send(self, driver: Any) -> None:
+        for one in _kept_back.pop(driver, ()):
+            driver.execute(*one)
 
     def _on_commit(self, connection: Connection) -> None:
-        if self._waiting.get(connection.connection.driver_connection, BEGIN) != BEGIN:
-            connection.exec_driver_sql("COMMIT")  # the driver's own finds nothing more to do
+        if _kept_back.get(driver_of(connection), BEGIN) != BEGIN:
+            run(connection, "COMMIT", None)  # the driver's own finds nothing more to do
 
     def _on_checkin(self, connection: Any, _record: Any) -> None:
         if connection is not None:  # else it was lost
-            self._waiting.pop(connection, None)  # of a transaction that was rolled back
+            _kept_back.pop(connection, None)  # of a transaction that was rolled back

@@ -16,7 +16,8 @@ from sqlalchemy import Connection, Table
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.orm import Session
 
-from grader.store.later import LATER
+from grader.store.driver import as_sqlalchemy, driver_of
+from grader.store.later import keep_back
 from grader.store.tables import Base
 
 WAITING = "rows"
@@ -38,20 +39,16 @@ def insert_rows(session: Session, table: type[Base], rows: Sequence[dict[str, An
     """
     if not rows:
         return
-    target = Base.metadata.tables[table.__tablename__]
-    kind = _Kind(target, tuple(rows[0]), replace)
-    connection = session.connection()
-    if connection.dialect.name == "sqlite":
-        _insert_in_sqlite(connection, kind, rows)
-    elif (waiting := session.info.get(WAITING)) is not None:
+    kind = _Kind(Base.metadata.tables[table.__tablename__], tuple(rows[0]), replace)
+    if (waiting := session.info.get(WAITING)) is not None:
         waiting.setdefault(kind, []).extend(rows)
     else:
-        _insert_in_postgresql(session, {kind: rows})
+        _insert(session.connection(), {kind: rows})
 
 
 @contextmanager
 def inserted_together(session: Session) -> Iterator[None]:
-    """Lets `insert_rows` wait on PostgreSQL for the end of the block, and inserts everything in one statement then.
+    """Lets `insert_rows` wait for the end of the block, and inserts everything then: on PostgreSQL in one statement.
 
     Queries within the block do not see the rows, unless `insert_waiting` is called before.
     """
@@ -66,13 +63,19 @@ def inserted_together(session: Session) -> Iterator[None]:
 def insert_waiting(session: Session) -> None:
     """Inserts the rows that wait."""
     if waiting := session.info.get(WAITING):
-        _insert_in_postgresql(session, waiting)
+        _insert(session.connection(), waiting)
         waiting.clear()
 
 
-def _insert_in_postgresql(session: Session, rows: dict[_Kind, Any]) -> None:
-    values = {f"rows{place}": _as_json(kind, several) for place, (kind, several) in enumerate(rows.items())}
-    session.connection().exec_driver_sql(_statement(tuple(rows)), values, LATER)
+def _insert(connection: Connection, rows: dict[_Kind, Any]) -> None:
+    """Inserts rows past SQLAlchemy, which would take longer with each than the database does."""
+    if connection.dialect.name == "sqlite":
+        with as_sqlalchemy(connection):
+            for kind, several in rows.items():
+                driver_of(connection).executemany(_statement_in_sqlite(kind), _in_sqlite(kind, several))
+    else:
+        values = {f"rows{place}": _as_json(kind, several) for place, (kind, several) in enumerate(rows.items())}
+        keep_back(connection, _statement(tuple(rows)), values)
 
 
 def _as_json(kind: _Kind, rows: Sequence[dict[str, Any]]) -> str:
@@ -113,11 +116,10 @@ def _insert_of(kind: _Kind, given: str) -> str:
     return insert + _conflict(kind)
 
 
-def _insert_in_sqlite(connection: Connection, kind: _Kind, rows: Sequence[dict[str, Any]]) -> None:
-    """Hands the rows to the driver: SQLAlchemy would take longer with each than the database does."""
+def _in_sqlite(kind: _Kind, rows: Sequence[dict[str, Any]]) -> list[tuple[Any, ...]]:
+    """The rows as the driver takes them."""
     take, converted = itemgetter(*_names(kind)), _converted(kind).items()
-    values = [take(row | {name: convert(row[name]) for name, convert in converted}) for row in _completed(kind, rows)]
-    connection.exec_driver_sql(_statement_in_sqlite(kind), values)
+    return [take(row | {name: convert(row[name]) for name, convert in converted}) for row in _completed(kind, rows)]
 
 
 @cache

@@ -2,11 +2,9 @@
 
 import asyncio
 import threading
-import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 import structlog
@@ -20,6 +18,11 @@ BATCH_MAX = 200
 """Items of one transaction."""
 WAITING_MAX = 2000
 """Items that may wait; more are refused."""
+QUIET_TURNS = 5
+"""Turns of the event loop without a new item after which the thread stores those that wait; a request takes two.
+
+Larger transactions cost less, and a thread at work beside a busy event loop costs both of them a third more.
+"""
 ROW_ERRORS = (IntegrityError, DataError)
 """What a database says of rows that it refuses, on PostgreSQL with the commit: nothing of the transaction is stored."""
 
@@ -45,9 +48,10 @@ class Writer(Generic[Item]):
 
     def __init__(self, database: Database, keep: Callable[[Session, Sequence[Item]], None]) -> None:
         self._database, self._keep = database, keep
-        self._queue: SimpleQueue[_Waiting[Item] | None] = SimpleQueue()
+        self._waiting: deque[_Waiting[Item]] = deque()
+        self._due = threading.Semaphore(0)
         self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
-        self._closing = False
+        self._is_gathering = self._closing = False
 
     def start(self) -> None:
         """Starts the thread."""
@@ -57,7 +61,7 @@ class Writer(Generic[Item]):
         """Stores what waits, and ends the thread."""
         self._closing = True
         if self._thread.ident is not None:
-            self._queue.put(None)
+            self._due.release()
             self._thread.join()
 
     async def put(self, item: Item) -> None:
@@ -65,27 +69,55 @@ class Writer(Generic[Item]):
 
         Raises what `keep` or the commit raised, and TooManyRequests.
         """
-        if self._closing or self._queue.qsize() >= WAITING_MAX:
+        if self._closing or len(self._waiting) >= WAITING_MAX:
             raise TooManyRequests("Too many answers wait to be stored.", 1)
-        waiting = _Waiting(item, asyncio.get_running_loop().create_future())
-        self._queue.put(waiting)
+        loop = asyncio.get_running_loop()
+        waiting = _Waiting(item, loop.create_future())
+        self._waiting.append(waiting)
+        if not self._is_gathering:
+            self._is_gathering = True
+            self._gather(loop, 0)
         await waiting.done
 
-    def _run(self) -> None:
-        while not (self._closing and self._queue.empty()):
-            if waiting := [one for one in self._gathered() if one is not None]:
-                self._store(waiting)
-                tell(waiting)
+    def _gather(self, loop: asyncio.AbstractEventLoop, quiet_turns: int, before: int = 0) -> None:
+        """Lets the thread store what waits, as soon as the event loop has nothing more to read."""
+        count = len(self._waiting)
+        quiet_turns = quiet_turns + 1 if count == before else 0
+        if quiet_turns < QUIET_TURNS and count < BATCH_MAX:
+            loop.call_soon(self._gather, loop, quiet_turns, count)
+        else:
+            self._due.release()
 
-    def _gathered(self) -> list[_Waiting[Item] | None]:
-        """What waits, once there is something, and what the event loop reads while it has requests to read."""
-        batch, before = [self._queue.get()], 0
-        while before < len(batch) < BATCH_MAX:
-            before = len(batch)
-            time.sleep(0)  # the interpreter's lock goes to the event loop: larger transactions cost less
-            while len(batch) < BATCH_MAX and not self._queue.empty():
-                batch.append(self._queue.get())
-        return batch
+    def _run(self) -> None:
+        while True:
+            self._due.acquire()
+            while batch := [self._waiting.popleft() for _ in range(min(len(self._waiting), BATCH_MAX))]:
+                self._store(batch)
+                self._tell(batch)
+                if not self._closing:
+                    break
+            if self._closing:
+                return
+
+    def _tell(self, batch: Sequence[_Waiting[Item]]) -> None:
+        """Wakes those who wait for a batch: one call into their event loop for all of them."""
+        loop = batch[0].done.get_loop()
+        try:
+            loop.call_soon_threadsafe(self._wake, loop, batch)
+        except RuntimeError:  # the loop is closed: nobody waits any more
+            self._is_gathering = False
+
+    def _wake(self, loop: asyncio.AbstractEventLoop, batch: Sequence[_Waiting[Item]]) -> None:
+        for one in batch:
+            if one.done.done():  # its client has gone
+                continue
+            if one.error is None:
+                one.done.set_result(None)
+            else:
+                one.done.set_exception(one.error)
+        self._is_gathering = bool(self._waiting)
+        if self._waiting:
+            self._gather(loop, 0)
 
     def _store(self, batch: list[_Waiting[Item]]) -> None:
         kept = False
@@ -102,19 +134,3 @@ class Writer(Generic[Item]):
             log.warning("a batch failed, its items are stored one by one", error=type(error).__name__)
             for one in batch:
                 self._store([one])
-
-
-def tell(batch: Sequence[_Waiting[Item]]) -> None:
-    """Wakes those who wait for a batch: one call into their event loop for all of them."""
-
-    def wake() -> None:
-        for one in batch:
-            if one.done.done():  # its client has gone
-                continue
-            if one.error is None:
-                one.done.set_result(None)
-            else:
-                one.done.set_exception(one.error)
-
-    with suppress(RuntimeError):  # the loop is closed: nobody waits any more
-        batch[0].done.get_loop().call_soon_threadsafe(wake)
