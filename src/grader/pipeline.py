@@ -39,6 +39,9 @@ LEVELS_MAX = 16
 SEED_BITS = 53
 """Integers up to 2**53 are exact in every JSON reader. Source: RFC 8259, section 6."""
 
+KEPT_CHARACTERS, KEPT_VERDICTS = 200, 2000
+"""Verdicts on answers up to this length are kept, and all forgotten at this number: a few megabytes at most."""
+
 JUDGED = {Status.CORRECT, Status.PARTIAL, Status.INCORRECT, Status.NEEDS_REVIEW}
 """The statuses of scripts whose results were judged; the others say how a script ended."""
 
@@ -123,6 +126,8 @@ class Pipeline:
     library: Library
     run: Callable[[Job], RunReport] | None = None
     secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
+    _kept: dict[str, Verdict] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Verdicts on instant answers, by their digest: a whole class gives the same few."""
 
     def read(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> ParsedSubmission:
         """Reads an answer; any JSON value. `seed` repeats the hidden cases of an earlier verdict.
@@ -169,8 +174,19 @@ class Pipeline:
     def judge(self, submission: ParsedSubmission, tell: Tell = untold) -> Verdict:
         """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer.
 
-        While a script runs, `tell` is called with the number of the case it is at, and the number of cases.
+        While a script runs, `tell` is called with the number of the case it is at, and the number of cases. An instant
+        answer that was given before gets the verdict that was made then.
         """
+        if (kept := self._kept.get(submission.digest)) is not None:
+            return kept
+        verdict = self._judge(submission, tell)
+        if submission.is_instant and len(submission.text) <= KEPT_CHARACTERS and verdict.status in JUDGED:
+            if len(self._kept) >= KEPT_VERDICTS:
+                self._kept.clear()
+            self._kept[submission.digest] = verdict
+        return verdict
+
+    def _judge(self, submission: ParsedSubmission, tell: Tell) -> Verdict:
         started = time.perf_counter()
         question = submission.question
         measured = Measured()

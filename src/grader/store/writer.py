@@ -5,6 +5,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 import structlog
@@ -49,7 +50,7 @@ class Writer(Generic[Item]):
     def __init__(self, database: Database, keep: Callable[[Session, Sequence[Item]], None]) -> None:
         self._database, self._keep = database, keep
         self._waiting: deque[_Waiting[Item]] = deque()
-        self._due = threading.Semaphore(0)
+        self._due: SimpleQueue[None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
         self._is_gathering = self._closing = False
 
@@ -61,7 +62,7 @@ class Writer(Generic[Item]):
         """Stores what waits, and ends the thread."""
         self._closing = True
         if self._thread.ident is not None:
-            self._due.release()
+            self._due.put(None)
             self._thread.join()
 
     async def put(self, item: Item) -> None:
@@ -86,11 +87,11 @@ class Writer(Generic[Item]):
         if quiet_turns < QUIET_TURNS and count < BATCH_MAX:
             loop.call_soon(self._gather, loop, quiet_turns, count)
         else:
-            self._due.release()
+            self._due.put(None)
 
     def _run(self) -> None:
         while True:
-            self._due.acquire()
+            self._due.get()
             while batch := [self._waiting.popleft() for _ in range(min(len(self._waiting), BATCH_MAX))]:
                 self._store(batch)
                 self._tell(batch)
