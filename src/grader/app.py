@@ -28,6 +28,7 @@ from grader.api.on_behalf import HAND_IN_ON_BEHALF
 from grader.api.rate import RateLimit, SharedBuckets
 from grader.api.readiness import Check, Readiness
 from grader.api.requests import RequestsMiddleware
+from grader.api.shortcut import Shortcut
 from grader.api.submissions import HAND_IN
 from grader.content import Contents
 from grader.courses.handing_in import hand_in
@@ -105,12 +106,12 @@ def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> Fast
         context.blinding, worker.alive_on, context.statistics,
     )  # fmt: skip
     problems.install(app)
-    app.router.routes += [HAND_IN, HAND_IN_ON_BEHALF]
     app.include_router(routes.router)
     app.include_router(pages)
     openapi.install(app)
     app.add_middleware(ConditionalMiddleware)
     app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
+    app.add_middleware(Shortcut, routes=[HAND_IN, HAND_IN_ON_BEHALF], handlers=app.exception_handlers)
     app.add_middleware(AdmissionMiddleware, database=database, rules=rules)
     app.add_middleware(PageErrors)
     app.add_middleware(RequestsMiddleware)

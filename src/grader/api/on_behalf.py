@@ -24,7 +24,7 @@ async def hand_in_on_behalf(request: Request) -> Response:
 
 
 HAND_IN_ON_BEHALF = Route(ON_BEHALF, hand_in_on_behalf, methods=["POST"])
-"""Comes before FastAPI's routes, as HAND_IN does."""
+"""Served by the Shortcut, as HAND_IN is."""
 
 
 @router.post(
@@ -38,7 +38,7 @@ def create_submission_on_behalf(
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=255)] = None,
 ) -> None:
     """Hands in an answer for a learner, who becomes a member at first sight: 201 with the verdict, else 202."""
-    raise AssertionError("HAND_IN_ON_BEHALF serves this; it comes first")
+    raise AssertionError("the Shortcut serves this")
 
 
 @router.get(

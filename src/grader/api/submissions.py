@@ -78,7 +78,6 @@ async def answered(
 ) -> Response:
     """Answers a request that hands in: `caller` says who may, `take` stores the answer. Its Location is in `route`."""
     context = context_in(request.app)
-    request.scope["route"] = route  # as FastAPI's routes do: the log and the metrics name it
     try:
         who = await caller(request)
         if not is_json(request):
@@ -95,7 +94,7 @@ async def answered(
 
 
 HAND_IN = Route(SUBMISSIONS, hand_in, methods=["POST"])
-"""Comes before FastAPI's routes: to find its own, which documents this one, takes FastAPI longer than to answer."""
+"""Served by the Shortcut; FastAPI's route at this path documents it."""
 
 
 @router.post(
@@ -109,7 +108,7 @@ def create_submission(
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=255)] = None,
 ) -> None:
     """Hands in an answer: 201 with the verdict if it is instant, else 202."""
-    raise AssertionError("HAND_IN serves this; it comes first")
+    raise AssertionError("the Shortcut serves this")
 
 
 @router.get("/submissions", response_model=Page, responses=documented(401, 403, 422, 429))
