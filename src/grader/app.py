@@ -99,6 +99,7 @@ def create_app(settings: Settings, buckets: SharedBuckets | None = None) -> Fast
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
+        telemetry={"tracing": False, "metrics": False, "logs": False},  # /metrics and the log tell it
     )
     app.state.context = context
     app.state.pages = PageContext(

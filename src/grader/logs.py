@@ -8,12 +8,16 @@ import json
 import logging
 import sys
 import traceback
+from collections.abc import Mapping
 from typing import Any
 
 import structlog
 
 PROCESSORS: list[Any] = []
 """Of all loggers, which are kept from their first use on: to make one takes as long as a line."""
+
+encode = json.JSONEncoder(default=str).encode
+"""Made once: `json.dumps` makes an encoder for every line."""
 
 BoundLogger = structlog.make_filtering_bound_logger(logging.INFO)
 
@@ -36,7 +40,7 @@ def is_json(log_format: str) -> bool:
 
 def logs_json() -> bool:
     """Whether this process writes its log as JSON."""
-    return isinstance(structlog.get_config()["processors"][-1], structlog.processors.JSONRenderer)
+    return structlog.get_config()["processors"][-1] is as_json_line
 
 
 def log_to_stderr(*, as_json: bool = False) -> None:
@@ -47,9 +51,7 @@ def log_to_stderr(*, as_json: bool = False) -> None:
         structlog.processors.TimeStamper(fmt="iso"),
         structlog.processors.ExceptionRenderer(exception_text),
     ]
-    encode = json.JSONEncoder(default=str).encode  # made once: `json.dumps` makes one for every line
-    to_json = structlog.processors.JSONRenderer(serializer=lambda line, **_: encode(line))
-    renderer: Any = to_json if as_json else structlog.dev.ConsoleRenderer(colors=False)
+    renderer: Any = as_json_line if as_json else structlog.dev.ConsoleRenderer(colors=False)
     PROCESSORS[:] = [*steps, renderer]
     structlog.configure(
         processors=PROCESSORS,
@@ -61,6 +63,11 @@ def log_to_stderr(*, as_json: bool = False) -> None:
     handler.setFormatter(structlog.stdlib.ProcessorFormatter(renderer, foreign_pre_chain=steps))
     uvicorn = logging.getLogger("uvicorn")
     uvicorn.handlers, uvicorn.propagate = [handler], False
+
+
+def as_json_line(_logger: Any, _method: str, line: Mapping[str, Any]) -> str:
+    """A line of the log as JSON."""
+    return encode(line)
 
 
 def exception_text(exc_info: Any) -> str:

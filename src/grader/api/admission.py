@@ -4,6 +4,7 @@ It is a middleware, and no dependency of the routes, because 401 comes before an
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from urllib.parse import urlsplit
 
 import structlog
@@ -101,10 +102,7 @@ class AdmissionMiddleware:
         await self.app(scope, self._limit_body(scope, headers, receive), send)
 
     def _is_our_host(self, headers: Headers) -> bool:
-        try:
-            return urlsplit(f"//{headers.get('host', '')}").hostname in self.rules.hosts
-        except ValueError:
-            return False
+        return hostname_of(headers.get("host", "")) in self.rules.hosts
 
     async def _admit(self, scope: Scope, headers: Headers) -> None:
         """Sets the identity of a request. Raises Unauthorized, Forbidden, TooManyRequests."""
@@ -211,6 +209,15 @@ def cost_of(scope: Scope, headers: Headers) -> int:
     announced = headers.get("content-length", "0")
     is_known = announced.isdecimal() and "transfer-encoding" not in headers
     return 1 + min(int(announced) if is_known else bytes_max, bytes_max) // unit
+
+
+@lru_cache(maxsize=100)
+def hostname_of(host: str) -> str | None:
+    """The name in a Host header; None if it has none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
 
 
 def origin_of(url: str) -> tuple[str, str | None, int | None] | None:
