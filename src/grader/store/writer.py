@@ -24,6 +24,8 @@ QUIET_TURNS = 5
 
 Larger transactions cost less, and a thread at work beside a busy event loop costs both of them a third more.
 """
+GATHERING_S = 0.01
+"""It stores them after so long in any case [s]: turns are long while the event loop has other requests."""
 ROW_ERRORS = (IntegrityError, DataError)
 """What a database says of rows that it refuses, on PostgreSQL with the commit: nothing of the transaction is stored."""
 
@@ -77,15 +79,15 @@ class Writer(Generic[Item]):
         self._waiting.append(waiting)
         if not self._is_gathering:
             self._is_gathering = True
-            self._gather(loop, 0)
+            self._gather(loop, loop.time() + GATHERING_S)
         await waiting.done
 
-    def _gather(self, loop: asyncio.AbstractEventLoop, quiet_turns: int, before: int = 0) -> None:
+    def _gather(self, loop: asyncio.AbstractEventLoop, until: float, before: int = 0, quiet_turns: int = 0) -> None:
         """Lets the thread store what waits, as soon as the event loop has nothing more to read."""
         count = len(self._waiting)
         quiet_turns = quiet_turns + 1 if count == before else 0
-        if quiet_turns < QUIET_TURNS and count < BATCH_MAX:
-            loop.call_soon(self._gather, loop, quiet_turns, count)
+        if quiet_turns < QUIET_TURNS and count < BATCH_MAX and loop.time() < until:
+            loop.call_soon(self._gather, loop, until, count, quiet_turns)
         else:
             self._due.put(None)
 
@@ -118,7 +120,7 @@ class Writer(Generic[Item]):
                 one.done.set_exception(one.error)
         self._is_gathering = bool(self._waiting)
         if self._waiting:
-            self._gather(loop, 0)
+            self._gather(loop, loop.time() + GATHERING_S)
 
     def _store(self, batch: list[_Waiting[Item]]) -> None:
         kept = False
