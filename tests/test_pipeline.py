@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from grader import pipeline
-from grader.domain.quiz import CodeQuestion
+from grader.answers import grade_answer
+from grader.domain.quiz import CodeQuestion, Question
 from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
-from grader.domain.verdict import Status
+from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.exercises import Plan, prepare_exercise
 from grader.library import Library, load
@@ -227,3 +228,37 @@ def test_ten_thousand_ground_comments_do_not_give_a_seed_away() -> None:
     assert not {int(digest[:8], 16) for digest in digests} & set(seeds)
     assert 2**52 < max(seeds) < 2**53
     assert float(max(seeds)) == max(seeds)
+
+
+def test_the_same_short_answer_gets_the_verdict_that_was_made_before(
+    library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graded = []
+
+    def grade(question: Question, answer: object) -> Verdict:
+        graded.append(answer)
+        return grade_answer(question, answer)
+
+    monkeypatch.setattr(pipeline, "grade_answer", grade)
+    monkeypatch.setattr(pipeline, "KEPT_VERDICTS", 2)
+    grader = Pipeline(library)
+    first = grader.grade("1.3-check", "q1", 1)
+    assert grader.grade("1.3-check", "q1", 1) == first
+    assert grader.grade("1.3-check", "q1", 0).status is not first.status
+    assert grader.grade("1.3-check", "q1", True).status is Status.INVALID_ANSWER  # 1 and true are two answers
+    assert graded == [1, 0, True]
+    assert grader.grade("1.3-check", "q2", "5 ms").status is Status.CORRECT  # a third verdict: all others are forgotten
+    assert grader.grade("1.3-check", "q1", 1).points == first.points
+    assert graded == [1, 0, True, "5 ms", 1]
+    for _ in range(2):
+        grader.grade("1.3-check", "q2", "5 ms" + 200 * " ")
+    assert graded[5:] == ["5 ms" + 200 * " "] * 2
+
+
+def test_a_fault_of_ours_is_not_kept(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    grader = Pipeline(library)
+    with monkeypatch.context() as broken:
+        broken.setattr(pipeline, "grade_answer", None)
+        fault = grader.judge(grader.read("1.3-check", "q1", 1))
+    assert fault.status is Status.GRADER_FAULT
+    assert grader.grade("1.3-check", "q1", 1).status is not Status.GRADER_FAULT
