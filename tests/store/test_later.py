@@ -127,7 +127,7 @@ def put_together(database: Database, items: list[int], keep: Callable[[Session, 
 
     async def put() -> list[Any]:
         writer = Writer(database, keep)
-        waiting = [asyncio.create_task(writer.put(item)) for item in items]
+        waiting = [asyncio.create_task(writer.put(item, lambda: None)) for item in items]
         await asyncio.sleep(0)
         writer.start()
         said = await asyncio.gather(*waiting, return_exceptions=True)

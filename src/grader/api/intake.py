@@ -1,4 +1,4 @@
-"""Handing in an answer: read and graded or queued, and stored by the writer. It serves the route that must be fast.
+"""Reading an answer that is handed in, and grading it where that is instant, for the route that must be fast.
 
 FastAPI documents the route by its signature, but does not call it: here a body is validated once, and the response is
 serialised once, without a change of threads where the answer is short.
@@ -14,7 +14,7 @@ from starlette.requests import Request
 
 from grader.api.context import Context
 from grader.courses.external import checked, learner_behind
-from grader.courses.handing_in import Answer, Receipt
+from grader.courses.handing_in import Answer
 from grader.errors import CallerError
 from grader.identity import Identity
 from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
@@ -53,24 +53,23 @@ class OnBehalfBody(AnswerBody):
 Body = TypeVar("Body", bound=AnswerBody)
 
 
-async def accept(context: Context, who: Identity, raw: bytes, key: str | None) -> Receipt:
-    """Stores an answer, with its verdict where that is instant, else with a job for a worker.
+async def own_answer(context: Context, who: Identity, raw: bytes, key: str | None) -> Answer:
+    """The answer in the body of a request; the same idempotency `key` makes it the same submission.
 
-    The same idempotency `key` with the same answer gives the first receipt again.
-    Raises Unauthorized, NotFound, Conflict, TooLarge, Unprocessable, TooManyRequests, RequestValidationError.
+    Raises NotFound, TooLarge, Unprocessable, RequestValidationError.
     """
 
     def read_own() -> Answer:
         return read(context, who, parsed(AnswerBody, raw), key)
 
-    answer = read_own() if len(raw) <= SHORT_BYTES else await run_in_threadpool(read_own)
-    return await stored(context, answer)
+    return read_own() if len(raw) <= SHORT_BYTES else await run_in_threadpool(read_own)
 
 
-async def accept_on_behalf(context: Context, service: Identity, raw: bytes, key: str | None) -> Receipt:
-    """As `accept`, for the learner whom the body names. The request counts as theirs; the service's if it names none.
+async def answer_on_behalf(context: Context, service: Identity, raw: bytes, key: str | None) -> Answer:
+    """As `own_answer`, for the learner whom the body names. The request counts as theirs; the service's without a name.
 
-    A learner becomes a member only with an answer that can be read. Raises Forbidden for one who was removed.
+    A learner becomes a member only with an answer that can be read. Raises Forbidden for one who was removed, and
+    TooManyRequests.
     """
     try:
         body = await run_in_threadpool(parsed, OnBehalfBody, raw)
@@ -84,16 +83,7 @@ async def accept_on_behalf(context: Context, service: Identity, raw: bytes, key:
         answer = read(context, service, body, key)
         return replace(answer, who=learner_behind(context.database, service, learner, body.learner.name))
 
-    return await stored(context, await run_in_threadpool(read_theirs))
-
-
-async def stored(context: Context, answer: Answer) -> Receipt:
-    """Stores an answer that was read. Raises Unauthorized, Conflict, Unprocessable, TooManyRequests."""
-    await context.writer.put(answer)
-    if isinstance(answer.outcome, CallerError):
-        raise answer.outcome
-    assert answer.outcome is not None
-    return answer.outcome
+    return await run_in_threadpool(read_theirs)
 
 
 def parsed(shape: type[Body], raw: bytes) -> Body:

@@ -8,7 +8,7 @@ from starlette.routing import Route
 
 from grader.api.admission import ON_BEHALF
 from grader.api.context import AppContext, Service, service
-from grader.api.intake import OnBehalfBody, accept_on_behalf
+from grader.api.intake import OnBehalfBody, answer_on_behalf
 from grader.api.problems import documented
 from grader.api.submissions import SubmissionView, answered, document
 from grader.errors import NotFound
@@ -20,7 +20,7 @@ router = APIRouter()
 
 async def hand_in_on_behalf(request: Request) -> Response:
     """Reads, stores and answers as `/submissions` does, for the learner whom the body names."""
-    return await answered(request, HAND_IN_ON_BEHALF, service, accept_on_behalf)
+    return await answered(request, ON_BEHALF, service, answer_on_behalf)
 
 
 HAND_IN_ON_BEHALF = Route(ON_BEHALF, hand_in_on_behalf, methods=["POST"])

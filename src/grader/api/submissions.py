@@ -16,12 +16,12 @@ from starlette.routing import Route
 
 from grader.api.admission import SUBMISSIONS, authenticate_again
 from grader.api.context import AppContext, Context, Learner, context_in, learner
-from grader.api.intake import AnswerBody, accept, is_json, key_of
+from grader.api.intake import AnswerBody, is_json, key_of, own_answer
 from grader.api.paging import Page, PageParams, page_of
 from grader.api.problems import documented
 from grader.courses.audit import Action, record
 from grader.courses.blinding import Blinded, blinded
-from grader.courses.handing_in import Receipt
+from grader.courses.handing_in import Answer, Receipt
 from grader.courses.policy import Shown
 from grader.courses.standing import Standing, require_opened, shown_verdict, standing_of
 from grader.courses.stopping import stop
@@ -67,30 +67,38 @@ class Interpretation(BaseModel):
 
 async def hand_in(request: Request) -> Response:
     """Reads, stores and answers."""
-    return await answered(request, HAND_IN, learner, accept)
+    return await answered(request, SUBMISSIONS, learner, own_answer)
 
 
 async def answered(
     request: Request,
-    route: Route,
+    path: str,
     caller: Callable[[Request], Awaitable[Identity]],
-    take: Callable[[Context, Identity, bytes, str | None], Awaitable[Receipt]],
+    read: Callable[[Context, Identity, bytes, str | None], Awaitable[Answer]],
 ) -> Response:
-    """Answers a request that hands in: `caller` says who may, `take` stores the answer. Its Location is in `route`."""
+    """Answers a request that hands in at a path: `caller` says who may, `read` reads the answer.
+
+    Raises Unauthorized, Forbidden, NotFound, Conflict, TooLarge, Unprocessable, TooManyRequests, HTTPException,
+    RequestValidationError.
+    """
     context = context_in(request.app)
     try:
         who = await caller(request)
         if not is_json(request):
             raise Unprocessable("Send the answer as application/json.")
-        receipt = await take(context, who, await request.body(), key_of(request))
+        answer = await read(context, who, await request.body(), key_of(request))
+        return await context.writer.put(answer, lambda: created(path, answer.receipt()))
     except (CallerError, HTTPException, RequestValidationError):
         await authenticate_again(request.scope, context.database)
         raise
+
+
+def created(path: str, receipt: Receipt) -> Response:
+    """The response to an answer that was taken: its submission lies below the path."""
     submission = receipt.submission
     shown = {"seed": None, **view_for(receipt.standing, submission, receipt.verdict)}
-    body = to_json(shown, inf_nan_mode="null")
-    headers = {"Location": f"{route.path}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
-    return Response(body, receipt.http_status, headers, "application/json")
+    headers = {"Location": f"{path}/{submission.id}", "ETag": etag_for(receipt.standing, submission, shown)}
+    return Response(to_json(shown, inf_nan_mode="null"), receipt.http_status, headers, "application/json")
 
 
 HAND_IN = Route(SUBMISSIONS, hand_in, methods=["POST"])

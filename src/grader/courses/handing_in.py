@@ -58,6 +58,13 @@ class Answer:
     outcome: Receipt | CallerError | None = None
     """Set by `hand_in`."""
 
+    def receipt(self) -> Receipt:
+        """The outcome, once `hand_in` has set it. Raises it where the answer was refused."""
+        if isinstance(self.outcome, CallerError):
+            raise self.outcome
+        assert self.outcome is not None
+        return self.outcome
+
     @cached_property
     def at(self) -> LearnerAt:
         """The learner at the question."""

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import structlog
 from sqlalchemy.exc import DataError, IntegrityError, InterfaceError, OperationalError
@@ -30,6 +30,7 @@ ROW_ERRORS = (IntegrityError, DataError)
 """What a database says of rows that it refuses, on PostgreSQL with the commit: nothing of the transaction is stored."""
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 log = structlog.get_logger()
 
@@ -37,8 +38,32 @@ log = structlog.get_logger()
 @dataclass(eq=False)
 class _Waiting(Generic[Item]):
     item: Item
-    done: asyncio.Future[None]
+    meanwhile: Callable[[], Any]
+    done: asyncio.Future[Any]
+    result: Any = None
+    """What `meanwhile` returned or raised."""
     error: Exception | None = None
+    """Why the item is not stored."""
+
+    def prepare(self) -> None:
+        """Calls `meanwhile`, unless its client has gone."""
+        if self.done.done():
+            return
+        try:
+            self.result = self.meanwhile()
+        except Exception as error:
+            self.result = error
+
+    def wake(self) -> None:
+        """Wakes the client, unless it has gone."""
+        if self.done.done():
+            return
+        if self.error is not None:
+            self.done.set_exception(self.error)
+        elif isinstance(self.result, Exception):
+            self.done.set_exception(self.result)
+        else:
+            self.done.set_result(self.result)
 
 
 class Writer(Generic[Item]):
@@ -67,20 +92,22 @@ class Writer(Generic[Item]):
             self._due.put(None)
             self._thread.join()
 
-    async def put(self, item: Item) -> None:
+    async def put(self, item: Item, meanwhile: Callable[[], Result]) -> Result:
         """Returns once the item is committed; it is also stored if the caller has gone by then.
 
-        Raises what `keep` or the commit raised, and TooManyRequests.
+        What it returns is made by `meanwhile`: the event loop calls it after `keep`, while the database stores.
+        Raises what `keep`, the commit or `meanwhile` raised, and TooManyRequests.
         """
         if self._closing or len(self._waiting) >= WAITING_MAX:
             raise TooManyRequests("Too many answers wait to be stored.", 1)
         loop = asyncio.get_running_loop()
-        waiting = _Waiting(item, loop.create_future())
+        waiting = _Waiting(item, meanwhile, loop.create_future())
         self._waiting.append(waiting)
         if not self._is_gathering:
             self._is_gathering = True
             self._gather(loop, loop.time() + GATHERING_S)
-        await waiting.done
+        result: Result = await waiting.done
+        return result
 
     def _gather(self, loop: asyncio.AbstractEventLoop, until: float, before: int = 0, quiet_turns: int = 0) -> None:
         """Lets the thread store what waits, as soon as the event loop has nothing more to read."""
@@ -103,21 +130,13 @@ class Writer(Generic[Item]):
                 return
 
     def _tell(self, batch: Sequence[_Waiting[Item]]) -> None:
-        """Wakes those who wait for a batch: one call into their event loop for all of them."""
         loop = batch[0].done.get_loop()
-        try:
-            loop.call_soon_threadsafe(self._wake, loop, batch)
-        except RuntimeError:  # the loop is closed: nobody waits any more
+        if not call_in(loop, self._wake, loop, batch):
             self._is_gathering = False
 
     def _wake(self, loop: asyncio.AbstractEventLoop, batch: Sequence[_Waiting[Item]]) -> None:
         for one in batch:
-            if one.done.done():  # its client has gone
-                continue
-            if one.error is None:
-                one.done.set_result(None)
-            else:
-                one.done.set_exception(one.error)
+            one.wake()
         self._is_gathering = bool(self._waiting)
         if self._waiting:
             self._gather(loop, loop.time() + GATHERING_S)
@@ -128,6 +147,7 @@ class Writer(Generic[Item]):
             with self._database.write() as session:
                 self._keep(session, [one.item for one in batch])
                 kept = True
+                call_in(batch[0].done.get_loop(), prepare, batch)
         except Exception as error:
             may_be_stored = kept and not isinstance(error, ROW_ERRORS)
             if may_be_stored or len(batch) == 1 or isinstance(error, OperationalError | InterfaceError):
@@ -137,3 +157,18 @@ class Writer(Generic[Item]):
             log.warning("a batch failed, its items are stored one by one", error=type(error).__name__)
             for one in batch:
                 self._store([one])
+
+
+def prepare(batch: Sequence[_Waiting[Any]]) -> None:
+    """Makes what is returned for the items of a batch."""
+    for one in batch:
+        one.prepare()
+
+
+def call_in(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *arguments: Any) -> bool:
+    """Calls a function in an event loop; returns whether it can: nobody waits in one that is closed."""
+    try:
+        loop.call_soon_threadsafe(function, *arguments)
+    except RuntimeError:
+        return False
+    return True

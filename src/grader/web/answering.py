@@ -129,15 +129,11 @@ async def take(pages: PageContext, who: Identity, quiz_id: str, question: Questi
     """Hands in what was typed. Raises Refused if it cannot be read or is not taken now, and Unauthorized."""
     try:
         answer = await run_in_threadpool(read, pages, who, quiz_id, question, typed=typed, after=after)
-        await pages.writer.put(answer)
+        await pages.writer.put(answer, answer.receipt)
     except (NotFound, Unauthorized):
         raise
     except CallerError as error:
         raise Refused(str(error), STATUSES.get(type(error), 422)) from error
-    if isinstance(answer.outcome, Unauthorized):
-        raise answer.outcome
-    if isinstance(answer.outcome, CallerError):
-        raise Refused(str(answer.outcome), STATUSES.get(type(answer.outcome), 422))
 
 
 def read(pages: PageContext, who: Identity, quiz_id: str, question: Question, *, typed: str, after: str) -> Answer:
