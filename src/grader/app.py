@@ -213,6 +213,7 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         app,
         http=TimedProtocol,
         ws="none",
+        loop="uvloop",
         host=settings.host,
         port=settings.port,
         log_config=None,
