@@ -6,7 +6,7 @@ Each process of pytest-xdist has a PostgreSQL database of its own: NOTIFY and ad
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -46,6 +46,14 @@ def database_url(backend: str, folder: Path, *, empty: bool = False) -> Iterator
             yield url.render_as_string(hide_password=False)
         finally:
             connection.execute(f"DROP SCHEMA {schema} CASCADE")
+
+
+@contextmanager
+def open_database(backend: str, folder: Path) -> Iterator[Database]:
+    """A database with the newest tables and no rows."""
+    with database_url(backend, folder) as url, closing(Database(url)) as database:
+        database.migrate()
+        yield database
 
 
 @cache

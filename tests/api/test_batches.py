@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from typing import Any
@@ -9,10 +10,11 @@ from typing import Any
 import httpx
 import pytest
 from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
 from grader.accounts import revoke_tokens
 from grader.courses import handing_in
-from grader.store import tables
+from grader.store import answers, tables
 from grader.store.tables import Event, IdempotencyKey, Result, ResultRevision, Submission, VerdictRow
 from sites import Site
 
@@ -76,6 +78,22 @@ def test_answers_of_many_learners_leave_every_row_once(either_site: Site, one_ba
     }  # fmt: skip
     for client, one in zip(clients, made, strict=True):
         assert client.get(one.headers["location"]).json() == one.json()
+
+
+def test_a_result_that_an_answer_does_not_change_is_not_written(
+    either_site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ann, put, written = either_site.client("ann"), answers.put_results, list[int]()
+
+    def noted(session: Session, changed: Sequence[Result], told: Sequence[dict[str, Any]]) -> None:
+        written.append(len(changed))
+        put(session, changed, told)
+
+    monkeypatch.setattr(answers, "put_results", noted)
+    for option in (0, 0, 1, 0):  # wrong, the same again, right, and what does not count any more
+        hand_in(ann, "q1", option)
+    assert written == [1, 0, 1, 0]
+    assert counts(either_site)["feed"] == 2
 
 
 def test_attempts_of_one_learner_in_one_batch_are_numbered_and_limited(

@@ -23,7 +23,7 @@ from hypothesis.stateful import (
 )
 from sqlalchemy import delete, select
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, database_url, open_database
 from grader.content import Archive, Content
 from grader.courses import regrades, regrading
 from grader.courses import results as counting
@@ -179,11 +179,8 @@ class Course:
 
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    with database_url(request.param, tmp_path_factory.mktemp("data")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("data")) as database:
         yield database
-        database.close()
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.courses import results as counting
 from grader.courses.policy import Attempt, counted
 from grader.courses.results import New
@@ -53,11 +53,8 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
 
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    with database_url(request.param, tmp_path_factory.mktemp("data")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("data")) as database:
         yield database
-        database.close()
 
 
 @pytest.fixture

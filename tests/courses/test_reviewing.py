@@ -13,7 +13,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.courses import recomputing, results, reviews
 from grader.courses.blinding import blinded
 from grader.courses.desk import Desk
@@ -59,11 +59,8 @@ def libraries(tmp_path_factory: pytest.TempPathFactory) -> list[Library]:
 
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    with database_url(request.param, tmp_path_factory.mktemp("data")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("data")) as database:
         yield database
-        database.close()
 
 
 @dataclass

@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.courses.stuck import RECENT, Stuck, stuck_in
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
@@ -25,11 +25,8 @@ numbers = count(1)
 
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    with database_url(request.param, tmp_path_factory.mktemp("data")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("data")) as database:
         yield database
-        database.close()
 
 
 @pytest.fixture

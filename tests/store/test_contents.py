@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.content import Archive, Content, Contents
 from grader.errors import ContentError, ContentLost, Fault
 from grader.library import Library, load, load_files
@@ -22,11 +22,8 @@ MODEL = "<mujoco><worldbody/></mujoco>"
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         yield database
-        database.close()
 
 
 def write(root: Path, answer: int, *quizzes: str) -> Path:

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import bindparam, func, literal, select, text
 from sqlalchemy.exc import DataError, IntegrityError, OperationalError, ProgrammingError
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.store.database import Database
 from grader.store.direct import DirectQuery
 from grader.store.driver import driver_of
@@ -21,9 +21,7 @@ EXPIRES = datetime(2031, 5, 6, 7, 8, 9, 123456, tzinfo=UTC)
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         with database.write() as session:
             insert_rows(session, Member, [MEMBER])
             session.add(
@@ -33,7 +31,6 @@ def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Databas
                 )
             )  # fmt: skip
         yield database
-        database.close()
 
 
 def test_rows_are_those_of_sqlalchemy(database: Database) -> None:

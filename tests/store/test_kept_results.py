@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.api.gradebook import lines_by_name
 from grader.courses.gradebook import Column, Form, Sheet, SheetLines
 from grader.courses.kept import Parts
@@ -34,12 +34,9 @@ SHEET = Sheet(COURSE.name, tuple(Column(COURSE.quiz, f"q{n}", f"Title {n}", 1.0)
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         seed(database, COURSE)
         yield database
-        database.close()
 
 
 def change(database: Database, chance: random.Random) -> None:

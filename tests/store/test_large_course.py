@@ -10,7 +10,7 @@ import httpx
 import pytest
 from sqlalchemy import func, select, update
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, database_url, open_database
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
@@ -130,12 +130,9 @@ def test_one_changed_result_costs_as_little(large: Site, teacher: httpx.Client, 
 
 @pytest.fixture(params=BACKENDS)
 def small(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         seed(database, Course(learners=30, questions=2, submissions=1200))
         yield database
-        database.close()
 
 
 def counts(database: Database) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -12,7 +13,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import DataError, IntegrityError, OperationalError
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.content import Contents
 from grader.courses.handing_in import Answer, Receipt, hand_in
 from grader.courses.tokens import create_token
@@ -28,13 +29,10 @@ HANDING_IN = 2
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         with database.write() as session:
             session.execute(text("CREATE TABLE notes (id int PRIMARY KEY, said text)"))
         yield database
-        database.close()
 
 
 def note(session: Session, number: int) -> None:
@@ -183,3 +181,19 @@ def test_answers_take_two_round_trips_however_many_they_are(database: Database, 
     counts = [round_trips(database, partial(hand_in, database, waiting=batch)) for batch in (taken[:1], taken[1:])]
     assert counts == [HANDING_IN, HANDING_IN]
     assert all(isinstance(one.outcome, Receipt) for one in taken)
+
+
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_what_is_asked_of_answers_is_planned_once(database: Database, tmp_path: Path) -> None:
+    """A prepared statement that PostgreSQL plans for its values is planned with every batch."""
+    taken = answers_on(database, tmp_path)
+    for _ in range(10):
+        with database.write() as session:
+            hand_in(database, session, [replace(one, key=None) for one in taken])
+    planned = text(
+        "SELECT generic_plans, custom_plans FROM pg_prepared_statements WHERE statement LIKE 'SELECT results%'"
+    )
+    with database.read() as session:
+        ((kept, anew),) = session.execute(planned).all()
+    assert kept > 0
+    assert anew == 0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import literal, select
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.store import people
 from grader.store.database import Database
 from grader.store.names import Folded, folded, holds
@@ -19,14 +19,11 @@ NAMES = ("Zoë", "ada", "Émile", "eva_1", "Eva 50%", "Ångström", "Øre", "a/b
 
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    with database_url(request.param, tmp_path_factory.mktemp("names")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("names")) as database:
         with database.write() as session:
             for name in NAMES:
                 session.add(Member(id=name, course="c", name=name, role="student", account=name))
         yield database
-        database.close()
 
 
 def test_they_are_sorted_as_a_reader_expects(database: Database) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, select, update
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.courses import people
 from grader.courses.sign_in import PRUNED, start_session
 from grader.domain.verdict import Status, Verdict
@@ -23,11 +23,8 @@ VERDICT = Verdict(status=Status.CORRECT, points=1, max_points=1)
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         yield database
-        database.close()
 
 
 def hand_in(database: Database, age: timedelta, number: int, *, graded: bool = True) -> str:

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, open_database
 from grader.store import results
 from grader.store.database import Database
 from grader.store.results import ORDERS, SHOWS, Ranking
@@ -25,14 +25,11 @@ REVIEWER = "tina"
 @pytest.fixture(scope="module", params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
     """A course in which some have not answered everything, wait, share a name, left, or have a first mark only."""
-    with database_url(request.param, tmp_path_factory.mktemp("ranking")) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path_factory.mktemp("ranking")) as database:
         seed(database, COURSE)
         with database.write() as session:
             scramble(session, random.Random(5))
         yield database
-        database.close()
 
 
 def scramble(session: Session, chance: random.Random) -> None:

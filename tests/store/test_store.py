@@ -13,7 +13,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import MetaData, select, text
 from sqlalchemy.exc import IntegrityError
 
-from databases import BACKENDS, database_url
+from databases import BACKENDS, database_url, open_database
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
@@ -27,11 +27,8 @@ from grader.store.tables import Base, Submission, VerdictRow, new_id
 
 @pytest.fixture(params=BACKENDS)
 def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    with database_url(request.param, tmp_path) as url:
-        database = Database(url)
-        database.migrate()
+    with open_database(request.param, tmp_path) as database:
         yield database
-        database.close()
 
 
 def an_answer(user: str = "ann", question: str = "q1", course: str = "c") -> Submission:

@@ -70,6 +70,7 @@ def test_no_item_waits_for_an_event_loop_that_is_never_quiet(
 ) -> None:
     batches = Batches(database)
     monkeypatch.setattr(writers, "BATCH_MAX", 10**6)
+    monkeypatch.setattr(writers, "WAITING_MAX", 10**6)  # thousands come in GATHERING_S
 
     async def put() -> None:
         async with batches.started() as writer:

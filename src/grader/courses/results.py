@@ -68,10 +68,10 @@ def count_new(session: Session, new: Sequence[New], found: Mapping[LearnerAt, Fo
             averages[one.key] = one.library
         elif (values := with_new(one, here)) is not None:
             columns, rows = results.change(here.result, one.key, values)
-            if here.result is None:
-                here.result = plain(Result, columns)
-            vars(here.result).update(columns)
-            changed[one.key] = here.result
+            if columns:
+                here.result = here.result or plain(Result, {})
+                vars(here.result).update(columns)
+                changed[one.key] = here.result
             told += rows
             if values["submission_id"] == one.submission.id:
                 here.source = source_of(one.submission, one.verdict)

@@ -55,7 +55,7 @@ ANALYZED_AT = (100, 1_000, 10_000)
 LOCK_ALL = (
     "SELECT pg_advisory_xact_lock(key), set_config('enable_seqscan', 'off', true), "
     "set_config('enable_hashjoin', 'off', true), set_config('enable_mergejoin', 'off', true), "
-    "set_config('enable_material', 'off', true) "
+    "set_config('enable_material', 'off', true), set_config('plan_cache_mode', 'force_generic_plan', true) "
     "FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
     "FROM json_array_elements_text(CAST(%(names)s AS json)) AS name ORDER BY key) AS keys"
 )
@@ -128,7 +128,8 @@ class Database:
     def lock_learners(self, session: Session, learners: Iterable[tuple[str, str]]) -> None:
         """As `lock_learner`, for several (course, learner) at once: in one order, so that nobody waits in a circle.
 
-        Until the end of the transaction PostgreSQL finds rows by their indices, also where it has no statistics yet.
+        Until the end of the transaction PostgreSQL finds rows by their indices, also where it has no statistics yet,
+        and plans no prepared statement anew for its values.
         """
         if not self.is_sqlite:
             names = json.dumps([f"{course}\n{learner}" for course, learner in learners])
