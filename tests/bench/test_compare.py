@@ -40,6 +40,15 @@ def test_another_number_is_named(theirs: Any) -> None:
     assert others.endswith("beside 0.001: scenes, two_bodies, flags, 5, largest_difference")
 
 
+def test_rows_are_found_where_a_machine_has_fewer_of_them() -> None:
+    ours, theirs = (load_results(DOCS / "measured")["service"] for _ in range(2))
+    theirs["loads"] = [row for row in theirs["loads"] if row.get("backend") != "postgresql"]
+    _, ratios, _ = compare(ours, theirs)
+    assert ratios.startswith(f"  {len(list(ratios_of(theirs)))} ratios: theirs over ours 1.00 at the median")
+    assert "1.00 to 1.00 in the middle 80 %" in ratios
+    assert "furthest apart 1.00" in ratios
+
+
 def test_the_command_names_the_sentences_that_the_second_machine_denies(
     theirs: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

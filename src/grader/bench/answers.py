@@ -40,8 +40,8 @@ START_S = 120.0
 PATH = "/api/v1/submissions"
 ANSWER = {"quiz": "1.3-check", "question": "q1", "answer": 1}
 TABLE = "CREATE TABLE IF NOT EXISTS answers (id text PRIMARY KEY, body text NOT NULL)"
-LEARNERS = 20
-"""On each connection."""
+LEARNERS = 2000
+"""On all connections: each makes some thirty attempts."""
 UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000", "GRADER_WORKERS": "0"}
 
 
@@ -151,6 +151,10 @@ class Client:
         """Opens a new connection: a server closes those that are idle."""
         self.socket = socket.create_connection(("127.0.0.1", self.port), timeout=60)
 
+    def close(self) -> None:
+        """Closes the connection."""
+        self.socket.close()
+
     def answer(self) -> float:
         """Sends the answer; the time until the whole response is there [s]. Raises RuntimeError without a 201."""
         begin = time.perf_counter()
@@ -180,32 +184,30 @@ def request_with(token: str, port: int) -> bytes:
     return f"{head}Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body
 
 
+def together(clients: list[Client], work: Callable[[Client], list[float]]) -> list[float]:
+    """The times of all clients [s], which work at once, on new connections: a server closes those that are idle."""
+    for client in clients:
+        client.close()
+        client.connect()
+    with ThreadPoolExecutor(len(clients)) as pool:
+        return [time_s for times in pool.map(work, clients) for time_s in times]
+
+
 def first_answers(clients: list[Client]) -> None:
     """Every learner answers once: the service looks up a credential when it is used for the first time."""
-
-    def all_of(client: Client) -> None:
-        for _ in range(client.learners):
-            client.answer()
-
-    with ThreadPoolExecutor(len(clients)) as pool:
-        list(pool.map(all_of, clients))
+    together(clients, lambda client: [client.answer() for _ in range(client.learners)])
 
 
 def burst(clients: list[Client], seconds: float) -> list[float]:
     """Every client sends one answer after the other for so long; the times of all [s]."""
-    for client in clients:
-        client.socket.close()
-        client.connect()
-    until = time.perf_counter() + seconds
 
     def one(client: Client) -> list[float]:
-        times = []
+        until, times = time.perf_counter() + seconds, []
         while time.perf_counter() < until:
             times.append(client.answer())
         return times
 
-    with ThreadPoolExecutor(len(clients)) as pool:
-        return [time_s for times in pool.map(one, clients) for time_s in times]
+    return together(clients, one)
 
 
 def beside_bare(backend: str, students: int, rounds: int, seconds: float) -> Record:
@@ -216,7 +218,7 @@ def beside_bare(backend: str, students: int, rounds: int, seconds: float) -> Rec
     with ExitStack() as stack:
         urls = [stack.enter_context(database_of(backend)) for _ in range(2)]
         ports = [free_port(), free_port()]
-        tokens = tokens_on(urls[1], students * LEARNERS)
+        tokens = tokens_on(urls[1], LEARNERS)
         pids = [stack.enter_context(process(["-m", "grader.bench.answers", urls[0], str(ports[0])], ports[0]))]
         serve = [
             "-c",
@@ -230,6 +232,8 @@ def beside_bare(backend: str, students: int, rounds: int, seconds: float) -> Rec
         pids.append(stack.enter_context(process(serve, ports[1], **UNLIMITED, GRADER_DATABASE_URL=urls[1])))
         bare, ours = ([Client(port, tokens[place::students]) for place in range(students)] for port in ports)
         for clients in (bare, ours):
+            for client in clients:
+                stack.callback(client.close)
             first_answers(clients)
             burst(clients, 0.5)
         before = [cpu_s(pid) for pid in pids]

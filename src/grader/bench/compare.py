@@ -17,7 +17,10 @@ from grader.bench.claims import Results
 from grader.bench.measured import STUDIES, fill, load_results
 
 CIRCUMSTANCES = {"machine", "versions", "quick", "measurements", "interval", "yardstick_s", "fixed_us", "reset_us"}
-"""Keys whose numbers are of the machine or belong to a ratio; the fronts also hold costs."""
+"""Keys whose numbers are of the machine or belong to a ratio; the fronts also hold costs, and the service has rates."""
+
+NAMING = ("part", "backend", "students", "script", "workers")
+"""Keys that say what a row of a list is, wherever it stands: a machine without PostgreSQL has fewer rows."""
 
 
 def ratios_of(results: Any, path: str = "") -> Iterator[tuple[str, Results]]:
@@ -28,13 +31,14 @@ def ratios_of(results: Any, path: str = "") -> Iterator[tuple[str, Results]]:
         yield from ratios_of(one, f"{path}{name}, ")
     for number, one in enumerate(results if isinstance(results, list) else ()):
         if isinstance(one, dict) and "ratio" in one:
-            yield f"{path}{one.get('part', number)}", one
+            said = ", ".join(str(one[name]) for name in NAMING if name in one)
+            yield f"{path}{said or number}", one
 
 
 def others_of(results: Any, path: str = "") -> Iterator[tuple[str, float]]:
     """Every other number: errors, orders, shares, counts."""
     for name, one in results.items() if isinstance(results, dict) else ():
-        if name not in CIRCUMSTANCES | {"ratio", "pareto"}:
+        if name not in CIRCUMSTANCES | {"ratio", "pareto", "loads"}:
             yield from others_of(one, f"{path}{name}, ")
     for number, one in enumerate(results if isinstance(results, list) else ()):
         yield from others_of(one, f"{path}{number}, ")

@@ -20,10 +20,11 @@ import typer
 from grader.bench import run
 from grader.bench.claims import CLAIMS, Denied, Results
 from grader.bench.scenes import words
+from grader.bench.service_claims import service_rows
 from grader.bench.skip import IN_C, SKIPPING, STAGES, TIMER
 from grader.bench.stability import LOOK, SECONDS, Class
 
-STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
+STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "service")
 """The studies whose results are committed."""
 
 COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium"}
@@ -37,6 +38,8 @@ WIDTH = 120
 
 ERRORS = tuple(f"1e-{k:02}" for k in range(1, 11))
 SHOWN_ERRORS = ERRORS[1:8:2]
+
+DATABASES = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}
 
 Rows = Callable[[Results], Iterator[tuple[str, ...]]]
 BLOCKS: dict[str, Callable[[Results], str]] = {}
@@ -315,6 +318,27 @@ def models(results: Results) -> Iterator[tuple[str, ...]]:
         fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
         cells = (times(one["skipping"]), times(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
         yield words(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
+
+
+@table(
+    *("database", "learners at once", "answers a second", "beside the bare route", "median", "95 of 100", "99 of 100"),
+    *("CPU time of an answer", "of the bare route's"),
+)
+def answers(results: Results) -> Iterator[tuple[str, ...]]:
+    """Choice answers beside a bare route: rates, wall times and the servers' CPU times."""
+    for row in service_rows(results, "beside"):
+        waits = (f"{1e3 * row[name]:.1f} ms" for name in ("median_s", "p95_s", "p99_s"))
+        costs = (f"{1e3 * row[name]:.2f} ms" for name in ("cpu_s", "bare_cpu_s"))
+        rate, ratio = f"{row['per_second']:.0f}", f"x{row['ratio']:.2f}"
+        yield DATABASES[row["backend"]], str(row["students"]), rate, ratio, *waits, *costs
+
+
+@table("scripts", "workers", "scripts a second", "beside one worker", "busy cores", "CPU time of a script")
+def workers(results: Results) -> Iterator[tuple[str, ...]]:
+    """Queued scripts, worked off by more and more grading processes."""
+    for row in service_rows(results, "workers"):
+        rate, ratio = f"{row['per_second']:.2g}", f"x{row['ratio']:.2f}"
+        yield row["script"], str(row["workers"]), rate, ratio, f"{row['cores']:.2f}", f"{1e3 * row['cpu_s']:.0f} ms"
 
 
 @table("scene", *(f"error {error}" for error in SHOWN_ERRORS), "timer x C x skipping")

@@ -26,7 +26,7 @@ from grader.numerics.process import prepare
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
 ROOM = Path(__file__).parent
-UNRELATED = {"__init__", "claims", "compare", "floors", "lines", "loops", "measured"}
+UNRELATED = {"__init__", "claims", "compare", "floors", "lines", "loops", "measured", "service_claims"}
 """Modules of this package that take no part in a study's measurements."""
 
 NOT_MEASURING = ("draw", "summarise", "rows")

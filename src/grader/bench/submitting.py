@@ -1,0 +1,120 @@
+"""Students of the real server: its jail and its database, over HTTP, in a process of its own, without rate limits."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from http.client import HTTPConnection
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.request import urlopen
+
+from grader.bench.answers import free_port
+from grader.settings import Settings
+
+GRADER = Path(sys.executable).parent / "grader"
+START_S = 120.0
+GRADED_S = 60.0
+UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
+
+SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
+"""Costs the jail a whole run and the grader a whole certificate, whatever the verdict."""
+
+JUDGED = {
+    "servo-threshold": "correct__the_lessons_script_and_a_bisection.py",
+    "rk4-step": "correct__classical.py",
+    "rk4-free-joint": "correct__quaternion_derivative.py",
+}
+"""Right answers; the last is judged by its convergence, which costs most."""
+
+
+class Client:
+    """One student with one connection."""
+
+    def __init__(self, port: int, token: str, server: int) -> None:
+        self.server = server  # its process id
+        self.connection = HTTPConnection("127.0.0.1", port, timeout=GRADED_S)
+        self.headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+
+    def request(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+        """Status and JSON of a call under /api/v1."""
+        self.connection.request(method, f"/api/v1{path}", json.dumps(body) if body else None, self.headers)
+        answer = self.connection.getresponse()
+        return answer.status, json.loads(answer.read())
+
+    def answer(self) -> None:
+        """Submit a typed number and check its verdict."""
+        status, body = self.request("POST", "/submissions", {"quiz": "1.3-check", "question": "q2", "answer": "5 ms"})
+        require(status == 201 and body["verdict"]["status"] == "correct", body)
+
+    def hand_in(self, question: str, source: str) -> str:
+        """Submit a script of the exercises; the id of the submission."""
+        body = {"quiz": "1.3-exercises", "question": question, "answer": {"source": source}}
+        status, submission = self.request("POST", "/submissions", body)
+        require(status == 202, submission)
+        return str(submission["id"])
+
+    def heard(self, submission_id: str) -> dict[str, Any]:
+        """Listen to a submission's events until its verdict is there. Raises TimeoutError after GRADED_S."""
+        self.connection.request("GET", f"/api/v1/submissions/{submission_id}/events", None, self.headers)
+        events = self.connection.getresponse().read().decode()  # the stream ends with the verdict
+        data = [line.removeprefix("data: ") for line in events.splitlines() if line.startswith("data: ")]
+        verdict: dict[str, Any] = json.loads(data[-1])["verdict"]
+        require(verdict["status"] != "grader_fault", verdict)
+        return verdict
+
+    def graded(self, question: str, source: str) -> dict[str, Any]:
+        """The verdict on a script of the exercises, once it is heard."""
+        return self.heard(self.hand_in(question, source))
+
+
+def right_answer(exercise: str) -> str:
+    """The text of a reference solution."""
+    folder = Settings().content / "reference_solutions" / "1.3-exercises" / exercise
+    return (folder / JUDGED[exercise]).read_text(encoding="utf-8")
+
+
+def require(held: bool, body: Any) -> None:
+    """Raise RuntimeError for an unexpected answer: its time would say nothing."""
+    if not held:
+        raise RuntimeError(f"the service answered {body}")
+
+
+def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
+    """Return once /readyz answers 200. Raises RuntimeError where the server ended or took too long."""
+    end = time.perf_counter() + START_S
+    while time.perf_counter() < end and process.poll() is None:
+        with suppress(OSError), urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5):
+            return
+        time.sleep(0.1)
+    raise RuntimeError("the server did not become ready")
+
+
+def token_of(folder: str, user: str) -> str:
+    """A student's token."""
+    arguments = [str(GRADER), "token", "create", "--user", user, "--role", "student", "--data", folder]
+    return subprocess.check_output(arguments, text=True).strip()  # noqa: S603  our own command
+
+
+@contextmanager
+def served(students: int, **environment: str) -> Iterator[list[Client]]:
+    """A client for each student of `grader serve`, on a free port with fresh data and these settings."""
+    with TemporaryDirectory() as folder:
+        port = free_port()
+        arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
+        null, settings = subprocess.DEVNULL, os.environ | UNLIMITED | environment
+        process = subprocess.Popen(arguments, env=settings, stdout=null, stderr=null)  # noqa: S603  our own command
+        try:
+            wait_until_ready(process, port)
+            with ExitStack() as connections:
+                asking = [Client(port, token_of(folder, f"student{number}"), process.pid) for number in range(students)]
+                for client in asking:
+                    connections.callback(client.connection.close)
+                yield asking
+        finally:
+            process.terminate()
+            process.wait(30)
