@@ -82,7 +82,7 @@ bench-check: install ## fail where a speed ratio is below its floor or a cost ab
 	$(BIN)/python -m grader.bench.floors
 	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (18 minutes), and rewrite the figures of README.md and docs/measured.md
+measured: install ## measure all over again (half an hour), and rewrite the figures of README.md and docs/measured.md
 	$(BIN)/python -m grader.bench.measured docs $(PAGES) --work $(DATA)/bench
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
