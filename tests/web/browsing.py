@@ -3,10 +3,12 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright, sync_playwright
 
 from grader.app import create_app
 from grader.settings import Settings
@@ -27,17 +29,45 @@ def settings_in(folder: Path, workers: int = 1) -> Settings:
     return Settings(data=folder, workers=workers)
 
 
-@contextmanager
-def chromium(*more: str) -> Iterator[Browser]:
-    """Debian's Chromium, without a window; `more` are further options."""
-    path = shutil.which("chromium")
-    assert path, "chromium is missing: `make test` installs it"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu", *more])
+@dataclass
+class Chromium:
+    """Debian's Chromium, without a window. Where it has died it is launched again, so that one test fails and no more.
+
+    Raises AssertionError where it is missing.
+    """
+
+    playwright: Playwright
+    options: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.browser = self.launch()
+
+    def launch(self) -> Browser:
+        path = shutil.which("chromium")
+        assert path, "chromium is missing: `make test` installs it"
+        args = ["--no-sandbox", "--disable-gpu", *self.options]
+        return self.playwright.chromium.launch(executable_path=path, args=args)
+
+    def new_context(self, **options: Any) -> BrowserContext:
+        """Somebody's browser, with cookies of its own."""
         try:
-            yield browser
+            return self.browser.new_context(**options)
+        except Error:
+            if self.browser.is_connected():
+                raise
+        self.browser = self.launch()
+        return self.browser.new_context(**options)
+
+
+@contextmanager
+def chromium(*more: str) -> Iterator[Chromium]:
+    """A browser; `more` are further options."""
+    with sync_playwright() as playwright:
+        found = Chromium(playwright, more)
+        try:
+            yield found
         finally:
-            browser.close()
+            found.browser.close()
 
 
 def findings(page: Page) -> list[tuple[str, list[str]]]:

@@ -6,14 +6,14 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Locator, Page
 
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
 from grader.settings import Settings
 from sites import Site, open_site
-from web.browsing import chromium
+from web.browsing import Chromium, chromium
 
 ROOT = Path(__file__).parents[2]
 SOLUTIONS = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
@@ -32,7 +32,7 @@ WRONG: dict[str, tuple[int | str, ...]] = {
 }
 
 
-def student_page(site: Site, browser: Browser, target: Path) -> None:
+def student_page(site: Site, browser: Chromium, target: Path) -> None:
     """The page of an exercise, from its top to the stability map of the verdict, after a wrong and a right script."""
     page = new_page(site, browser)
     page.goto(EXERCISE)
@@ -58,7 +58,7 @@ def attempt(page: Page, place: int) -> str:
     return address.partition("attempt=")[2].partition("#")[0]
 
 
-def lab(site: Site, browser: Browser, target: Path) -> None:
+def lab(site: Site, browser: Chromium, target: Path) -> None:
     """A lab between two runs: the servo is stiffer than Euler bears, and the last run is the ghost."""
     page = new_page(site, browser)
     page.goto("/")
@@ -74,7 +74,7 @@ def lab(site: Site, browser: Browser, target: Path) -> None:
     fewer_colours(target)
 
 
-def instructor_page(site: Site, browser: Browser, target: Path) -> None:
+def instructor_page(site: Site, browser: Chromium, target: Path) -> None:
     """The statistics of the knowledge check after a class has answered it."""
     chance = random.Random(SEED)
     for number in range(LEARNERS):
@@ -92,7 +92,7 @@ def instructor_page(site: Site, browser: Browser, target: Path) -> None:
     keep(page, target, page.locator("section.card").nth(1))
 
 
-def new_page(site: Site, browser: Browser) -> Page:
+def new_page(site: Site, browser: Chromium) -> Page:
     """A page of a person whom the service does not know yet."""
     return browser.new_context(
         base_url=site.origin, viewport={"width": WIDTH, "height": HEIGHT}, reduced_motion="reduce"

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, Response, expect
+from playwright.sync_api import BrowserContext, Page, Response, expect
 
-from web.browsing import chromium, findings, service, settings_in
+from web.browsing import Chromium, chromium, findings, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
 PATIENCE_MS = 30_000
@@ -30,13 +30,13 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator[Chromium]:
     with chromium() as browser:
         yield browser
 
 
 @pytest.fixture(scope="module")
-def learner(origin: str, browser: Browser) -> Iterator[BrowserContext]:
+def learner(origin: str, browser: Chromium) -> Iterator[BrowserContext]:
     """A learner who has answered everything: right, wrong, crashed, waiting, in review; with hostile text."""
     context = browser.new_context(base_url=origin, viewport={"width": 1280, "height": 800})
     page = context.new_page()
@@ -188,7 +188,7 @@ def test_with_reduced_motion_nothing_moves_by_itself(page: Page) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", SERVO, STEP])
-def test_a_first_load_keeps_its_budget(learner: BrowserContext, browser: Browser, origin: str, path: str) -> None:
+def test_a_first_load_keeps_its_budget(learner: BrowserContext, browser: Chromium, origin: str, path: str) -> None:
     context = browser.new_context(
         base_url=origin, storage_state=learner.storage_state(), viewport={"width": 1280, "height": 800}
     )
@@ -218,7 +218,7 @@ def test_only_the_page_itself_is_asked_for_again(learner: BrowserContext) -> Non
     page.close()
 
 
-def test_nothing_moves_while_a_page_loads_and_verdicts_arrive(browser: Browser, origin: str) -> None:
+def test_nothing_moves_while_a_page_loads_and_verdicts_arrive(browser: Chromium, origin: str) -> None:
     context = browser.new_context(base_url=origin, viewport={"width": 1280, "height": 800})
     context.add_init_script(f"({SHIFTS})()")
     page = context.new_page()
@@ -234,7 +234,7 @@ def test_nothing_moves_while_a_page_loads_and_verdicts_arrive(browser: Browser, 
     context.close()
 
 
-def test_without_javascript_an_exercise_is_handed_in_and_judged(browser: Browser, origin: str) -> None:
+def test_without_javascript_an_exercise_is_handed_in_and_judged(browser: Chromium, origin: str) -> None:
     context = browser.new_context(base_url=origin, java_script_enabled=False)
     page = context.new_page()
     page.goto(SERVO)

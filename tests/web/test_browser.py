@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
 from grader.settings import Settings
-from web.browsing import chromium, service, settings_in
+from web.browsing import Chromium, chromium, service, settings_in
 
 PATIENCE_MS = 30_000
 """A busy machine is slow, not wrong: how long anything on the page may take to appear."""
@@ -28,7 +28,7 @@ class Site:
 
     origin: str
     settings: Settings
-    browser: Browser
+    browser: Chromium
 
 
 @dataclass

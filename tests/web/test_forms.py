@@ -292,7 +292,7 @@ def test_nobody_stops_the_script_of_another(browser: httpx.Client, origin: str) 
 
 def test_the_page_stops_a_script_and_keeps_what_is_typed(origin: str) -> None:
     with chromium() as browser:
-        page = browser.new_page(base_url=origin)
+        page = browser.new_context(base_url=origin).new_page()
         page.goto(STEP)
         page.locator("textarea.code").fill(SCRIPT)
         page.get_by_role("button", name="Run and judge").click()

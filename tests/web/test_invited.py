@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from ipaddress import ip_network
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from grader.accounts import in_database, sign_in_url
 from grader.courses.invitations import invite
 from grader.settings import Settings
 from proxies import free_port, nginx
-from web.browsing import chromium, service
+from web.browsing import Chromium, chromium, service
 
 PATIENCE_MS = 30_000
 
@@ -22,7 +22,7 @@ class Public:
     """The service as the world sees it, and a browser."""
 
     settings: Settings
-    browser: Browser
+    browser: Chromium
 
     @contextmanager
     def person(self) -> Iterator[Page]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Locator, Page, Response, expect
+from playwright.sync_api import Locator, Page, Response, expect
 
 from grader.settings import Settings
 from labs.made_up import CUBE
-from web.browsing import chromium, service
+from web.browsing import Chromium, chromium, service
 
 pytestmark = pytest.mark.browser
 
@@ -60,7 +60,7 @@ REDS = """canvas => { const { data } = canvas.getContext('2d').getImageData(0, 0
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator[Chromium]:
     with chromium() as browser:
         yield browser
 
@@ -82,7 +82,7 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def page(origin: str, browser: Browser) -> Iterator[Page]:
+def page(origin: str, browser: Chromium) -> Iterator[Page]:
     """The page of the lesson; its console shows no error. The player stands, so that a picture lasts."""
     complaints: list[str] = []
     page = browser.new_context(base_url=origin, reduced_motion="reduce").new_page()
@@ -329,7 +329,7 @@ STOPS = [
 """What the Tab key reaches in the lab of the cube, in the order in which it is read."""
 
 
-def test_a_lab_is_operated_with_the_keyboard_alone(origin: str, browser: Browser) -> None:
+def test_a_lab_is_operated_with_the_keyboard_alone(origin: str, browser: Chromium) -> None:
     page = browser.new_context(base_url=origin, reduced_motion="reduce").new_page()
     page.goto("/")
     lab, keys = opened(page, "cube"), page.keyboard
@@ -416,7 +416,7 @@ def test_fifty_geoms_are_drawn_thirty_times_a_second(page: Page) -> None:
     assert 1000 * (cpu_s() - began) / FRAMES < FRAME_CPU_MS
 
 
-def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: str, browser: Browser) -> None:
+def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: str, browser: Chromium) -> None:
     page = browser.new_context(base_url=origin, viewport={"width": 1280, "height": 800}).new_page()
     page.goto("/")
     lab = page.locator('[data-lab-id="servo-stability"]')
@@ -442,7 +442,7 @@ def test_a_lab_starts_when_it_is_seen_and_slowly_where_its_end_is_near(origin: s
     page.context.close()
 
 
-def test_without_javascript_a_lab_says_what_it_needs(origin: str, browser: Browser) -> None:
+def test_without_javascript_a_lab_says_what_it_needs(origin: str, browser: Chromium) -> None:
     page = browser.new_context(base_url=origin, java_script_enabled=False).new_page()
     page.goto("/")
     lab = page.locator('[data-lab-id="cube"]')

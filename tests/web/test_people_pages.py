@@ -4,14 +4,14 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
 from grader.settings import Settings
 from sites import Site, open_site, write_content
-from web.browsing import chromium
+from web.browsing import Chromium, chromium
 
 PEOPLE = "/instructor/people"
 expect.set_options(timeout=30_000)
@@ -26,13 +26,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator[Chromium]:
     with chromium() as browser:
         yield browser
 
 
 @pytest.fixture(scope="module")
-def desk(site: Site, browser: Browser) -> Page:
+def desk(site: Site, browser: Chromium) -> Page:
     """An instructor's tab, at the page of people."""
     page = browser.new_context(base_url=site.origin, java_script_enabled=False).new_page()
     code = in_database(site.settings, lambda session: create_sign_in_code(session, "tina", Role.INSTRUCTOR))
@@ -52,7 +52,7 @@ def asked(page: Page, row: str, name: str) -> None:
     button.click()
 
 
-def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: Browser, desk: Page) -> None:
+def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: Chromium, desk: Page) -> None:
     desk.get_by_label("Names, one per line").fill("Ada\n\n Bob \nCem\nDee")
     desk.get_by_role("button", name="Make links").click()
     links = dict(line.split("\t") for line in desk.get_by_label("All links").input_value().splitlines())

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from grader.accounts import in_database
 from grader.courses.sign_in import create_sign_in_code
@@ -14,7 +14,7 @@ from grader.identity import Role
 from grader.settings import Settings
 from sites import write_content
 from tokens import issue_token
-from web.browsing import chromium, service
+from web.browsing import Chromium, chromium, service
 
 ITEMS = [
     {"id": "a", "title": "Names the damping", "points": 3, "group": "Physics"},
@@ -46,7 +46,7 @@ def origin(settings: Settings) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator[Chromium]:
     with chromium() as browser:
         yield browser
 
@@ -57,7 +57,7 @@ def clients() -> Iterator[ExitStack]:
         yield clients
 
 
-def desk_of(browser: Browser, origin: str, settings: Settings, name: str, *, scripts: bool = True) -> Page:
+def desk_of(browser: Chromium, origin: str, settings: Settings, name: str, *, scripts: bool = True) -> Page:
     page = browser.new_context(base_url=origin, java_script_enabled=scripts).new_page()
     code = in_database(settings, lambda session: create_sign_in_code(session, name, Role.INSTRUCTOR))
     page.goto(f"/signin?code={code}")
@@ -73,7 +73,7 @@ def show(page: Page, which: str) -> None:
 
 
 def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
-    settings: Settings, origin: str, browser: Browser, clients: ExitStack
+    settings: Settings, origin: str, browser: Chromium, clients: ExitStack
 ) -> None:
     learners = {}
     for name in ("ann-learner", "bob-learner"):
@@ -145,7 +145,7 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
 
 
 def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next(
-    settings: Settings, origin: str, browser: Browser, clients: ExitStack
+    settings: Settings, origin: str, browser: Chromium, clients: ExitStack
 ) -> None:
     sent = []
     for name in ("cem-learner", "dee-learner"):
@@ -204,7 +204,7 @@ def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next
 
 
 def test_an_answer_is_left_to_others_and_no_other_site_can_decide(
-    settings: Settings, origin: str, browser: Browser, clients: ExitStack
+    settings: Settings, origin: str, browser: Chromium, clients: ExitStack
 ) -> None:
     token = issue_token(settings, "fay-learner", "student", None)
     client = clients.enter_context(httpx.Client(base_url=origin, headers={"Authorization": f"Bearer {token}"}))

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, Route, expect
+from playwright.sync_api import BrowserContext, Locator, Page, Route, expect
 
-from web.browsing import chromium, service, settings_in
+from web.browsing import Chromium, chromium, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
 PATIENCE_MS = 30_000
@@ -59,13 +59,13 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator[Chromium]:
     with chromium() as browser:
         yield browser
 
 
 @pytest.fixture
-def visit(origin: str, browser: Browser) -> Iterator[Visit]:
+def visit(origin: str, browser: Chromium) -> Iterator[Visit]:
     """A new learner at the lesson; the console must stay quiet."""
     context = browser.new_context(base_url=origin, viewport={"width": 1280, "height": 800})
     visit = listened(context)
@@ -357,7 +357,7 @@ def largest_stable_timestep(model, integrator):
 """
 
 
-def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Browser, origin: str) -> None:
+def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Chromium, origin: str) -> None:
     begin(visit)
     visit.page.goto(SERVO)
     visit.page.locator("textarea.code").fill(SLOW_AT_THE_SECOND_CASE)

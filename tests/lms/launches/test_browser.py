@@ -17,7 +17,7 @@ from urllib.parse import parse_qsl, urlencode
 import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import HTMLResponse
-from playwright.sync_api import Browser, BrowserContext, FrameLocator, Page, expect
+from playwright.sync_api import BrowserContext, FrameLocator, Page, expect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.app import create_app
@@ -28,7 +28,7 @@ from lms.certificates import contexts
 from lms.platform import AGS, AGS_SCOPE, CLAIM, INSTRUCTOR, Platform, selection_claims
 from proxies import free_port
 from servers import serving
-from web.browsing import chromium
+from web.browsing import Chromium, chromium
 
 PATIENCE_MS = 30_000
 expect.set_options(timeout=PATIENCE_MS)
@@ -49,11 +49,20 @@ addEventListener("message", (event) => {
 """The frame in which a platform keeps values for its tools."""
 
 
-TEST_S = 300.0
+TEST_S = 120.0
 """The longest that a test may take [s]: some calls to a browser that hangs would wait for ever."""
 
 MARK = f"--of-tests={secrets.token_hex(8)}"
 """Chromium ignores switches that it does not know; by this one its processes are found."""
+
+
+OPTIONS = (
+    "--host-resolver-rules=MAP *.test 127.0.0.1",
+    "--ignore-certificate-errors",
+    # Playwright can wait for ever for a frame that went to another process and back. What a frame may keep, show and
+    # send is a matter of sites, not of processes.
+    "--disable-site-isolation-trials",
+)
 
 
 def end_browser() -> None:
@@ -105,7 +114,7 @@ class World:
 
     grader: str
     platform: Platform
-    browser: Browser
+    browser: Chromium
     claims: dict[str, Any]
     cookieless: WithoutCookies
 
@@ -171,7 +180,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         serving(platform.app()) as platform.services,
         serving(grader_app, port=ports[0], certificate=certificate),
         serving(pages_of(platform, claims), port=ports[1], certificate=certificate),
-        chromium(MARK, "--host-resolver-rules=MAP *.test 127.0.0.1", "--ignore-certificate-errors") as browser,
+        chromium(MARK, *OPTIONS) as browser,
     ):
         register(app, platform)
         yield World(grader, platform, browser, claims, grader_app)
