@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import text
-from sqlalchemy.exc import DataError, IntegrityError, OperationalError
+from sqlalchemy.exc import DataError, IntegrityError, InternalError, OperationalError
 from sqlalchemy.orm import Session
 
 from databases import BACKENDS, open_database
@@ -117,6 +118,31 @@ def test_an_error_kept_back_is_raised_with_the_next_statement(database: Database
         note(session, 1)
         note(session, 1)
         session.execute(text("SELECT 1"))
+    assert notes(database) == []
+
+
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_statements_stay_prepared_when_a_reader_ends(database: Database) -> None:
+    """Else every statement is parsed and planned anew."""
+    for _ in range(10):
+        notes(database)
+    with database.read() as session:
+        prepared = session.scalars(text("SELECT statement FROM pg_prepared_statements")).all()
+    assert "SELECT id FROM notes ORDER BY id" in prepared
+
+
+def test_a_reader_stores_nothing(database: Database) -> None:
+    with suppress(InternalError), database.read() as session:  # the error of PostgreSQL
+        session.execute(text("INSERT INTO notes (id) VALUES (1)"))
+    assert notes(database) == []
+
+
+@pytest.mark.parametrize("database", ["postgresql"], indirect=True)
+def test_a_connection_lost_at_the_end_of_a_reader_is_replaced(database: Database) -> None:
+    with pytest.raises(OperationalError), database.read() as session:
+        lost = session.scalar(text("SELECT pg_backend_pid()"))
+        with database.write() as other:
+            other.execute(text("SELECT pg_terminate_backend(:lost, 5000)"), {"lost": lost})
     assert notes(database) == []
 
 

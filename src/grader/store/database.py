@@ -87,6 +87,7 @@ class Database:
             LaterStatements(self.engine)  # before other listeners to `begin`, whose statements come after BEGIN
             _set_up_postgresql(self.engine)
         self.signals = Signals(self.engine, self.is_sqlite)
+        self._reader = self.engine.execution_options(reads=True)
         self._writer = self.engine.execution_options(writes=True)
         self._hasty = self.engine.execution_options(writes=True, hasty=True)
         self._stored = 0
@@ -100,8 +101,8 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Session]:
-        """A transaction for reading: one consistent view, rolled back at the end."""
-        with Session(self.engine, autoflush=False) as session:
+        """A transaction for reading, which stores nothing. PostgreSQL refuses changes in it."""
+        with Session(self._reader, autoflush=False) as session:
             yield session
 
     @contextmanager

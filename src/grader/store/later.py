@@ -13,7 +13,7 @@ LATER = {"later": True}
 On PostgreSQL it is sent with the next statement of its transaction or with the commit, and its error is raised there.
 """
 
-BEGIN = [("BEGIN", None)]
+BEGIN, BEGIN_READING = [("BEGIN", None)], [("BEGIN READ ONLY", None)]
 
 _kept_back: WeakKeyDictionary[Any, list[tuple[str, Any]]] = WeakKeyDictionary()
 """By the driver's connection."""
@@ -53,6 +53,9 @@ class LaterStatements:
     """Makes an engine for PostgreSQL keep statements with `LATER` back, in their order, until the next one.
 
     A BEGIN is kept back too. The driver would wait for its own, so it is set to start no transactions.
+
+    A transaction with the option `reads` ends with a COMMIT: after a ROLLBACK the driver forgets the statements that it
+    has prepared, and those of the next transactions are parsed and planned anew.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -61,6 +64,7 @@ class LaterStatements:
         event.listen(engine, "do_execute", self._on_execute)
         event.listen(engine, "do_executemany", self._on_executemany)
         event.listen(engine, "commit", self._on_commit)
+        event.listen(engine, "rollback", self._on_rollback)
         event.listen(engine, "checkin", self._on_checkin)
 
     def _on_connect(self, connection: Any, _record: Any) -> None:
@@ -68,8 +72,9 @@ class LaterStatements:
 
     def _on_begin(self, connection: Connection) -> None:
         driver = driver_of(connection)
-        if driver.autocommit and connection.get_execution_options().get("isolation_level") != "AUTOCOMMIT":
-            _kept_back[driver] = BEGIN.copy()
+        options = connection.get_execution_options()
+        if driver.autocommit and options.get("isolation_level") != "AUTOCOMMIT":
+            _kept_back[driver] = (BEGIN_READING if options.get("reads", False) else BEGIN).copy()
 
     def _on_execute(self, cursor: Any, statement: str, parameters: Any, context: Any) -> bool:
         """Returns whether it has executed the statement, or keeps it back."""
@@ -90,6 +95,12 @@ class LaterStatements:
     def _on_commit(self, connection: Connection) -> None:
         if _kept_back.get(driver_of(connection), BEGIN) != BEGIN:
             run(connection, "COMMIT", None)  # the driver's own finds nothing more to do
+
+    def _on_rollback(self, connection: Connection) -> None:
+        if not connection.get_execution_options().get("reads", False) or connection.invalidated:
+            return
+        if driver_of(connection).info.transaction_status.name == "INTRANS":
+            run(connection, "COMMIT", None)  # the driver's own rollback finds nothing more to do
 
     def _on_checkin(self, connection: Any, _record: Any) -> None:
         if connection is not None:  # else it was lost
