@@ -100,7 +100,6 @@ def best_guess(index: int, case: Case) -> list[np.ndarray[Any, Any]]:
     return [np.array([] if np.isinf(low) else [low, low + 0.99 * PARAMETERS.width_s]) for low in best]
 
 
-@pytest.mark.cost
 def test_ten_thousand_comments_do_not_make_constants_right() -> None:
     """A script that counts its calls, and returns the likeliest limits of each hidden case without a look at the model.
 
