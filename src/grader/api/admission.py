@@ -31,7 +31,7 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DEFAULT_PORTS = {"http": 80, "https": 443}
 
 PAGE_BODY_BYTES_MAX = 64 * 1024
-"""Largest body outside /api/v1, where bodies are forms and prose."""
+"""Largest body outside /api/v1, where bodies are forms."""
 
 ANSWERS = "/quizzes/"
 """Where pages send answers as forms."""

@@ -1,11 +1,8 @@
 """All pages: those of learners, `/instructor`, sign-in, and their files."""
 
-from typing import Annotated
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
 
-from fastapi import APIRouter, Body, Request
-from fastapi.responses import HTMLResponse, Response
-
-from grader.errors import Unauthorized
 from grader.web import (
     answering,
     assets,
@@ -25,10 +22,6 @@ from grader.web import (
     statistics,
     student_pages,
 )
-from grader.web.context import Visitor
-from grader.web.prose import safe_html
-from grader.web.rendering import HEADERS
-from grader.web.student_pages import SIGN_IN
 
 router = APIRouter(include_in_schema=False)
 router.include_router(student_pages.router)
@@ -47,14 +40,6 @@ router.include_router(seen_as.router)
 router.include_router(regrades.router)
 router.include_router(lti.router)
 router.include_router(platforms.router)
-
-
-@router.post("/prose")
-def render_prose(body: Annotated[bytes, Body(media_type="text/plain")], who: Visitor) -> Response:
-    """Sanitises an author's HTML with TeX, such as a verdict's explanation. Raises Unauthorized."""
-    if who is None:
-        raise Unauthorized(SIGN_IN)
-    return HTMLResponse(safe_html(body.decode(errors="replace")), headers=HEADERS)
 
 
 @router.get("/favicon.ico")
