@@ -42,7 +42,7 @@ ANSWER = {"quiz": "1.3-check", "question": "q1", "answer": 1}
 TABLE = "CREATE TABLE IF NOT EXISTS answers (id text PRIMARY KEY, body text NOT NULL)"
 LEARNERS = 2000
 """On all connections: each makes some thirty attempts."""
-UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000", "GRADER_WORKERS": "0"}
+UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
 
 
 def bare_app(url: str) -> FastAPI:
@@ -103,12 +103,19 @@ def database_of(backend: str) -> Iterator[str]:
             connection.execute(f"DROP SCHEMA {name} CASCADE")
 
 
+def accepts(port: int) -> None:
+    """Raises OSError until a server accepts connections."""
+    socket.create_connection(("127.0.0.1", port), timeout=1).close()
+
+
 @contextmanager
-def process(arguments: list[str], port: int, **environment: str) -> Iterator[int]:
-    """The id of a server on this port once it accepts connections. Raises RuntimeError if it does not start."""
+def process(
+    arguments: list[str], port: int, settings: dict[str, str], ready: Callable[[int], None] = accepts
+) -> Iterator[int]:
+    """The id of a server on this port once it is ready. Raises RuntimeError if it does not start."""
     null = subprocess.DEVNULL  # the log too: a line for each request
     server = subprocess.Popen(  # noqa: S603  our own command
-        [sys.executable, *arguments], env=os.environ | environment, stdout=null, stderr=null
+        [sys.executable, *arguments], env=os.environ | settings, stdout=null, stderr=null
     )
     try:
         end = time.monotonic() + START_S
@@ -116,7 +123,7 @@ def process(arguments: list[str], port: int, **environment: str) -> Iterator[int
             if server.poll() is not None or time.monotonic() > end:
                 raise RuntimeError(f"{arguments[0]} did not start")
             try:
-                socket.create_connection(("127.0.0.1", port), timeout=1).close()
+                ready(port)
                 break
             except OSError:
                 time.sleep(0.1)
@@ -124,6 +131,11 @@ def process(arguments: list[str], port: int, **environment: str) -> Iterator[int
     finally:
         server.terminate()
         server.wait(timeout=30)
+
+
+def serve_arguments(port: int, folder: str) -> list[str]:
+    """The arguments of `grader serve` with its data in a folder."""
+    return ["-c", "from grader.cli import main; main()", "serve", "--port", str(port), "--data", folder]
 
 
 def cpu_s(pid: int) -> float:
@@ -219,17 +231,10 @@ def beside_bare(backend: str, students: int, rounds: int, seconds: float) -> Rec
         urls = [stack.enter_context(database_of(backend)) for _ in range(2)]
         ports = [free_port(), free_port()]
         tokens = tokens_on(urls[1], LEARNERS)
-        pids = [stack.enter_context(process(["-m", "grader.bench.answers", urls[0], str(ports[0])], ports[0]))]
-        serve = [
-            "-c",
-            "from grader.cli import main; main()",
-            "serve",
-            "--port",
-            str(ports[1]),
-            "--data",
-            stack.enter_context(TemporaryDirectory()),
-        ]
-        pids.append(stack.enter_context(process(serve, ports[1], **UNLIMITED, GRADER_DATABASE_URL=urls[1])))
+        pids = [stack.enter_context(process(["-m", "grader.bench.answers", urls[0], str(ports[0])], ports[0], {}))]
+        serve = serve_arguments(ports[1], stack.enter_context(TemporaryDirectory()))
+        settings = UNLIMITED | {"GRADER_WORKERS": "0", "GRADER_DATABASE_URL": urls[1]}
+        pids.append(stack.enter_context(process(serve, ports[1], settings)))
         bare, ours = ([Client(port, tokens[place::students]) for place in range(students)] for port in ports)
         for clients in (bare, ours):
             for client in clients:

@@ -1,25 +1,21 @@
 """Students of the real server: its jail and its database, over HTTP, in a process of its own, without rate limits."""
 
 import json
-import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.request import urlopen
 
-from grader.bench.answers import free_port
+from grader.bench.answers import UNLIMITED, free_port, process, serve_arguments
 from grader.settings import Settings
 
 GRADER = Path(sys.executable).parent / "grader"
-START_S = 120.0
 GRADED_S = 60.0
-UNLIMITED = {"GRADER_RATE_PER_S": "100000", "GRADER_RATE_BURST": "100000"}
 
 SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
 """Costs the jail a whole run and the grader a whole certificate, whatever the verdict."""
@@ -84,14 +80,9 @@ def require(held: bool, body: Any) -> None:
         raise RuntimeError(f"the service answered {body}")
 
 
-def wait_until_ready(process: "subprocess.Popen[bytes]", port: int) -> None:
-    """Return once /readyz answers 200. Raises RuntimeError where the server ended or took too long."""
-    end = time.perf_counter() + START_S
-    while time.perf_counter() < end and process.poll() is None:
-        with suppress(OSError), urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5):
-            return
-        time.sleep(0.1)
-    raise RuntimeError("the server did not become ready")
+def is_ready(port: int) -> None:
+    """Raises OSError until the service grades."""
+    urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5).close()
 
 
 def token_of(folder: str, user: str) -> str:
@@ -103,18 +94,13 @@ def token_of(folder: str, user: str) -> str:
 @contextmanager
 def served(students: int, **environment: str) -> Iterator[list[Client]]:
     """A client for each student of `grader serve`, on a free port with fresh data and these settings."""
-    with TemporaryDirectory() as folder:
-        port = free_port()
-        arguments = [str(GRADER), "serve", "--port", str(port), "--data", folder]
-        null, settings = subprocess.DEVNULL, os.environ | UNLIMITED | environment
-        process = subprocess.Popen(arguments, env=settings, stdout=null, stderr=null)  # noqa: S603  our own command
-        try:
-            wait_until_ready(process, port)
-            with ExitStack() as connections:
-                asking = [Client(port, token_of(folder, f"student{number}"), process.pid) for number in range(students)]
-                for client in asking:
-                    connections.callback(client.connection.close)
-                yield asking
-        finally:
-            process.terminate()
-            process.wait(30)
+    port, settings = free_port(), UNLIMITED | environment
+    with (
+        TemporaryDirectory() as folder,
+        process(serve_arguments(port, folder), port, settings, is_ready) as server,
+        ExitStack() as connections,
+    ):
+        asking = [Client(port, token_of(folder, f"student{number}"), server) for number in range(students)]
+        for client in asking:
+            connections.callback(client.connection.close)
+        yield asking
