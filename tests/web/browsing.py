@@ -1,9 +1,12 @@
 """The real service, and a real browser that looks at it."""
 
+import os
+import secrets
 import shutil
+import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,22 +34,30 @@ def settings_in(folder: Path, workers: int = 1) -> Settings:
 
 @dataclass
 class Chromium:
-    """Debian's Chromium, without a window. Where it has died it is launched again, so that one test fails and no more.
-
-    Raises AssertionError where it is missing.
-    """
+    """Debian's Chromium, without a window. When it has died it is launched again, so that no other test fails."""
 
     playwright: Playwright
     options: tuple[str, ...]
+    browser: Browser = field(init=False)
+    mark: str = field(default_factory=lambda: f"--of-tests={secrets.token_hex(8)}")
+    """Chromium ignores switches that it does not know; by this one its processes are found."""
 
     def __post_init__(self) -> None:
-        self.browser = self.launch()
+        self.launch()
 
-    def launch(self) -> Browser:
+    def launch(self) -> None:
+        """Starts it. Raises AssertionError where it is missing."""
         path = shutil.which("chromium")
         assert path, "chromium is missing: `make test` installs it"
-        args = ["--no-sandbox", "--disable-gpu", *self.options]
-        return self.playwright.chromium.launch(executable_path=path, args=args)
+        args = ["--no-sandbox", "--disable-gpu", self.mark, *self.options]
+        self.browser = self.playwright.chromium.launch(executable_path=path, args=args)
+
+    def kill(self) -> None:
+        """Ends it, from any thread: whatever waits for it fails."""
+        for folder in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                if self.mark.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
+                    os.kill(int(folder.name), signal.SIGKILL)
 
     def new_context(self, **options: Any) -> BrowserContext:
         """Somebody's browser, with cookies of its own."""
@@ -55,7 +66,7 @@ class Chromium:
         except Error:
             if self.browser.is_connected():
                 raise
-        self.browser = self.launch()
+        self.launch()
         return self.browser.new_context(**options)
 
 

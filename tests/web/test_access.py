@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, Response, expect
 
-from web.browsing import Chromium, chromium, findings, service, settings_in
+from web.browsing import Chromium, findings, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
 PATIENCE_MS = 30_000
@@ -27,12 +27,6 @@ SHIFTS = """() => { window.shifts = 0; new PerformanceObserver(list => { for (co
 def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with service(settings_in(tmp_path_factory.mktemp("data"))) as origin:
         yield origin
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from playwright.sync_api import Locator, Page, Response, expect
 
 from grader.settings import Settings
 from labs.made_up import CUBE
-from web.browsing import Chromium, chromium, service
+from web.browsing import Chromium, service
 
 pytestmark = pytest.mark.browser
 
@@ -57,12 +57,6 @@ REDS = """canvas => { const { data } = canvas.getContext('2d').getImageData(0, 0
   }
   return count; }"""
 """How many pixels have the colour of a contact force."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from grader.courses.sign_in import create_sign_in_code
 from grader.identity import Role
 from grader.settings import Settings
 from sites import Site, open_site, write_content
-from web.browsing import Chromium, chromium
+from web.browsing import Chromium
 
 PEOPLE = "/instructor/people"
 expect.set_options(timeout=30_000)
@@ -23,12 +23,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     content = write_content(folder / "content")
     with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
         yield site
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from grader.identity import Role
 from grader.settings import Settings
 from sites import write_content
 from tokens import issue_token
-from web.browsing import Chromium, chromium, service
+from web.browsing import Chromium, service
 
 ITEMS = [
     {"id": "a", "title": "Names the damping", "points": 3, "group": "Physics"},
@@ -43,12 +43,6 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 def origin(settings: Settings) -> Iterator[str]:
     with service(settings) as origin:
         yield origin
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, Route, expect
 
-from web.browsing import Chromium, chromium, service, settings_in
+from web.browsing import Chromium, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
 PATIENCE_MS = 30_000
@@ -56,12 +56,6 @@ def listened(context: BrowserContext) -> Visit:
 def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with service(settings_in(tmp_path_factory.mktemp("data"))) as origin:
         yield origin
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture

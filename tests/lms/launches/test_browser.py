@@ -1,16 +1,11 @@
 """A real browser, a platform and a grader on two sites: in a frame, with the platform's storage, and in a new tab."""
 
 import json
-import os
-import secrets
-import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -52,10 +47,6 @@ addEventListener("message", (event) => {
 TEST_S = 120.0
 """The longest that a test may take [s]: some calls to a browser that hangs would wait for ever."""
 
-MARK = f"--of-tests={secrets.token_hex(8)}"
-"""Chromium ignores switches that it does not know; by this one its processes are found."""
-
-
 OPTIONS = (
     "--host-resolver-rules=MAP *.test 127.0.0.1",
     "--ignore-certificate-errors",
@@ -63,31 +54,6 @@ OPTIONS = (
     # send is a matter of sites, not of processes.
     "--disable-site-isolation-trials",
 )
-
-
-def end_browser() -> None:
-    """Kills Chromium: whatever waits for it fails."""
-    for folder in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError):
-            if MARK.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
-                os.kill(int(folder.name), signal.SIGKILL)
-
-
-@pytest.fixture(autouse=True)
-def bounded() -> Iterator[None]:
-    """Ends a test that hangs, with words."""
-    late = threading.Event()
-
-    def end() -> None:
-        late.set()
-        end_browser()
-
-    timer = threading.Timer(TEST_S, end)
-    timer.start()
-    yield
-    timer.cancel()
-    timer.join()
-    assert not late.is_set(), f"the browser hung: it was killed after {TEST_S:g} s"
 
 
 @dataclass
@@ -180,7 +146,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         serving(platform.app()) as platform.services,
         serving(grader_app, port=ports[0], certificate=certificate),
         serving(pages_of(platform, claims), port=ports[1], certificate=certificate),
-        chromium(MARK, *OPTIONS) as browser,
+        chromium(*OPTIONS) as browser,
     ):
         register(app, platform)
         yield World(grader, platform, browser, claims, grader_app)
@@ -196,6 +162,23 @@ def register(app: FastAPI, platform: Platform) -> None:
         context = platforms.context_at(session, row.id, platform.deployment_id, "context-1", "Robotics")
         session.flush()
         rules.link(session, None, context.id, "default")
+
+
+@pytest.fixture(autouse=True)
+def bounded(world: World) -> Iterator[None]:
+    """Ends a test that hangs, with words."""
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        world.browser.kill()
+
+    timer = threading.Timer(TEST_S, end)
+    timer.start()
+    yield
+    timer.cancel()
+    timer.join()
+    assert not late.is_set(), f"the browser hung: it was killed after {TEST_S:g} s"
 
 
 def of_learner(world: World, subject: str, *, cookieless: bool = False) -> None:
