@@ -166,7 +166,7 @@ def prepare(batch: Sequence[_Waiting[Any]]) -> None:
 
 
 def call_in(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *arguments: Any) -> bool:
-    """Calls a function in an event loop, and returns True; False for a closed loop, in which nobody waits."""
+    """Calls a function in an event loop. Returns False if the loop is closed: nobody waits for the call then."""
     try:
         loop.call_soon_threadsafe(function, *arguments)
     except RuntimeError:
