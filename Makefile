@@ -18,10 +18,11 @@ endif
 BIN := $(VENV)/bin
 # How often a test that fails is run again; the summary names it. None but in CI, where nobody can look at the machine.
 RERUNS ?= 0
-# Three processes on two cores, since tests also wait; they share the tests file by file, as these share their server.
-TOGETHER := -n 3 --dist loadfile --no-loadscope-reorder
+# Processes share the tests file by file, as these share their server. Three on two cores, since tests also wait; fast
+# ones do not, and each process takes ten seconds to import them all.
+TOGETHER := --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
-PAGES := README.md docs/measured.md
+PAGES := docs/measured.md
 
 # Each stamp names the state of the locks that was installed. What development needs includes what serving needs.
 STATE := $(shell cat requirements.lock requirements-dev.lock $(MUJOCO_LOCK) pyproject.toml | cksum | cut -d' ' -f1)
@@ -32,7 +33,8 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts lint lock bench-check measured measured-tables \
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint examples lock bench-check \
+	measured measured-tables \
 	clean jail-package
 
 help: ## this list
@@ -47,7 +49,7 @@ test: install ## the whole test suite: lint, types, layers, jail, database, brow
 	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
-	$(BIN)/python -m pytest $(TOGETHER) --reruns $(RERUNS)
+	$(BIN)/python -m pytest -n 3 $(TOGETHER) --reruns $(RERUNS)
 
 wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
 
@@ -57,8 +59,8 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 	@cd build/wasm && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
-test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute or two
-	$(BIN)/python -m pytest -q $(TOGETHER) -m fast
+test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute
+	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast
 
 check: install ## every answer key re-derived, every reference solution graded
 	$(BIN)/grader check
@@ -66,11 +68,17 @@ check: install ## every answer key re-derived, every reference solution graded
 verdicts: install ## every reference solution under sixty draws of the hidden cases (half an hour)
 	$(BIN)/grader check --draws 60
 
+fuzz-content: $(DEVELOPING) ## every value of all content replaced: each is refused, or checked to the end (two hours)
+	$(BIN)/python tests/library/mutations.py
+
 lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+examples: install ## record the examples of /openapi.json anew, from a real server
+	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples
 
 lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
@@ -79,19 +87,19 @@ lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
-	$(BIN)/python -m grader.bench.floors
+	$(BIN)/python -m grader.studies.bench.floors
 	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (half an hour), and rewrite the figures of README.md and docs/measured.md
-	$(BIN)/python -m grader.bench.measured docs $(PAGES) --work $(DATA)/bench
+measured: install ## measure all over again (half an hour), and rewrite the figures of docs/measured.md
+	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
-	$(BIN)/python -m grader.bench.measured docs $(PAGES) --tables-only
+	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --tables-only
 
 lti-foreign: $(DEVELOPING) ## launches and scores against Open edX's platform code, in an environment of its own
 	@$(FOREIGN)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(FOREIGN)
-	@$(FOREIGN)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/lms/foreign/requirements.txt
-	PYTHONPATH=src:tests $(BIN)/python tests/lms/foreign/run.py $(FOREIGN)/bin/python
+	@$(FOREIGN)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/platforms/foreign/requirements.txt
+	PYTHONPATH=src:tests $(BIN)/python tests/platforms/foreign/run.py $(FOREIGN)/bin/python
 
 clean: ## remove the virtual environment and caches
 	rm -rf .venv .venv-* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

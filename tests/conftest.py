@@ -23,6 +23,16 @@ settings.load_profile("patient")
 HERE = str(Path(__file__).parent)
 NOT_FAST = {"cost", "slow", "postgres", *MARKS.values()}
 
+LONGEST = (
+    *("house/test_house.py", "exercises/test_reference_solutions.py", "exercises/test_corpus.py"),
+    *("web/test_access.py", "web/test_student.py", "queue/test_kills.py", "web/test_instructor.py"),
+)
+"""What takes longest comes first, and files of fast tests last: the last file decides when all processes have ended."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--record-examples", action="store_true", help="write src/grader/api/examples.json anew")
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
@@ -32,7 +42,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not any(item.get_closest_marker(mark) for mark in NOT_FAST):
             item.add_marker("fast")
     quick = {path: all(item.get_closest_marker("fast") for item in of) for path, of in by_file(items).items()}
-    items.sort(key=lambda item: quick[item.path])  # the last file decides when two processes have ended
+    turns = {Path(HERE, name): turn for turn, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: (quick[item.path], turns.get(item.path, len(turns))))
 
 
 def by_file(items: list[pytest.Item]) -> dict[Path, list[pytest.Item]]:

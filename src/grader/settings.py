@@ -1,10 +1,11 @@
 """Every setting, read as GRADER_<NAME> from the environment or a file of this name; every default works."""
 
 import os
+from collections.abc import Callable
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 from urllib.parse import urlsplit
 
 from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
@@ -17,6 +18,8 @@ OF_TESTS = "GRADER_TEST_"
 
 CONNECTIONS, CONNECTIONS_MIN = 64, 8
 """Connections to PostgreSQL of all processes of `grader serve`, and the least of each."""
+
+Number = TypeVar("Number", int, float)
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -32,6 +35,11 @@ def nearest(name: str, known: set[str]) -> str:
     """A question after the name that was probably meant; empty if none is near."""
     near = get_close_matches(name.upper(), known, n=1)
     return f": did you mean {near[0]}?" if near else ""
+
+
+def for_each_process(limit: Number) -> Callable[[dict[str, Any]], Number]:
+    """A default of so much for each server process, each of which gets an equal share: see `Settings.share`."""
+    return lambda fields: limit * fields.get("processes", 1)
 
 
 class Settings(BaseSettings):
@@ -72,15 +80,20 @@ class Settings(BaseSettings):
     prune_days: int = Field(
         default=30, ge=1, description="Days after which idempotency keys and superseded events are deleted."
     )
-    rate_per_s: float = Field(default=60.0, gt=0, description="Sustained request rate per user [1/s].")
-    rate_burst: int = Field(default=300, ge=1, description="Requests that one user may make in a burst.")
+    rate_per_s: float = Field(
+        default_factory=for_each_process(60.0), gt=0, description="Sustained request rate per user [1/s]."
+    )
+    rate_burst: int = Field(
+        default_factory=for_each_process(300), ge=1, description="Requests that one user may make in a burst."
+    )
     address_rate_per_s: float = Field(
-        default=120.0, gt=0,
+        default_factory=for_each_process(120.0), gt=0,
         description="Sustained rate of requests without a session, per IPv4 address or IPv6 /64 network [1/s].",
     )  # fmt: skip
     address_rate_burst: int = Field(
-        default=600, ge=1, description="Such requests that one address may make in a burst."
-    )
+        default_factory=for_each_process(600), ge=1,
+        description="Such requests that one address may make in a burst.",
+    )  # fmt: skip
     trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
         default=(),
         description='Reverse proxies whose X-Forwarded-For is believed, as JSON: ["10.0.0.0/8"].',
@@ -90,8 +103,9 @@ class Settings(BaseSettings):
     lab_cache_mb: int = Field(default=64, ge=0, description="Cache of lab runs [MB].")
 
     lab_steps_per_min: int = Field(
-        default=1_000_000, ge=1, description="Steps that one learner's labs may simulate, sustained [1/min]."
-    )
+        default_factory=for_each_process(1_000_000), ge=1,
+        description="Steps that one learner's labs may simulate, sustained [1/min].",
+    )  # fmt: skip
     oidc_issuer: str | None = Field(
         default=None, description="Issuer of an OpenID provider whose users may sign in; needs the extra oidc."
     )
@@ -199,6 +213,10 @@ class Settings(BaseSettings):
         """The connections to PostgreSQL that each process of `grader serve` may have, the worker too."""
         parts = 1 if self.processes == 1 else self.processes + 1
         return max(CONNECTIONS // parts, CONNECTIONS_MIN)
+
+    def share(self, limit: float) -> float:
+        """The share of one server process in a limit of the installation: each counts alone."""
+        return limit / self.processes
 
     @property
     def database(self) -> str:

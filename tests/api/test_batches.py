@@ -12,11 +12,11 @@ import pytest
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from grader.accounts import revoke_tokens
-from grader.courses import handing_in
-from grader.store import answers, tables
+from grader.courses.answering import intake
+from grader.service.accounts import revoke_tokens
+from grader.store import tables
 from grader.store.tables import Event, IdempotencyKey, Result, ResultRevision, Submission, VerdictRow
-from sites import Site
+from support.sites import Site
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,7 @@ def hand_in(client: httpx.Client, question: str = "q1", answer: Any = 1, **heade
 
 def counts(site: Site) -> dict[str, int]:
     """Rows of the site's course by table."""
-    with site.app.state.context.database.read() as session:
+    with site.app.state.services.database.read() as session:
         theirs = select(Submission.id).where(Submission.course == site.course)
         tables = {
             "submissions": select(func.count()).select_from(theirs.subquery()),
@@ -45,14 +45,13 @@ def counts(site: Site) -> dict[str, int]:
 @pytest.fixture
 def one_batch(either_site: Site, monkeypatch: pytest.MonkeyPatch) -> threading.Event:
     """Holds the writer back until the event is set, so that all answers before it wait for one transaction."""
-    go, sizes = threading.Event(), list[int]()
-    writer = either_site.app.state.context.writer
+    go = threading.Event()
+    writer = either_site.app.state.services.writer
     store = writer._store
 
-    def held(batch: Any) -> None:
+    def held(session: Session, answers: Sequence[Any]) -> Any:
         go.wait(30)
-        sizes.append(len(batch))
-        store(batch)
+        return store(session, answers)
 
     monkeypatch.setattr(writer, "_store", held)
     return go
@@ -80,19 +79,13 @@ def test_answers_of_many_learners_leave_every_row_once(either_site: Site, one_ba
         assert client.get(one.headers["location"]).json() == one.json()
 
 
-def test_a_result_that_an_answer_does_not_change_is_not_written(
-    either_site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ann, put, written = either_site.client("ann"), answers.put_results, list[int]()
-
-    def noted(session: Session, changed: Sequence[Result], told: Sequence[dict[str, Any]]) -> None:
-        written.append(len(changed))
-        put(session, changed, told)
-
-    monkeypatch.setattr(answers, "put_results", noted)
+def test_a_result_that_an_answer_does_not_change_is_not_written(either_site: Site) -> None:
+    ann, changes = either_site.client("ann"), []
     for option in (0, 0, 1, 0):  # wrong, the same again, right, and what does not count any more
         hand_in(ann, "q1", option)
-    assert written == [1, 0, 1, 0]
+        with either_site.app.state.services.database.read() as session:
+            changes.append(session.scalar(select(Result.changes).where(Result.course == either_site.course)))
+    assert changes == [1, 1, 2, 2]
     assert counts(either_site)["feed"] == 2
 
 
@@ -128,15 +121,15 @@ def test_a_repeated_key_in_one_batch_makes_one_submission(either_site: Site, one
 def test_an_answer_that_cannot_be_stored_fails_alone(
     either_site: Site, one_batch: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made_of = handing_in.submission_of
+    made_of = intake.make_submission
 
-    def poisoned(answer: handing_in.Answer, submission_id: str, attempt: int) -> Submission:
+    def poisoned(answer: intake.NewAnswer, submission_id: str, attempt: int) -> Submission:
         made = made_of(answer, submission_id, attempt)
         if answer.who.user == "eve":
             vars(made)["quiz"] = None  # the database refuses the row, and with it the batch
         return made
 
-    monkeypatch.setattr(handing_in, "submission_of", poisoned)
+    monkeypatch.setattr(intake, "make_submission", poisoned)
     clients = [either_site.client(name) for name in ("ann", "eve", "bob", "cat")]
     made = together(one_batch, clients)
     assert [one.status_code for one in made] == [201, 500, 201, 201]

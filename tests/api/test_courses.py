@@ -8,9 +8,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from grader.grading_process import Graders
-from grader.worker import worker_of
-from sites import Site
+from grader.grading.processes import Graders
+from grader.service.worker import build_worker
+from support.sites import Site
 
 API = "/api/v1"
 
@@ -110,8 +110,8 @@ def test_a_reload_and_a_regrade_are_the_courses_own(site: Site, own: Path, conte
     body = {"quiz": "own", "scope": "all", "dry_run": False}
     assert site.client("otto", "instructor").post(f"{API}/regrades", json=body).status_code == 404
     location = teacher.post(f"{API}/regrades", json=body).headers["location"]
-    context = site.app.state.context
-    worker = worker_of(site.settings, context.database, context.content.archive, Graders(0, allow_t2=False))
+    services = site.app.state.services
+    worker = build_worker(site.settings, services.database, services.content.archive, Graders(0, allow_t2=False))
     while worker.do_one():
         pass
     assert teacher.get(location).json()["progress"]["outcomes"] == {"changed": 1}

@@ -11,13 +11,13 @@ import httpx
 import pytest
 from sqlalchemy import func, select
 
-from databases import BACKENDS, database_url
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import Submission, VerdictRow
-from queue_kills import client_of, process_of, settings_on, wait_until_ready
+from support.databases import BACKENDS, database_url
+from support.queue_kills import client_of, process_of, settings_on, wait_until_ready
 
 LEARNERS = 4
-RUN_S = 1.5
+RUN_S = 0.5
 
 
 def send(client: httpx.Client, key: str) -> str:

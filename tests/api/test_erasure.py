@@ -10,12 +10,12 @@ from sqlalchemy import MetaData, text
 from sqlalchemy.exc import DBAPIError
 from typer.testing import CliRunner
 
-from databases import BACKENDS, database_url
-from grader.api.admission import PREFIX as API
-from grader.cli import cli
+from grader.commands.main import cli
 from grader.errors import Conflict, NotFound, Unprocessable
+from grader.gate.admission import PREFIX as API
 from grader.settings import Settings
-from sites import Site, open_site, write_content
+from support.databases import BACKENDS, database_url
+from support.sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
 
@@ -64,7 +64,7 @@ def leave_traces(site: Site, name: str) -> tuple[httpx.Client, list[str]]:
 def everything(site: Site) -> dict[str, str]:
     """The rows of every table, as text, by table."""
     tables = MetaData()
-    with site.app.state.context.database.engine.connect() as connection:
+    with site.app.state.services.database.engine.connect() as connection:
         tables.reflect(connection)
         return {
             name: repr([tuple(row) for row in connection.execute(table.select())])
@@ -147,7 +147,7 @@ def test_a_learner_who_chose_the_name_is_found_by_id_and_namesakes_stay(term: Si
 
 def test_an_answer_that_is_being_graded_is_waited_for(term: Site) -> None:
     _, ids = leave_traces(term, ADA)
-    with term.app.state.context.database.write() as session:
+    with term.app.state.services.database.write() as session:
         session.execute(text("UPDATE submissions SET status = 'running' WHERE id = :id"), {"id": ids[0]})
     with pytest.raises(Conflict, match=r"1 of the learner's answers"):
         run("erase", "--user", ADA)
@@ -179,7 +179,7 @@ CHANGES = (
 
 def test_the_audit_log_allows_nothing_else(term: Site) -> None:
     term.client("tina", "instructor")
-    database = term.app.state.context.database
+    database = term.app.state.services.database
     for change in CHANGES:
         with pytest.raises(DBAPIError, match="append-only"), database.write() as session:
             session.execute(text(change))

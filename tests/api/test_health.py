@@ -11,18 +11,18 @@ import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from databases import BACKENDS, database_url
-from grader.api.readiness import Readiness
 from grader.errors import JailFault
-from grader.monitoring import Monitor
-from grader.pipeline import Retries
+from grader.gate.monitoring import Monitor
+from grader.gate.readiness import Readiness
+from grader.grading.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.worker import Worker
+from grader.service.worker import build_graders
 from grader.settings import Settings
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import new_id
-from grader.worker import graders_of
-from sites import Site
+from support.databases import BACKENDS, database_url
+from support.sites import Site
 
 API = "/api/v1"
 TOKEN = "a token of sixteen characters or more"
@@ -56,11 +56,11 @@ def test_readiness_lists_its_checks_and_says_what_cures_them(nobody: httpx.Clien
 
 @pytest.fixture
 def readiness(site: Site) -> Iterator[Readiness]:
-    """The site's checks; what they found is forgotten before and after a test."""
-    found: Readiness = site.app.state.context.readiness
-    found.forget()
-    yield found
-    found.forget()
+    """The site's checks; their results expire before and after a test."""
+    readiness: Readiness = site.app.state.services.readiness
+    readiness.expire()
+    yield readiness
+    readiness.expire()
 
 
 def test_checks_run_once_however_many_probe(site: Site, readiness: Readiness, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +86,7 @@ def test_an_unexpected_failure_is_told_to_the_log_alone(
     def gone() -> None:
         raise OSError("a path of the server")
 
-    monkeypatch.setattr(site.app.state.context.database, "check", gone)
+    monkeypatch.setattr(site.app.state.services.database, "check", gone)
     response = nobody.get("/readyz")
     assert response.json()["checks"]["database"] == {"ok": False, "why": "The check failed; the log says why."}
     assert "path" not in response.text
@@ -95,7 +95,7 @@ def test_an_unexpected_failure_is_told_to_the_log_alone(
 
 @pytest.mark.usefixtures("readiness")
 def test_a_disk_without_room_is_not_ready(nobody: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grader.monitoring.FREE_BYTES_MIN", 1 << 60)
+    monkeypatch.setattr("grader.gate.monitoring.FREE_BYTES_MIN", 1 << 60)
     told = nobody.get("/readyz").json()["checks"]["database"]
     assert not told["ok"]
     assert told["why"].startswith("The disk of the database is full")
@@ -116,8 +116,8 @@ def worker_on(url: str) -> Iterator[tuple[Database, Worker]]:
 
 @pytest.fixture(params=BACKENDS)
 def idle(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Database, Worker]]:
-    with database_url(request.param, tmp_path) as url, worker_on(url) as found:
-        yield found
+    with database_url(request.param, tmp_path) as url, worker_on(url) as joined:
+        yield joined
 
 
 def test_a_worker_counts_while_it_lives(idle: tuple[Database, Worker]) -> None:
@@ -155,7 +155,7 @@ def test_the_queue_is_counted_by_topic_with_its_oldest_job(idle: tuple[Database,
     with database.write() as session:
         assert jobs.claim(session, 1, (jobs.REGRADE,))
     with database.read() as session:
-        state = jobs.state(session)
+        state = jobs.read_state(session)
     assert (state["grade"].waiting, state["grade"].running) == (2, 0)
     assert (state["regrade"].waiting, state["regrade"].running) == (0, 1)
     assert state["grade"].oldest_s == pytest.approx(90, abs=60)
@@ -213,7 +213,7 @@ def test_a_public_server_shows_metrics_to_the_bearer_of_the_token_alone(open_sit
 
 def test_no_grading_process_is_not_ready(tmp_path: Path, content: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = Settings(content=content, data=tmp_path, workers=1)
-    graders = graders_of(settings)
+    graders = build_graders(settings)
 
     def broken() -> None:
         raise JailFault("bwrap is gone")

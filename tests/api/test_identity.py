@@ -9,14 +9,13 @@ import httpx
 import pytest
 from sqlalchemy import func, select, update
 
-from grader.accounts import sign_in_url
-from grader.courses import sign_in
-from grader.courses.people import unnamed
-from grader.identity import Role
-from grader.store.database import Database
+from grader.courses.people import sign_in
+from grader.courses.people.members import unnamed
+from grader.service.accounts import sign_in_url
+from grader.store.engine.database import Database
 from grader.store.tables import Credential, Member, now
-from sites import Site
-from tokens import issue_token
+from support.sites import Site
+from support.tokens import issue_token
 
 API = "/api/v1"
 OURS = {"Sec-Fetch-Site": "same-origin"}
@@ -25,7 +24,7 @@ SESSIONS = select(func.count()).select_from(Credential).where(Credential.kind ==
 
 
 def database_of(site: Site) -> Database:
-    database: Database = site.app.state.context.database
+    database: Database = site.app.state.services.database
     return database
 
 
@@ -37,7 +36,7 @@ def count(site: Site, query: Any) -> int:
 def signed_in_as(site: Site, name: str) -> httpx.Client:
     """The browser of a learner who chose this name."""
     with database_of(site).write() as session:
-        opened = sign_in.start_session(session, unnamed(session, site.course or "default", name), Role.STUDENT)
+        opened = sign_in.start_session(session, unnamed(session, site.course or "default", name))
     return site.anonymous({"Cookie": f"grader_session={opened.secret}", **OURS})
 
 

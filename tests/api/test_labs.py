@@ -12,8 +12,8 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.api.lab_runs import THREADS, WAITING_MAX, LabRuns, Recording
 from grader.errors import TooManyRequests, Unprocessable
+from grader.gate.lab_runs import THREADS, WAITING_MAX, LabRuns, Recording
 
 RUN = "/api/v1/labs:run"
 LAB = {"quiz": "small", "question": "q3"}
@@ -217,7 +217,7 @@ def test_labs_keep_nobody_else_waiting(open_site_with: Callable[..., Any], monke
         assert go.wait(60)
         return Recording(gzip.compress(b"{}"), 1)
 
-    monkeypatch.setattr("grader.api.labs.record", slow)
+    monkeypatch.setattr("grader.api.learning.labs.record", slow)
     site = open_site_with()
     clients = [site.client("ann") for _ in range(44)]
     body = {"quiz": "small", "lab": "five"}

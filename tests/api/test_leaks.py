@@ -18,14 +18,14 @@ from hypothesis import Phase, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from databases import BACKENDS, database_url
-from grader.courses import results
-from grader.courses.sign_in import create_sign_in_code, redeem_sign_in_code
+from grader.courses.answering import results
+from grader.courses.people.identity import COOKIE, Role
+from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.domain.verdict import Finding, Status, Verdict
-from grader.identity import COOKIE, Role
 from grader.settings import Settings
 from grader.store.tables import Submission
-from sites import Site, open_site, write_content
+from support.databases import BACKENDS, database_url
+from support.sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
 
@@ -107,12 +107,12 @@ def a_verdict(status: str, points: float) -> Verdict:
 
 
 def judge(site: Site, submission_id: str, verdict: Verdict, cause: str) -> None:
-    context = site.app.state.context
-    with context.database.write() as session:
+    services = site.app.state.services
+    with services.database.write() as session:
         submission = session.get_one(Submission, submission_id)
         results.append_verdict(
-            context.database,
-            context.content.of(submission.course).library,
+            services.database,
+            services.content.of(submission.course).library,
             session,
             submission,
             verdict,
@@ -203,7 +203,7 @@ def documents(site: Site, client: httpx.Client, quiz: str, made: list[str]) -> d
 
 def a_session(site: Site, course: str) -> str:
     """A browser session of the learner, for the pages."""
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         code = create_sign_in_code(session, "ann", Role.STUDENT, course)
         return redeem_sign_in_code(session, code).secret
 
@@ -234,7 +234,7 @@ def act(site: Site, quiz: str, deeds: list[tuple[str, Any]], verdicts: list[tupl
     done=deeds,
     verdicts=st.tuples(st.lists(outcomes, min_size=2, max_size=2), st.lists(outcomes, min_size=2, max_size=2)),
 )
-@hypothesis_settings(max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@hypothesis_settings(max_examples=4, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_before_the_feedback_no_document_depends_on_the_key(
     pair: list[Site], quiz: str, done: list[tuple[str, Any]], verdicts: tuple[list[Any], list[Any]]
 ) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.api.admission import ON_BEHALF
-from sites import Site
+from grader.gate.admission import ON_BEHALF
+from support.sites import Site
 
 API = "/api/v1"
 ADA = {"namespace": "school", "id": "s1815"}
@@ -166,9 +166,9 @@ def test_who_was_removed_is_refused_and_who_was_erased_comes_as_somebody_new(sit
     first = hand_in(lms, "q1", 0, {**ADA, "name": "Ada"}).json()
     assert tina.delete(f"{API}/members/{first['learner']}").status_code == 204
     assert hand_in(lms, "q1", 1).status_code == 403
-    from grader.courses.erasure import erase_learner
+    from grader.courses.people.erasure import erase_learner
 
-    database = site.app.state.context.database
+    database = site.app.state.services.database
     with database.write() as session:
         erase_learner(database, session, member_id=first["learner"], course=site.course)
     assert hand_in(lms, "q1", 1).json()["learner"] != first["learner"]

@@ -13,12 +13,12 @@ import psycopg
 import pytest
 from sqlalchemy import event, make_url, text
 
-from databases import database_url
-from grader.courses.sign_in import create_sign_in_code, redeem_sign_in_code
-from grader.identity import COOKIE
+from grader.courses.people.identity import COOKIE
+from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.settings import Settings
-from outages import Cable, cable_to
-from sites import Site, open_site
+from support.databases import database_url
+from support.outages import Cable, cable_to
+from support.sites import Site, open_site
 
 API = "/api/v1"
 ANSWER = {"quiz": "small", "question": "q1", "answer": 1}
@@ -74,7 +74,7 @@ def test_no_route_fails_otherwise_while_postgresql_is_away(cabled: Cabled) -> No
     """Every address without parts of its own, of the API and the pages: 503 with Retry-After, or it needs no rows."""
     cable, site = cabled
     teacher = site.client("tina", "instructor")
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         code = create_sign_in_code(session, "tina", "instructor")
         teacher.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
     documented = {path for path, has in site.app.openapi()["paths"].items() if "get" in has and "{" not in path}
@@ -124,7 +124,7 @@ def test_sessions_that_the_server_ends_are_opened_again(content: Path, tmp_path:
 @contextmanager
 def full(site: Site) -> Iterator[None]:
     """Lets the SQLite file grow no more, which SQLite reports as it does a full disk."""
-    engine = site.app.state.context.database.engine
+    engine = site.app.state.services.database.engine
 
     def limit(connection: Any, _record: Any) -> None:
         connection.execute("PRAGMA max_page_count = 1")  # means: as many as the file has
@@ -156,6 +156,6 @@ def test_a_full_sqlite_file_is_503_until_there_is_room(
 def test_a_fault_of_a_statement_is_no_outage(open_site_with: Callable[..., Site]) -> None:
     site = open_site_with()
     ann = site.client("ann")
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         session.execute(text("ALTER TABLE submissions RENAME COLUMN quiz TO other"))
     assert ann.get(f"{API}/submissions").status_code == 500

@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from grader.settings import Settings
-from tokens import issue_token
+from support.tokens import issue_token
 
 ROOT = Path(__file__).parents[2]
 API = "/api/v1"

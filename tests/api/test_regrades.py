@@ -8,10 +8,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from grader.grading_process import Graders
+from grader.grading.processes import Graders
 from grader.queue.worker import Worker
-from grader.worker import worker_of
-from sites import QUIZ, Site
+from grader.service.worker import build_worker
+from support.sites import QUIZ, Site
 
 pytestmark = pytest.mark.slow
 
@@ -26,8 +26,10 @@ def site(open_site_with: Callable[..., Site]) -> Site:
 
 
 def work(site: Site) -> None:
-    context = site.app.state.context
-    worker: Worker = worker_of(site.settings, context.database, context.content.archive, Graders(0, allow_t2=False))
+    services = site.app.state.services
+    worker: Worker = build_worker(
+        site.settings, services.database, services.content.archive, Graders(0, allow_t2=False)
+    )
     while worker.do_one():
         pass
 
@@ -145,7 +147,7 @@ def test_two_regrades_never_change_one_quiz_at_the_same_time(site: Site) -> None
 
 def signed_in(site: Site) -> httpx.Client:
     """An instructor's browser as far as HTTP goes."""
-    from grader.accounts import sign_in_url
+    from grader.service.accounts import sign_in_url
 
     code = sign_in_url(site.settings).rpartition("=")[2]
     browser = site.anonymous(SAME_ORIGIN)

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from sites import QUIZ, Site
+from support.sites import QUIZ, Site
 
 API = "/api/v1"
 DAY = timedelta(days=1)

@@ -14,15 +14,16 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from api.test_leaks import API, POLICIES, a_session, get_paths, normal
-from databases import BACKENDS, database_url
-from grader.courses import results, reviews
-from grader.courses.rubric import Mark
+from grader.courses.answering import results
+from grader.courses.people.identity import COOKIE, Identity, Role
+from grader.courses.reviewing import reviews
+from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import Status, Verdict
-from grader.identity import COOKIE, Identity, Role
 from grader.settings import Settings
 from grader.store import reviews as stored
 from grader.store.tables import Submission
-from sites import Site, open_site, write_content
+from support.databases import BACKENDS, database_url
+from support.sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +61,7 @@ def documents(site: Site, client: httpx.Client, quiz: str, made: list[str]) -> d
 
 def mark(site: Site, submission_id: str, deeds: list[tuple[str, Any]]) -> None:
     """What reviewers do with a submission; deeds that are not possible then are left out."""
-    desk = site.app.state.context.desk_of(site.course)
+    desk = site.app.state.services.desk_of(site.course)
     assert site.course is not None
     for name, given_mark in deeds:
         who = Identity(name, name, Role.INSTRUCTOR, site.course)
@@ -88,7 +89,7 @@ graded = st.sampled_from([None, Status.CRASHED, Status.PARTIAL])
 
 
 @given(quiz=st.sampled_from(sorted(POLICIES)), done=st.tuples(deeds, deeds), earlier=graded)
-@hypothesis_settings(max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@hypothesis_settings(max_examples=4, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 def test_before_the_feedback_no_document_tells_of_a_review(
     shared: Site, quiz: str, done: tuple[list[Any], list[Any]], earlier: Status | None
 ) -> None:
@@ -112,7 +113,7 @@ def test_before_the_feedback_no_document_tells_of_a_review(
 
 def regrade(site: Site, submission_id: str, status: Status) -> None:
     """A verdict of the grader's own."""
-    desk = site.app.state.context.desk_of(site.course)
+    desk = site.app.state.services.desk_of(site.course)
     verdict = Verdict(status=status, points=0.5, max_points=1.0, diagnosis="Line 1 raises ValueError.")
     with desk.database.write() as session:
         submission = session.get_one(Submission, submission_id)

@@ -7,9 +7,9 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.api.admission import PREFIX as API
-from grader.courses import reviews
-from sites import Site
+from grader.courses.reviewing import reviews
+from grader.gate.admission import PREFIX as API
+from support.sites import Site
 
 
 def hand_in(client: httpx.Client, answer: str = "because", question: str = "q4") -> dict[str, Any]:
@@ -155,7 +155,7 @@ def test_a_script_that_is_still_graded_cannot_be_reviewed(site: Site) -> None:
     from grader.store import submissions
 
     made, tina = hand_in(site.client("ann")), site.client("tina", "instructor")
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         submissions.put_back(session, made["id"])
     assert claim(tina, submission_id=made["id"]).status_code == 409
     assert decide(tina, made["id"], "*", points=1).status_code == 409

@@ -11,10 +11,10 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from grader.cli import cli
-from grader.courses.tokens import create_token
+from grader.commands.main import cli
+from grader.courses.people.tokens import create_token
 from grader.errors import FaultyRows
-from sites import Site
+from support.sites import Site
 
 API = "/api/v1"
 IMPORT = f"{API}/roster:import"
@@ -97,9 +97,9 @@ def test_what_was_exported_is_imported_again_and_changes_nothing(either_site: Si
 
 def test_who_came_by_themselves_is_exported_with_our_id_and_found_by_it(site: Site) -> None:
     tina = site.client("tina", "instructor")
-    from grader.courses.people import unnamed
+    from grader.courses.people.members import unnamed
 
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         member = unnamed(session, str(site.course), "Eve").id
     text = tina.get(f"{API}/roster.csv").text
     assert f"Eve,,student,grader,{member}" in text
@@ -159,7 +159,7 @@ ROUTES = (("POST", IMPORT), ("GET", f"{API}/roster.csv"), ("GET", f"{API}/roster
 def test_students_strangers_and_tokens_without_the_scope_are_refused(site: Site, method: str, path: str) -> None:
     assert site.anonymous().request(method, path).status_code == 401
     assert site.client("ann").request(method, path).status_code == 403
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         token = create_token(session, "lms", "service", site.course, scopes=["results", "lms"])
     scoped = site.anonymous({"Authorization": f"Bearer {token}"}).request(method, path)
     assert (scoped.status_code, "the scope `people`" in scoped.json()["detail"]) == (403, True)

@@ -1,31 +1,34 @@
 """Scripts over HTTP: queued, run in the real jail, graded, with events on the way."""
 
+import secrets
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from sqlalchemy import select
+from sqlalchemy import delete, select
 
-from grader.accounts import revoke_tokens
-from grader.api import events
-from grader.api.streams import STREAMS_MAX
+from grader.api.learning import events
+from grader.courses.people.identity import identity_of
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
 from grader.exercises import Tell
-from grader.grading_process import Graders, Script
-from grader.identity import identity_of
+from grader.gate.streams import STREAMS_MAX
+from grader.grading.pipeline import Retries, ignore_progress
+from grader.grading.processes import Graders, Script
 from grader.library import Library
-from grader.pipeline import Retries, untold
 from grader.queue import jobs
+from grader.queue.jobs import JobRow
 from grader.queue.worker import Worker
+from grader.service.accounts import revoke_tokens
+from grader.service.worker import GradingTask, Judge, make_fault, make_grade
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.tables import Credential, Submission
-from grader.worker import Grading, Judge, fault_with, grade_with
-from sites import ROOT, Site, open_site
+from support.sites import ROOT, Site, open_site
 
 pytestmark = pytest.mark.slow
 
@@ -53,22 +56,30 @@ def hand_in(client: httpx.Client, source: Any, **headers: str) -> httpx.Response
 
 def a_worker(site: Site, grade: Judge) -> Worker:
     """A worker in this process, without threads: `do_one` does its work."""
-    context = site.app.state.context
-    tasks = {jobs.GRADE: Grading(grade, fault_with(context.content.archive))}
-    return Worker(context.database, tasks, 1, Retries(3, pause_s=0.0))
+    services = site.app.state.services
+    tasks = {jobs.GRADE: GradingTask(grade, make_fault(services.content.archive))}
+    return Worker(services.database, tasks, 1, Retries(3, pause_s=0.0))
 
 
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A server with the shipped content, a worker and its jail."""
-    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("graded"), workers=2)) as site:
+    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("graded"), workers=1)) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def shared_idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("idle"), workers=0)) as site:
         yield site
 
 
 @pytest.fixture
-def idle(open_site_with: Callable[..., Site]) -> Site:
-    """The same without a worker: submissions stay queued."""
-    return open_site_with(content=ROOT)
+def idle(shared_idle: Site) -> Iterator[Site]:
+    """The same without a worker: submissions stay queued. Each test is a course of its own, and leaves no jobs."""
+    yield replace(shared_idle, course=f"course-{secrets.token_hex(4)}")
+    with shared_idle.app.state.services.database.write() as session:
+        session.execute(delete(JobRow))
 
 
 def test_a_script_is_accepted_run_and_judged(graded: Site) -> None:
@@ -139,14 +150,14 @@ def test_events_come_while_the_work_goes_on(idle: Site, last: str, to_come: tupl
 
 def test_a_verdict_that_is_committed_while_events_are_read_is_told_with_its_submission(idle: Site) -> None:
     """On PostgreSQL the second of two queries sees what was committed after the first."""
-    context = idle.app.state.context
+    services = idle.app.state.services
     submission_id = hand_in(idle.client("ann"), "x = 1").json()["id"]
-    with context.database.write() as session:
+    with services.database.write() as session:
         submission = session.get_one(Submission, submission_id)
         token = session.scalars(select(Credential).where(Credential.member == submission.learner)).one()
         who = identity_of(token)
         submissions._add_event(session, submission_id, submissions.GRADED)
-    told, over = events.read_events(events.Listener(context, who, submission_id, 0), 0)
+    told, over = events.read_events(events.Listener(services, who, submission_id, 0), 0)
     assert ([event.event for event in told], over) == ([submissions.QUEUED], False)
 
 
@@ -193,21 +204,21 @@ def test_a_submission_and_its_job_are_kept_together_or_not_at_all(idle: Site, mo
         raise RuntimeError
 
     ann = idle.client("ann")
-    monkeypatch.setattr("grader.courses.handing_in.jobs.put", broken)
+    monkeypatch.setattr("grader.courses.answering.intake.jobs.put", broken)
     assert hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}).status_code == 500
     assert ann.get(f"{API}/submissions").json()["items"] == []
     monkeypatch.undo()
     assert hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}).status_code == 202
-    with idle.app.state.context.database.read() as session:
-        assert jobs.waiting(session) == 1
+    with idle.app.state.services.database.read() as session:
+        assert jobs.count_jobs(session) == 1
 
 
 def test_a_repeated_script_is_not_queued_twice(idle: Site) -> None:
     ann = idle.client("ann")
     first, again = (hand_in(ann, "x = 1\n", **{"Idempotency-Key": "k"}) for _ in range(2))
     assert (again.status_code, again.json()) == (202, first.json())
-    with idle.app.state.context.database.read() as session:
-        assert jobs.waiting(session) == 1
+    with idle.app.state.services.database.read() as session:
+        assert jobs.count_jobs(session) == 1
 
 
 @pytest.mark.parametrize(
@@ -248,7 +259,7 @@ def test_logs_hold_neither_sources_nor_tokens(
     def broken(*_: object, **_named: object) -> None:
         raise RuntimeError("broken")
 
-    monkeypatch.setattr("grader.courses.handing_in.jobs.put", broken)
+    monkeypatch.setattr("grader.courses.answering.intake.jobs.put", broken)
     ann = idle.client("ann")
     hand_in(ann, "source_that_nobody_may_log = 1\n")
     told = "".join(capsys.readouterr())
@@ -257,14 +268,14 @@ def test_logs_hold_neither_sources_nor_tokens(
     assert ann.headers["Authorization"].split("_")[2] not in told
 
 
-def test_the_database_is_where_the_settings_say(idle: Site, tmp_path: Path) -> None:
-    assert (tmp_path / "data" / "grader.db").exists()
+def test_the_database_is_where_the_settings_say(idle: Site) -> None:
+    assert idle.app.state.services.database.engine.url.database == str(idle.settings.data / "grader.db")
 
 
 def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None:
-    content = idle.app.state.context.content
+    content = idle.app.state.services.content
     library = content.of("default").library
-    fault, digest = fault_with(content.archive), library.digest("1.3-exercises")
+    fault, digest = make_fault(content.archive), library.digest("1.3-exercises")
     submission = Submission(
         quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}', content_digest=digest
     )
@@ -283,7 +294,7 @@ def test_the_seed_of_hidden_cases_is_for_instructors_only(idle: Site) -> None:
     ann, tina = idle.client("ann"), idle.client("tina", "instructor")
     made = hand_in(ann, "x = 1\n")
     submission_id = made.json()["id"]
-    with idle.app.state.context.database.read() as session:
+    with idle.app.state.services.database.read() as session:
         seed = session.get_one(Submission, submission_id).seed
     a_worker(idle, lambda _: GOOD).do_one()
     location = made.headers["location"]
@@ -305,7 +316,7 @@ def test_an_installation_keeps_its_secret_and_two_installations_differ(
     first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
     other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
     seeds = [
-        site.app.state.context.content.of("default")
+        site.app.state.services.content.of("default")
         .pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"})
         .seed
         for site in (first, again, other)
@@ -321,7 +332,7 @@ class RecordingGraders(Graders):
         self.scripts: list[Script] = []
         self.fault = fault
 
-    def judge(self, _library: Library, script: Script, tell: Tell = untold) -> Verdict:
+    def judge(self, _library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
         self.scripts.append(script)
         if self.fault is not None:
             raise self.fault
@@ -331,9 +342,9 @@ class RecordingGraders(Graders):
 def test_a_recorded_seed_is_the_one_that_a_worker_grades_with(idle: Site) -> None:
     graders = RecordingGraders()
     hand_in(idle.client("ann"), "x = 1\n")
-    with idle.app.state.context.database.write() as session:
+    with idle.app.state.services.database.write() as session:
         session.query(Submission).update({"seed": 12})
-    a_worker(idle, grade_with(idle.app.state.context.content.archive, graders)).do_one()
+    a_worker(idle, make_grade(idle.app.state.services.content.archive, graders)).do_one()
     assert [script.seed for script in graders.scripts] == [12]
 
 
@@ -341,7 +352,7 @@ def test_only_the_queue_tries_again_while_the_jail_is_broken(idle: Site) -> None
     graders = RecordingGraders(JailFault("broken"))
     ann = idle.client("ann")
     made = hand_in(ann, "x = 1\n")
-    worker = a_worker(idle, grade_with(idle.app.state.context.content.archive, graders))
+    worker = a_worker(idle, make_grade(idle.app.state.services.content.archive, graders))
     while worker.do_one():
         pass
     assert [script.answer for script in graders.scripts] == [{"source": "x = 1\n"}] * 3

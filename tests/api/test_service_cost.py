@@ -17,15 +17,15 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from databases import BACKENDS, database_url
-from grader.api import events
-from grader.api.streams import STREAMS_MAX
-from grader.bench.answers import Client
+from grader.api.learning import events
+from grader.gate.streams import STREAMS_MAX
 from grader.settings import Settings
 from grader.store import submissions
-from queue_kills import process_of, settings_on, wait_until_ready
-from sites import ROOT, Site, open_site
-from tokens import issue_token
+from grader.studies.bench.service.answers import Client
+from support.databases import BACKENDS, database_url
+from support.queue_kills import process_of, settings_on, wait_until_ready
+from support.sites import ROOT, Site, open_site
+from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
 
@@ -163,7 +163,7 @@ def test_a_listener_looks_only_when_its_own_submission_has_an_event(
         streams = [stack.enter_context(listener_at(idle, bob, location)) for location in locations]
         for _ in range(20):
             assert ann.post(SUBMISSIONS, json=CHOICE).status_code == 201
-        database = idle.app.state.context.database
+        database = idle.app.state.services.database
         with database.write() as session:
             submissions.start(session, heard)
         assert b"event: running" in streams[0].recv(65536)

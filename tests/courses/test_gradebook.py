@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.cells import guarded, unguarded
-from grader.courses.gradebook import Column, Form, Row, gradebook_csv, headings, number
+from grader.courses.rules.csv_cells import guarded, unguarded
+from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv, headings, number
 
 COLUMNS = [
     Column("1.3-check", "q1", "Knowledge check, 1", 1.0, "4711"),

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from grader.courses.policy import (
+from grader.courses.rules.policy import (
     NO_EXTENSION,
     Attempt,
     Counted,
@@ -22,13 +22,14 @@ from grader.courses.policy import (
     late_multiplier,
 )
 from grader.domain.policy import Extension, Late, Policy, Progress
-from grader.domain.quiz import NumericQuestion, OpenQuestion
 from grader.domain.verdict import Status
+from grader.questions.kinds.number import NumberQuestion
+from grader.questions.kinds.text import TextQuestion
 
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
 DAY = timedelta(days=1)
 LATE = Late(per_day=0.8, floor=0.3, until=DUE + 5 * DAY)
-QUESTION = OpenQuestion(kind="open", id="q1", q="Why?", points=10)
+QUESTION = TextQuestion(kind="open", id="q1", q="Why?", points=10)
 FREE = [Status.INVALID_ANSWER, Status.GRADER_FAULT]
 PAID = [status for status in Status if status.uses_attempt]
 
@@ -340,5 +341,5 @@ def test_policies_that_contradict_themselves_are_refused(keys: dict[str, object]
 @pytest.mark.parametrize(("written", "reveal"), [(None, "size"), ("direction", "direction"), ("value", "value")])
 def test_the_author_chooses_what_the_feedback_reveals(written: str | None, reveal: str) -> None:
     asked = {"kind": "numeric", "id": "q1", "q": "How long?", "answer": 5.0, "reveal": written}
-    question = NumericQuestion.model_validate(asked)
+    question = NumberQuestion.model_validate(asked)
     assert decide(Policy(), None, question, Progress(used=1), DUE, role="student").reveal == reveal

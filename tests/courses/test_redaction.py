@@ -10,16 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.answers import grade_answer
-from grader.courses.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact, reported
+from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact, reported
 from grader.domain.policy import Policy, Progress
-from grader.domain.quiz import NumericQuestion, OpenQuestion, Reveal
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
+from grader.grading.pipeline import Pipeline
 from grader.library import load
-from grader.pipeline import Pipeline
+from grader.questions import Reveal, grade_answer
+from grader.questions.kinds.number import NumberQuestion
+from grader.questions.kinds.text import TextQuestion
 
 NOW = datetime(2026, 3, 10, tzinfo=UTC)
-QUESTION = OpenQuestion(kind="open", id="q1", q="Why?")
+QUESTION = TextQuestion(kind="open", id="q1", q="Why?")
 FEEDBACK = decide(Policy(), None, QUESTION, Progress(), NOW, role="student")
 RECEIPT = decide(Policy(feedback="after_publish"), None, QUESTION, Progress(), NOW, role="student")
 SOLUTION = decide(Policy(solutions="with_feedback"), None, QUESTION, Progress(), NOW, role="student")
@@ -166,14 +167,14 @@ def test_a_wrong_number_tells_its_direction_alone(
     sides = []
     for factor in factors:
         key = given_number * factor if below else given_number / factor
-        question = NumericQuestion(kind="numeric", id="q", q="?", answer=key, tol=key * 1e-3, unit=unit, explain="KEY")
+        question = NumberQuestion(kind="numeric", id="q", q="?", answer=key, tol=key * 1e-3, unit=unit, explain="KEY")
         sides.append(seen(grade_answer(question, given_number), DIRECTION))
     assert sides[0] == sides[1]
     assert f"too {'low' if below else 'high'}." in sides[0]
 
 
 def test_the_size_of_an_error_is_told_in_coarse_words() -> None:
-    question = NumericQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1)
+    question = NumberQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1)
     said = [grade_answer(question, number).findings[0].message for number in (75, 120, 20, 1, -5)]
     assert [one.partition(", ")[2] for one in said] == [
         "by less than 10 %.",
@@ -185,7 +186,7 @@ def test_the_size_of_an_error_is_told_in_coarse_words() -> None:
 
 
 def test_a_command_reports_as_far_as_the_author_reveals() -> None:
-    question = NumericQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1, explain="KEY")
+    question = NumberQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1, explain="KEY")
     for reveal, held in ((None, ()), ("direction", ("KEY", "factor")), ("size", ("KEY",)), ("value", ("KEY",))):
         asked = question.model_copy(update={"reveal": reveal})
         told = reported(grade_answer(asked, 146.626), asked).model_dump_json()

@@ -23,28 +23,28 @@ from hypothesis.stateful import (
 )
 from sqlalchemy import delete, select
 
-from databases import BACKENDS, database_url, open_database
-from grader.content import Archive, Content
-from grader.courses import regrades, regrading
-from grader.courses import results as counting
-from grader.courses.policy import counted
-from grader.courses.regrades import Scope, Wanted
-from grader.courses.regrading import Regrading
+from grader.courses.answering import results as counting
+from grader.courses.people.identity import Identity, Role
+from grader.courses.regrading import background, regrades
+from grader.courses.regrading.background import Regrading
+from grader.courses.regrading.regrades import Scope, Wanted
+from grader.courses.rules.policy import counted
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict, reviewed
 from grader.errors import Conflict, JailFault, NotFound
-from grader.grading_process import Graders
-from grader.identity import Identity, Role
-from grader.pipeline import Retries
+from grader.grading.content import Archive, Content
+from grader.grading.pipeline import Retries
+from grader.grading.processes import Graders
 from grader.queue import jobs
 from grader.queue.worker import Worker
+from grader.service.worker import make_judge
 from grader.store import extensions, results, submissions
 from grader.store import regrades as stored
 from grader.store.contents import EVERY, ContentFile
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.results import LearnerAt
 from grader.store.tables import ResultRevision, Submission, VerdictRow, new_id
-from grader.worker import judge_with
+from support.databases import BACKENDS, database_url, open_database
 
 pytestmark = pytest.mark.slow
 
@@ -76,7 +76,7 @@ class Course:
         self.write()
         self.content = Content(EVERY, self.root, Archive(self.database))
         self.tina = Identity("tina", "Tina", Role.INSTRUCTOR, self.name)
-        judge = judge_with(self.content.archive, Graders(0, allow_t2=False))
+        judge = make_judge(self.content.archive, Graders(0, allow_t2=False))
         self.regrading = Regrading(self.database, self.content.archive, judge, Retries(3, pause_s=0.0))
 
     def write(self, **changes: Any) -> None:
@@ -158,7 +158,7 @@ class Course:
         with self.database.read() as session:
             rows = select(VerdictRow).where(VerdictRow.submission_id == submission_id).order_by(VerdictRow.revision)
             stored = [(row.cause, json.loads(row.body)) for row in session.scalars(rows)]
-        return [(cause, {key: told[key] for key in told.keys() - regrading.VOLATILE}) for cause, told in stored]
+        return [(cause, {key: told[key] for key in told.keys() - background.VOLATILE}) for cause, told in stored]
 
     def newest(self, submission_id: str) -> dict[str, Any]:
         with self.database.read() as session:
@@ -185,7 +185,7 @@ def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture
 def course(database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Course]:
-    monkeypatch.setattr(regrading, "LOOK_S", 0.0)
+    monkeypatch.setattr(background, "LOOK_S", 0.0)
     yield Course(database, tmp_path / "content")
     with database.write() as session:  # jobs are shared by all courses of the database
         session.execute(delete(jobs.JobRow))
@@ -394,7 +394,7 @@ def test_a_cancelled_regrade_stops_and_keeps_what_it_did(course: Course) -> None
     done = [one for one in made if len(course.verdicts(one)) == 2]
     assert 0 < len(done) == shown["progress"]["done"] < 30
     with course.database.read() as session:
-        assert jobs.waiting(session) == 0
+        assert jobs.count_jobs(session) == 0
     assert outcomes(course.regrade()) == {"changed": 30 - len(done), "same": len(done)}
     over = course.start()
     course.work()
@@ -443,7 +443,7 @@ def test_a_worker_that_dies_in_the_middle_leaves_nothing_doubled(
         except SystemExit:
             deaths += 1
             with course.database.write() as session:
-                jobs.release(session, [lease for _, lease in jobs.owned(session)])
+                jobs.release(session, [lease for _, lease in jobs.list_owned(session)])
     assert deaths == 3
     shown = course.shown(regrade_id)
     assert (shown["status"], outcomes(shown)) == ("done", {"changed": 25})
@@ -484,13 +484,13 @@ def test_a_regrade_whose_content_is_lost_fails_and_takes_no_points(course: Cours
         session.execute(delete(ContentFile))
     try:
         archive = Archive(course.database)
-        judge = judge_with(archive, Graders(0, allow_t2=False))
+        judge = make_judge(archive, Graders(0, allow_t2=False))
         course.work(Regrading(course.database, archive, judge, Retries(2, pause_s=0.0)))
     finally:
         with course.database.write() as session:
             session.add_all(ContentFile(sha256=row.sha256, body=row.body) for row in kept)
     shown = course.shown(regrade_id)
-    assert (shown["status"], shown["reason"]) == ("failed", regrading.OUR_FAULT)
+    assert (shown["status"], shown["reason"]) == ("failed", background.OUR_FAULT)
     assert course.points("ann") == 2
 
 
@@ -511,10 +511,10 @@ def test_a_piece_that_kills_its_worker_every_time_ends_the_regrade(course: Cours
     for _ in range(3):
         with course.database.write() as session:
             assert jobs.claim(session, 1)
-            jobs.release(session, [lease for _, lease in jobs.owned(session)])
+            jobs.release(session, [lease for _, lease in jobs.list_owned(session)])
     course.work()
     shown = course.shown(regrade_id)
-    assert (shown["status"], shown["reason"], shown["progress"]["done"]) == ("failed", regrading.OUR_FAULT, 0)
+    assert (shown["status"], shown["reason"], shown["progress"]["done"]) == ("failed", background.OUR_FAULT, 0)
     assert course.points("ann") == 2
 
 
@@ -581,7 +581,7 @@ class Term(RuleBasedStateMachine):
     def check_what_counts(self, learner: str) -> None:
         key = LearnerAt(self.course.name, learner, "quiz", "number")
         with self.course.database.read() as session:
-            attempts = [counting.attempt_of(row) for row in results.attempts_of(session, key)]
+            attempts = [counting.make_attempt(row) for row in results.attempts_of(session, key)]
         found = counted(attempts, self.course.content.library.quiz("quiz").policy, None)
         assert self.course.points(learner) == (found.points if attempts else None)
 
@@ -594,7 +594,7 @@ class Term(RuleBasedStateMachine):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_term_of_regrades(backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regrading, "LOOK_S", 0.0)
+    monkeypatch.setattr(background, "LOOK_S", 0.0)
     with database_url(backend, tmp_path) as url:
         Term.database, Term.folder = Database(url), tmp_path
         Term.database.migrate()

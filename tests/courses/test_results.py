@@ -14,20 +14,21 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, open_database
-from grader.courses import results as counting
-from grader.courses.policy import Attempt, counted
-from grader.courses.results import New
-from grader.courses.standing import standing_of
+from grader.courses.answering import results as counting
+from grader.courses.answering.access import read_access
+from grader.courses.answering.results import NewSubmission
+from grader.courses.people.identity import Identity, Role
+from grader.courses.rules.policy import Attempt, counted
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
-from grader.identity import Identity, Role
 from grader.library import Library, load
-from grader.store import answers, extensions, results, submissions
-from grader.store.database import Database
+from grader.store import extensions, results, submissions
+from grader.store.engine.bulk_insert import insert_rows
+from grader.store.engine.database import Database
+from grader.store.question_states import QuestionState, read_states
 from grader.store.results import LearnerAt
-from grader.store.rows import insert_rows
 from grader.store.tables import Member, Result, ResultRevision, Submission, new_id, now, values_of
+from support.databases import BACKENDS, open_database
 
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
 DAY = timedelta(days=1)
@@ -70,15 +71,18 @@ def an_answer(key: LearnerAt, attempt: int = 1) -> Submission:
     return Submission(id=new_id(), **key._asdict(), user="Ann", answer="1", content_digest="d", attempt=attempt)
 
 
-def stored_at(session: Session, key: LearnerAt) -> dict[LearnerAt, answers.Found]:
-    return answers.stored(session, [answers.Asked(*key, credential="", key="", is_extensible=True)], now()).at
+def states_at(session: Session, key: LearnerAt) -> dict[LearnerAt, QuestionState]:
+    states = read_states(session, [key])
+    states[key].extension = extensions.of_learner(session, key.course, key.learner, [key.quiz]).get(key.quiz)
+    return states
 
 
 def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdict | None) -> Submission:
     submission = an_answer(key)
     with database.write() as session:
+        states = states_at(session, key)
         submissions.add(session, [(submission, verdict)])
-        counting.count_new(session, [New(library, submission, verdict)], stored_at(session, key))
+        counting.count_new(session, [NewSubmission(library, submission, verdict)], states)
     return submission
 
 
@@ -220,14 +224,14 @@ class Learning(RuleBasedStateMachine):
 
     verdicts = st.tuples(st.sampled_from(list(Status)), st.integers(0, 10))
 
-    def standing(self) -> Any:
+    def access(self) -> Any:
         who = Identity("ann", "Ann", Role.STUDENT, self.key.course)
         with self.database.read() as session:
-            return standing_of(session, self.library, who, (self.key.quiz, "q1"))
+            return read_access(session, self.library, who, (self.key.quiz, "q1"))
 
     @rule(verdict=st.none() | verdicts)
     def hand_in(self, verdict: tuple[Status, int] | None) -> None:
-        decision = self.standing().decision(self.key.quiz, "q1")
+        decision = self.access().decide(self.key.quiz, "q1")
         used = sum(one.uses_attempt for one in self.attempts)
         limit = 3 + self.extension.attempts if self.key.quiz.endswith("-late") else None
         assert decision.may_answer == (limit is None or used < limit)
@@ -302,7 +306,7 @@ class Learning(RuleBasedStateMachine):
 
     @invariant()
     def decisions_depend_on_the_attempts_alone(self) -> None:
-        progress = self.standing().progress_at(self.key.quiz, "q1")
+        progress = self.access().progress_at(self.key.quiz, "q1")
         used = [one for one in self.attempts if one.uses_attempt]
         assert progress.used == len(used)
         assert progress.pending == sum(one.status is None for one in used)

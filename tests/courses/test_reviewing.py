@@ -13,22 +13,24 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from databases import BACKENDS, open_database
-from grader.courses import recomputing, results, reviews
-from grader.courses.blinding import blinded
-from grader.courses.desk import Desk
-from grader.courses.pseudonyms import Blinding
-from grader.courses.rubric import Mark
+from grader.courses.answering import results
+from grader.courses.people.identity import Identity, Role
+from grader.courses.people.pseudonyms import Blinding
+from grader.courses.reviewing import reviews, rubric_changes
+from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
-from grader.identity import Identity, Role
 from grader.library import Library, load
-from grader.store import answers, submissions
 from grader.store import reviews as stored
-from grader.store.database import Database
+from grader.store import submissions
+from grader.store.engine.database import Database
+from grader.store.question_states import read_states
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import Result, Submission, VerdictRow, now
+from grader.store.tables import Result, Submission, VerdictRow
+from support.databases import BACKENDS, open_database
 
 RUBRICS = ({"a": 3.0, "b": 1.0, "c": -0.5}, {"a": 2.0, "b": 2.0, "c": -2.0})
 QUIZZES: dict[str, dict[str, Any]] = {
@@ -166,12 +168,10 @@ class Reviewing(RuleBasedStateMachine):
                          answer='"Because."', content_digest="d", attempt=len(self.answers) + 1)  # fmt: skip
         verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=POINTS)
         with self.database.write() as session:
+            new = results.NewSubmission(self.desk.library, row, verdict)
+            states = read_states(session, [new.place])
             submissions.add(session, [(row, verdict)])
-            new = results.New(self.desk.library, row, verdict)
-            found = answers.stored(
-                session, [answers.Asked(*new.key, credential="", key="", is_extensible=True)], now()
-            ).at
-            results.count_new(session, [new], found)
+            results.count_new(session, [new], states)
         self.answers.append(Answer(number, learner, quiz))
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())
@@ -271,9 +271,9 @@ class Reviewing(RuleBasedStateMachine):
         before = self.rubric
         self.version = 1 - self.version
         for quiz in QUIZZES:
-            for one in recomputing.outdated(self.desk, quiz, "why", self.course):
-                recomputing.recompute(self.desk, one)
-            assert not recomputing.outdated(self.desk, quiz, "why", self.course)
+            for one in rubric_changes.outdated(self.desk, quiz, "why", self.course):
+                rubric_changes.recompute(self.desk, one)
+            assert not rubric_changes.outdated(self.desk, quiz, "why", self.course)
         for answer in self.answers:
             # Items whose points have changed make a new revision, also where the sum stays.
             ticked = answer.first.mark.ticked if answer.first and answer.first.mark.points is None else ()

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses import oneroster
-from grader.courses.external import OWN, External
-from grader.courses.oneroster import read_files, read_zip, write_zip
-from grader.courses.roster import Entry, decoded, read_roster, write_roster
+from grader.courses.people import oneroster
+from grader.courses.people.external import OWN, External
+from grader.courses.people.identity import Role
+from grader.courses.people.oneroster import read_files, read_zip, write_zip
+from grader.courses.people.roster import Entry, decoded, read_roster, write_roster
 from grader.errors import FaultyRows, Unprocessable
-from grader.identity import Role
 
 RUNS = "=+-@\t\r"
 words = st.just(oneroster.MISSING) | st.text(st.characters(categories=["L", "N", "P", "S"]), min_size=1, max_size=8)

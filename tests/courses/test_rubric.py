@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from grader.courses.rubric import recomputed, reviewed_by_rubric, rubric_points
-from grader.domain.quiz import CodeQuestion, OpenQuestion
+from grader.courses.rules.rubric import recomputed, reviewed_by_rubric, rubric_points
 from grader.domain.rubric import RubricItem
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
+from grader.questions.kinds.script import ScriptQuestion
+from grader.questions.kinds.text import TextQuestion
 
 WAITING = Verdict(
     status=Status.NEEDS_REVIEW,
@@ -26,9 +27,9 @@ ITEMS = [
 ]
 
 
-def question(items: list[dict[str, Any]] = ITEMS, points: float = 4.0) -> OpenQuestion:
+def question(items: list[dict[str, Any]] = ITEMS, points: float = 4.0) -> TextQuestion:
     rubric = tuple(RubricItem.model_validate(item) for item in items)
-    return OpenQuestion(kind="open", id="why", q="Why?", points=points, rubric=rubric)
+    return TextQuestion(kind="open", id="why", q="Why?", points=points, rubric=rubric)
 
 
 def test_ticked_items_give_the_points_and_only_they_are_named() -> None:
@@ -123,7 +124,7 @@ def test_a_rubric_that_cannot_work_is_refused(kind: str) -> None:
     part: dict[str, Any] = {"kind": kind, "id": "why", "q": "Why?", "points": 5}
     if kind == "code":
         part |= {"entry": "f", "check": {"kind": "rk4"}}
-    model = CodeQuestion if kind == "code" else OpenQuestion
+    model = ScriptQuestion if kind == "code" else TextQuestion
     with pytest.raises(ValidationError, match="the items add up to 4 of 5 points: add items or points"):
         model.model_validate({**part, "rubric": ITEMS})
     with pytest.raises(ValidationError, match="two items have the id bound: give each its own"):

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from grader.courses import statistics
-from grader.courses.statistics import QuestionStatistics, Row, clusters_of, mean_share, tallies_of
+from grader.courses.rules import statistics
+from grader.courses.rules.statistics import QuestionStatistics, Row, clusters_of, mean_share, tallies_of
 from grader.domain.verdict import Status
 
 shares = st.lists(st.integers(0, 3).map(lambda n: n / 3), min_size=1, max_size=40)
@@ -24,7 +24,9 @@ def row(learner: object, question: str, points: float, **more: object) -> Row:
                   "first_status": status, **more})  # type: ignore[arg-type]  # fmt: skip
 
 
-def statistics_of(rows: Sequence[Row], tolerances: Mapping[str, float] | None = None) -> tuple[QuestionStatistics, ...]:
+def statistics_of(
+    rows: Sequence[Row], tolerances: Mapping[str, Sequence[float]] | None = None
+) -> tuple[QuestionStatistics, ...]:
     return statistics.statistics_of(list(tallies_of(rows, tolerances).values()))
 
 
@@ -158,7 +160,7 @@ def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
     rows += [row("right", "q", 1, value=5.0), row("none", "q", 0)]
     (found,) = statistics_of(rows)
     assert [(one.value, one.learners) for one in found.clusters] == [(0.2, 3), (5.005, 2)]
-    (tight,) = statistics_of(rows, {"q": 0.001})
+    (tight,) = statistics_of(rows, {"q": [0.001]})
     assert [(one.value, one.learners) for one in tight.clusters] == [(0.2, 3)]
 
 
@@ -188,3 +190,18 @@ def test_two_rows_of_a_learner_at_a_question_are_refused() -> None:
 
 def test_no_rows_have_no_statistics() -> None:
     assert statistics_of([]) == ()
+
+
+def test_every_part_of_an_answer_is_counted() -> None:
+    rows = [
+        row("a", "ticked", 0, several='{"option": [0, 2]}'), row("b", "ticked", 1, several='{"option": [2]}'),
+        row("c", "ticked", 0, several='{"option": []}'),
+        row("a", "typed", 0, several='{"value": [5.0, null]}'), row("b", "typed", 0, several='{"value": [5.0, 7.0]}'),
+        row("c", "typed", 0, several='{"value": [null, 7.25]}'),
+        row("d", "typed", 1, several='{"value": [null, null]}'),
+    ]  # fmt: skip
+    ticked, typed = statistics_of(rows, {"typed": [0.01, 0.5]})
+    assert ticked.options == {0: 1, 2: 2}
+    assert [(one.number, one.value, one.learners) for one in typed.clusters] == [(0, 5.0, 2), (1, 7.125, 2)]
+    assert ticked.clusters == ()
+    assert typed.options == {}

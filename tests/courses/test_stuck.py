@@ -7,13 +7,13 @@ from itertools import count
 import pytest
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, open_database
-from grader.courses.stuck import RECENT, Stuck, stuck_in
+from grader.courses.reporting.stuck import RECENT, Stuck, stuck_in
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.reviews import NONE
 from grader.store.tables import Member, Review, Submission, first_id, now
+from support.databases import BACKENDS, open_database
 
 COURSE = "robots"
 SECONDS = "Right in seconds; milliseconds were asked for."

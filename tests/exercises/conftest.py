@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 ROOT = Path(__file__).parents[2]
@@ -22,16 +22,16 @@ def model_xml(name: str) -> str:
     return (ROOT / "models" / f"{name}.xml").read_text()
 
 
-def question(id_: str) -> CodeQuestion:
+def question(id_: str) -> ScriptQuestion:
     quiz = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
-    return CodeQuestion.model_validate(next(q for q in quiz["questions"] if q["id"] == id_))
+    return ScriptQuestion.model_validate(next(q for q in quiz["questions"] if q["id"] == id_))
 
 
-def with_check(question: CodeQuestion, **changes: Any) -> CodeQuestion:
+def with_check(question: ScriptQuestion, **changes: Any) -> ScriptQuestion:
     """The same question with other parameters, as an author would write them."""
     raw = question.model_dump(mode="json")
     raw["check"] |= changes
-    return CodeQuestion.model_validate(raw)
+    return ScriptQuestion.model_validate(raw)
 
 
 @pytest.fixture(scope="module")
@@ -42,16 +42,16 @@ def jail() -> Iterator[Jail]:
 
 @pytest.fixture(scope="module")
 def run(jail: Jail) -> Callable[..., RunReport]:
-    def run(question: CodeQuestion, source: str, seed: int = 1) -> RunReport:
+    def run(question: ScriptQuestion, source: str, seed: int = 1) -> RunReport:
         plan = plan_exercise(question, model_xml, seed)
-        return jail.run(plan.job(source, question.limits))
+        return jail.run(plan.build_job(source, question.limits))
 
     return run
 
 
 @pytest.fixture(scope="module")
 def grade(run: Callable[..., RunReport]) -> Grade:
-    def grade(question: CodeQuestion, source: str, seed: int = 1) -> Verdict:
+    def grade(question: ScriptQuestion, source: str, seed: int = 1) -> Verdict:
         report = run(question, source, seed)
         return judge_exercise(question, plan_exercise(question, model_xml, seed), report)
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from grader.grading.pipeline import Pipeline
 from grader.library import load
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
-from grader.pipeline import Pipeline
 from grader.sandbox.jail import Jail
 
 pytestmark = [pytest.mark.jail, pytest.mark.slow]

@@ -5,7 +5,7 @@ import time
 import mujoco
 import pytest
 
-from grader.exercises.crashes import clear
+from grader.exercises.crashes import explain_error
 
 MODEL = mujoco.MjModel.from_xml_string("<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>")
 DATA = mujoco.MjData(MODEL)
@@ -14,7 +14,7 @@ DATA = mujoco.MjData(MODEL)
 def said_of(*arguments: object) -> str:
     with pytest.raises(TypeError) as caught:
         mujoco.mj_step(*arguments)
-    return clear(f"TypeError: {caught.value}", ", in line 4 of your script")
+    return explain_error(f"TypeError: {caught.value}", ", in line 4 of your script")
 
 
 def test_arguments_of_a_binding_are_told_in_one_line() -> None:
@@ -46,7 +46,7 @@ def test_arguments_of_a_binding_are_told_in_one_line() -> None:
     ],
 )
 def test_an_advice_follows_the_place(message: str, advice: str) -> None:
-    said = clear(message, ", in line 3 of your script")
+    said = explain_error(message, ", in line 3 of your script")
     assert said.startswith(message.rstrip(".") + ", in line 3 of your script (")
     assert advice in said
 
@@ -61,7 +61,7 @@ def test_an_advice_follows_the_place(message: str, advice: str) -> None:
     ],
 )
 def test_any_other_message_stays_as_it_is(message: str) -> None:
-    assert clear(message) == message
+    assert explain_error(message) == message
 
 
 REFUSED = "f(): incompatible function arguments."
@@ -82,6 +82,6 @@ def test_a_hostile_message_takes_linear_time(start: str, part: str) -> None:
         text = start + part * (size // len(part))
         began = time.process_time()
         for _ in range(5):
-            clear(text)
+            explain_error(text)
         times.append(time.process_time() - began)
     assert times[1] < 40 * max(times[0], 1e-4)

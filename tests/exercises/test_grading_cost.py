@@ -11,9 +11,9 @@ import mujoco
 import pytest
 
 from exercises.conftest import ROOT, Grade, model_xml, question
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunStatus
 from grader.exercises import judge_exercise, plan_exercise
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
@@ -62,12 +62,12 @@ def cpu_s(work: Callable[[], object]) -> float:
     return time.thread_time() - start
 
 
-def judging_s(exercise: CodeQuestion, source: str, jail: Jail, seed: int) -> float:
+def judging_s(exercise: ScriptQuestion, source: str, jail: Jail, seed: int) -> float:
     """CPU time of planning and judging, without the student's own; hidden cases never simulated before."""
     start = time.thread_time()
     plan = plan_exercise(exercise, model_xml, seed)
     planned = time.thread_time()
-    report = jail.run(plan.job(source, exercise.limits))
+    report = jail.run(plan.build_job(source, exercise.limits))
     assert report.status is RunStatus.RETURNED
     judging = time.thread_time()
     judge_exercise(exercise, plan, report)
@@ -117,7 +117,8 @@ def verdicts_at_rest(grade: Grade) -> dict[str, str]:
 
 
 def verdicts(grade: Grade) -> dict[str, str]:
-    chosen = [PROGRAMS / id_ / f"{program}.py" for id_, program, _ in CASES]
+    """Of one program of each exercise."""
+    chosen = [PROGRAMS / id_ / f"{program}.py" for id_, program in {id_: program for id_, program, _ in CASES}.items()]
     return {path.stem: grade(question(path.parent.name), path.read_text()).model_dump_json() for path in chosen}
 
 

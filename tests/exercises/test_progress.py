@@ -28,5 +28,5 @@ def test_visible_cases_are_counted_first_and_nothing_goes_back(names: list[str],
     heard: list[tuple[int, int]] = []
     progress = Progress(TRIALS, lambda *at: heard.append(at))
     for name in names:
-        progress.heard(name)
+        progress.follow(name)
     assert heard == [(case, 3) for case in told]

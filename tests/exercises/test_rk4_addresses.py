@@ -9,10 +9,10 @@ import pytest
 
 from grader.exercises import recorder
 from grader.exercises.kinds.rk4 import driver
-from grader.exercises.kinds.rk4.addresses import misplaced, of_other_length
+from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
 from grader.exercises.kinds.rk4.parameters import Force, Run
-from grader.exercises.kinds.rk4.recorded import Step, read_steps
-from grader.exercises.kinds.rk4.rotations import turn_by
+from grader.exercises.kinds.rk4.rotations import build_turn
+from grader.exercises.kinds.rk4.step_trace import Step, read_steps
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix
 from grader.exercises.trace import read_trace
 
@@ -57,7 +57,7 @@ def by_hand(model: mujoco.MjModel, q: Vector, v: Vector, h: float) -> Vector:
     """The same, number by number."""
     moved = q.copy()
     moved[:3] += h * v[:3]
-    mujoco.mju_mulQuat(moved[3:7], q[3:7], turn_by(h * v[3:6]))
+    mujoco.mju_mulQuat(moved[3:7], q[3:7], build_turn(h * v[3:6]))
     moved[7:] += h * v[6:]
     return moved
 
@@ -87,7 +87,7 @@ def sentence() -> Iterator[Misplaced]:
 
     def sentence(move: Move, start: str, rows: Matrix = CLASSICAL, *, hidden: bool = False) -> str | None:
         model, steps = traced(step_of(move, rows), start)
-        return misplaced(model, steps, rows, hidden=hidden)
+        return explain_misplaced(model, steps, rows, hidden=hidden)
 
     yield sentence
     mujoco.mj_forward, mujoco.mj_forwardSkip, driver.note = *originals, plain_note
@@ -213,4 +213,4 @@ def test_quaternions_of_other_length_are_told_apart_from_those_of_length_one() -
         moved[3:7] *= 2
 
     for move, said in ((with_part(doubled), True), (right, False)):
-        assert bool(of_other_length(*traced(step_of(move), "moving"))) == said
+        assert bool(explain_quaternion_length(*traced(step_of(move), "moving"))) == said

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 
 from exercises.conftest import ROOT, Grade, model_xml, question, with_check
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
-from grader.exercises.kinds.rk4.driver import with_force
+from grader.exercises.kinds.rk4.driver import add_force
 from grader.exercises.kinds.rk4.judge import (
     OrderOutcome,
-    difference,
-    fourth_order_run,
-    mujoco_run,
-    truth_of,
-    unforced_run,
+    build_truth,
+    compare,
+    simulate_fourth_order,
+    simulate_mujoco,
+    simulate_unforced,
 )
 from grader.exercises.kinds.rk4.mistakes import METHODS
 from grader.exercises.kinds.rk4.parameters import Problem
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 STEP, FREE = question("rk4-step"), question("rk4-free-joint")
@@ -33,11 +33,11 @@ PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
 CLASSICAL = (PROGRAMS / "rk4-step" / "correct__classical.py").read_text()
 
 
-def problems_of(exercise: CodeQuestion, seed: int = 1) -> list[Problem]:
+def problems_of(exercise: ScriptQuestion, seed: int = 1) -> list[Problem]:
     return [trial.problem for trial in plan_exercise(exercise, model_xml, seed).trials]
 
 
-def problem_of(exercise: CodeQuestion, seed: int = 1) -> Problem:
+def problem_of(exercise: ScriptQuestion, seed: int = 1) -> Problem:
     """The first case's."""
     return problems_of(exercise, seed)[0]
 
@@ -91,11 +91,13 @@ def test_honest_code_does_not_notice_the_force(grade: Grade) -> None:
 
 @pytest.mark.parametrize("exercise", [STEP, FREE], ids=lambda q: q.id)
 @pytest.mark.parametrize("seed", range(4))
-def test_every_route_through_mj_step_is_far_away(exercise: CodeQuestion, seed: int) -> None:
+def test_every_route_through_mj_step_is_far_away(exercise: ScriptQuestion, seed: int) -> None:
     """At least 10,000 times the tolerance, in every case: no draw of the force is too weak to be felt."""
     for problem in problems_of(exercise, seed):
         run = problem.run
-        apart = difference(run, unforced_run(run, int(mujoco.mjtIntegrator.mjINT_RK4), run.steps), mujoco_run(run))
+        apart = compare(
+            run, simulate_unforced(run, int(mujoco.mjtIntegrator.mjINT_RK4), run.steps), simulate_mujoco(run)
+        )
         assert apart.worst > 1e4 * problem.case.tolerance
 
 
@@ -103,9 +105,9 @@ def test_every_route_through_mj_step_is_far_away(exercise: CodeQuestion, seed: i
 @pytest.mark.parametrize("seed", range(4))
 def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: int) -> None:
     step, free = problem_of(STEP, seed), problem_of(FREE, seed)
-    mujocos = (free, mujoco_run, RK4_ORDER_ON_ROTATIONS)
-    for problem, trajectory, order in ((step, mujoco_run, 4), (free, fourth_order_run, 4), mujocos):
-        errors = [truth_of(problem).error(run, trajectory(run)) for run in problem.order_runs]
+    mujocos = (free, simulate_mujoco, RK4_ORDER_ON_ROTATIONS)
+    for problem, trajectory, order in ((step, simulate_mujoco, 4), (free, simulate_fourth_order, 4), mujocos):
+        errors = [build_truth(problem).measure_error(run, trajectory(run)) for run in problem.order_runs]
         slopes = -np.diff(np.log2(errors))
         assert np.all(np.abs(slopes - order) < 0.1)
 
@@ -126,20 +128,20 @@ def test_the_observed_order_of_right_methods_is_well_inside_its_tolerance(seed: 
 def test_fourth_order_is_a_slope_of_four_or_errors_as_small(errors: tuple[float, ...], fourth: bool) -> None:
     problem = problem_of(FREE)
     assert problem.order
-    outcome = OrderOutcome(problem.order, errors, False, False, problem.order_runs[0], truth_of(problem))
+    outcome = OrderOutcome(problem.order, errors, False, False, problem.order_runs[0], build_truth(problem))
     assert outcome.is_fourth is fourth
 
 
 def test_the_length_of_a_quaternion_does_not_count() -> None:
     run = problem_of(FREE).run
-    ours = mujoco_run(run)
+    ours = simulate_mujoco(run)
     longer = replace(ours, qpos=ours.qpos * [1, 1, 1, 9, 9, 9, 9])
-    assert difference(run, longer, ours).worst < 1e-13
+    assert compare(run, longer, ours).worst < 1e-13
 
 
 def test_the_force_of_each_seed_is_another_so_a_replay_is_worthless() -> None:
     one, other = problem_of(STEP, 1).run, problem_of(STEP, 2).run
-    assert difference(one, mujoco_run(one), mujoco_run(other)).worst > 1e-3
+    assert compare(one, simulate_mujoco(one), simulate_mujoco(other)).worst > 1e-3
 
 
 def test_the_wrapped_forward_leaves_everything_but_the_accelerations() -> None:
@@ -149,7 +151,7 @@ def test_the_wrapped_forward_leaves_everything_but_the_accelerations() -> None:
     for data in (plain, forced):
         data.qpos[:], data.qfrc_applied[:] = run.qpos, 0.25
     mujoco.mj_forward(model, plain)
-    with_force(mujoco.mj_forward, vars(run.force))(model, forced)
+    add_force(mujoco.mj_forward, vars(run.force))(model, forced)
     assert not np.allclose(plain.qacc, forced.qacc, atol=1e-3)
     for name in ("qpos", "qvel", "qfrc_applied", "qfrc_bias", "qfrc_passive", "xpos", "xquat"):
         assert np.array_equal(getattr(plain, name), getattr(forced, name))
@@ -298,7 +300,7 @@ MUSCLE = """
 
 
 def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
-    exercise = CodeQuestion.model_validate(OTHER_STEP)
+    exercise = ScriptQuestion.model_validate(OTHER_STEP)
     crane = {"crane": CRANE}.__getitem__
     assert check_exercise(exercise, crane, "other.json") == []
     plan = plan_exercise(exercise, crane, 3)
@@ -306,7 +308,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         (CLASSICAL.replace("rk4_step", "advance"), Status.CORRECT),
         ("import mujoco\ndef advance(model, data):\n    mujoco.mj_step(model, data)\n", Status.FORBIDDEN),
     ):
-        report = jail.run(plan.job(source, exercise.limits))
+        report = jail.run(plan.build_job(source, exercise.limits))
         assert judge_exercise(exercise, plan, report).status is status
 
 
@@ -321,10 +323,17 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"cases": [{"id": "a", "model": "double_pendulum", "start": {"key": "none"}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "xml": "<mujoco>"}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [-1, 1]}}]}, "check.cases.0"),
-        ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [1, -1]}}]}, "check.cases.0"),
+        (
+            {"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [1, -1]}}]},
+            "check.cases.0.set.upper mass",
+        ),
+        ({"cases": [{"id": "a", "model": "double_pendulum", "start": {"qvel": [1e9, 0]}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"mass": 1}}]}, "check.cases.0.set.mass"),
-        ({"order": {"timesteps_s": [0.1, 0.2]}}, "check.order.timesteps_s"),
+        ({"order": {"timesteps_s": [0.1, 0.05]}}, "check.order.timesteps_s"),
+        ({"order": {"timesteps_s": [0.01, 0.02, -0.04]}}, "check.order.timesteps_s.2"),
+        ({"order": {"timesteps_s": [0.01, 0.02, 0.02]}}, "check.order.timesteps_s"),
+        ({"order": {"seconds": 5}}, "check.order.seconds"),
         ({"order": {"second": 1}}, "check.order.second"),
     ],
 )

@@ -13,26 +13,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from exercises.conftest import ROOT, Grade, model_xml, question, with_check
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport
-from grader.exercises import Plan, installed_kinds, judge_exercise, plan_exercise, recorder, runner
+from grader.exercises import Plan, judge_exercise, load_kinds, plan_exercise, recorder, runner
 from grader.exercises.kinds.rk4 import driver
-from grader.exercises.kinds.rk4.fits import System, Term, as_text
-from grader.exercises.kinds.rk4.methods import GILL, NAMED, RALSTON, order_of, repeated
+from grader.exercises.kinds.rk4.combinations import System, Term, format_coefficient
+from grader.exercises.kinds.rk4.methods import GILL, NAMED, RALSTON, compute_order, repeat_classical
 from grader.exercises.kinds.rk4.parameters import Problem
-from grader.exercises.kinds.rk4.recorded import read_steps
-from grader.exercises.kinds.rk4.sentences import explain
-from grader.exercises.kinds.rk4.states import agrees_until, other_data, without_slope
+from grader.exercises.kinds.rk4.slope_sentences import explain_slopes
+from grader.exercises.kinds.rk4.state_sentences import (
+    explain_missing_slope,
+    explain_other_data,
+    explain_unreadable_state,
+)
+from grader.exercises.kinds.rk4.step_trace import read_steps
 from grader.exercises.kinds.rk4.tableau import (
     CLASSICAL,
     Matrix,
     Reading,
-    plain,
+    draw_tableau,
     read_row,
     read_tableau,
-    tableau_picture,
+    to_matrix,
 )
 from grader.exercises.trace import Note, Trace, read_trace
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 STEP, FREE = question("rk4-step"), question("rk4-free-joint")
@@ -112,7 +116,7 @@ def row_of(size: int, numbers: st.SearchStrategy[float]) -> st.SearchStrategy[li
 def test_any_tableau_is_read_off(read: Read, rows: Matrix) -> None:
     reading = read(step_of(rows))
     assert reading
-    velocities, positions = plain(reading.velocities, "a"), plain(reading.positions, "v")
+    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
     assert velocities is not None
     assert positions is not None
     for given_row, row, other in zip(rows, velocities, positions, strict=True):
@@ -126,7 +130,7 @@ def test_positions_are_read_apart_from_velocities(read: Read, rows: Matrix, data
     own = [*rows[:-1], data.draw(row_of(len(rows) - 1, SIGNED))]
     reading = read(step_of(rows, own))
     assert reading
-    positions = plain(reading.positions, "v")
+    positions = to_matrix(reading.positions, "v")
     assert positions is not None
     np.testing.assert_allclose(positions[-1], own[-1], atol=1e-7)
 
@@ -135,7 +139,7 @@ def test_positions_are_read_apart_from_velocities(read: Read, rows: Matrix, data
 def test_a_named_method_is_named(name: str, read: Read) -> None:
     reading = read(step_of(NAMED[name]))
     assert reading
-    assert name in (explain(reading, ()) or "")
+    assert name in (explain_slopes(reading, ()) or "")
 
 
 def test_a_multiple_of_h_without_its_slope_is_named(read: Read) -> None:
@@ -153,17 +157,16 @@ def test_a_multiple_of_h_without_its_slope_is_named(read: Read) -> None:
         data.qpos[:] = q + h * (velocities[0] + 2 * velocities[1] + 2 * velocities[2] + velocities[3]) / 6
         data.qvel[:] = v + h * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3]) / 6
 
-    model = problem_of().run.scene().model
     reading = read(partial(step, number=1))
     assert reading
-    assert "Your stage 2 adds the same number, h/2, to every position" in (without_slope(reading, model) or "")
+    assert "Your stage 2 adds the same number, h/2, to every position" in (explain_missing_slope(reading) or "")
     for rows in (CLASSICAL, [*CLASSICAL[:-1], (1 / 4,) * 4]):  # near misses: right, and other weights
         other = read(step_of(rows))
         assert other
-        assert without_slope(other, model) is None
+        assert explain_missing_slope(other) is None
     resting = read(partial(step, number=0))
     assert resting
-    assert without_slope(resting, model) is None
+    assert explain_missing_slope(resting) is None
 
 
 @pytest.mark.parametrize(
@@ -178,7 +181,7 @@ def test_a_multiple_of_h_without_its_slope_is_named(read: Read) -> None:
 def test_wrong_weights_are_told_apart(weights: tuple[float, ...], said: str, read: Read) -> None:
     reading = read(step_of([*CLASSICAL[:-1], weights]))
     assert reading
-    assert said in (explain(reading, ()) or "")
+    assert said in (explain_slopes(reading, ()) or "")
 
 
 def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Read) -> None:
@@ -191,19 +194,19 @@ def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Rea
 
     found = read(elsewhere)
     assert found
-    assert "you pass it another data" in (other_data(found) or "")
+    assert "you pass it another data" in (explain_other_data(found) or "")
     for step in (step_of(CLASSICAL), step_of([[], [0.0], [1 / 2, 1 / 2]])):  # near misses: right, state never written
         other = read(step)
         assert other
-        assert other_data(other) is None
+        assert explain_other_data(other) is None
 
 
 def test_the_order_of_a_tableau_is_that_of_the_books() -> None:
-    orders = [order_of(rows) for rows in NAMED.values()]
+    orders = [compute_order(rows) for rows in NAMED.values()]
     assert orders == [1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4]
-    assert order_of(CLASSICAL) == order_of(RALSTON) == order_of(GILL) == 4
-    assert order_of(repeated(2, 0.5)) == 4
-    assert order_of([*CLASSICAL[:-1], (1 / 8, 3 / 8, 3 / 8, 1 / 8)]) < 4
+    assert compute_order(CLASSICAL) == compute_order(RALSTON) == compute_order(GILL) == 4
+    assert compute_order(repeat_classical(2, 0.5)) == 4
+    assert compute_order([*CLASSICAL[:-1], (1 / 8, 3 / 8, 3 / 8, 1 / 8)]) < 4
     butcher = [
         [],
         [1 / 4],
@@ -213,13 +216,13 @@ def test_the_order_of_a_tableau_is_that_of_the_books() -> None:
         [-3 / 7, 2 / 7, 12 / 7, -12 / 7, 8 / 7],
         [7 / 90, 0, 32 / 90, 12 / 90, 32 / 90, 7 / 90],
     ]
-    assert order_of(butcher) == 5
+    assert compute_order(butcher) == 5
 
 
 def test_the_picture_holds_both_tableaus_as_fractions_and_what_differs(read: Read) -> None:
     reading = read(step_of([(), (1 / 2,), (1 / 2, 0), (0, 0, 1), (1 / 6, 1 / 3, 1 / 3, 1 / 6)]))
     assert reading
-    picture = tableau_picture(reading)
+    picture = draw_tableau(reading)
     assert picture
     assert picture["of"] == "positions and velocities"
     assert picture["given"]["a"] == [[], ["1/2"], ["1/2", "0"], ["0", "0", "1"]]
@@ -233,7 +236,7 @@ def test_the_picture_holds_both_tableaus_as_fractions_and_what_differs(read: Rea
     [(1 / 3, "1/3"), (-2.0, "-2"), (0.0, "0"), (64448 / 6561, "64448/6561"), (2**0.5, "1.4142"), (1e-14, "0")],
 )
 def test_coefficients_are_written_as_fractions(value: float, text: str) -> None:
-    assert as_text(value) == text
+    assert format_coefficient(value) == text
 
 
 @pytest.mark.parametrize("power", [0, 2])
@@ -256,8 +259,8 @@ def test_a_state_of_no_known_form_is_said_to_be_one(read: Read) -> None:
 
     reading = read(odd)
     assert reading
-    assert explain(reading, ()) is None
-    assert (agrees_until(reading) or "").startswith("The velocities at the end of your step are not")
+    assert explain_slopes(reading, ()) is None
+    assert (explain_unreadable_state(reading) or "").startswith("The velocities at the end of your step are not")
 
 
 NUMBERS = st.sampled_from([0.0, 1.0, -1.0, 0.002, 1e8, 1e-300, np.nan, np.inf]) | st.floats()
@@ -274,10 +277,10 @@ def test_forged_steps_never_raise(calls: int, numbers: Sequence[float], timestep
         steps = read_steps(Trace(notes), problem.run)
         with np.errstate(all="ignore"):
             reading = read_tableau(problem.run.scene().model, steps)
-        assert reading is None or explain(reading, ()) is None or isinstance(explain(reading, ()), str)
+        assert reading is None or explain_slopes(reading, ()) is None or isinstance(explain_slopes(reading, ()), str)
         if reading:
-            tableau_picture(reading)
-            agrees_until(reading)
+            draw_tableau(reading)
+            explain_unreadable_state(reading)
 
 
 @pytest.mark.parametrize("head", [(-1, 0, 0.002), (0.5, 0, 0.002), (1e8, 0, 0.002), (0, 0, 0), (1, 0, 0.002), ()])
@@ -378,7 +381,7 @@ def silent(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Plan:
     """The same plan without any recording."""
     with monkeypatch.context() as patch:
         patch.setattr(runner, "getsource", lambda module: SILENT if module is recorder else getsource(module))
-        quiet = runner.driver_of(installed_kinds()["rk4"])
+        quiet = runner.build_driver(load_kinds()["rk4"])
     return replace(plan, driver=quiet, inputs=untaped(plan.inputs), hidden_inputs=untaped(plan.hidden_inputs))
 
 
@@ -430,7 +433,7 @@ def test_the_bounds_hold_the_centre_and_heed_no_outliers() -> None:
     ids=lambda value: getattr(value, "id", value),
 )
 def test_the_trace_costs_at_most_a_hundredth_of_the_runs_cpu_time(
-    exercise: CodeQuestion, program: str, jail: Jail, monkeypatch: pytest.MonkeyPatch
+    exercise: ScriptQuestion, program: str, jail: Jail, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Short runs with and without take turns at going first; their differences count, beside whole runs without.
 
@@ -440,7 +443,7 @@ def test_the_trace_costs_at_most_a_hundredth_of_the_runs_cpu_time(
     source = (PROGRAMS / exercise.id / f"{program}.py").read_text()
     plan = plan_exercise(exercise, model_xml, 1)
     quiet = silent(plan, monkeypatch)
-    traced, untraced, whole = (one.job(source, exercise.limits) for one in (shortly(plan), shortly(quiet), quiet))
+    traced, untraced, whole = (one.build_job(source, exercise.limits) for one in (shortly(plan), shortly(quiet), quiet))
     differences, wholes = list[float](), list[float]()
     for _ in range(BATCHES):
         for pair in range(PAIRS):

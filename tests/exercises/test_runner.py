@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from exercises.conftest import ROOT, Grade, model_xml, question, with_check
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import GraderError
@@ -21,20 +20,21 @@ from grader.exercises import (
     Case,
     DrawnCase,
     ExerciseParameters,
-    Judged,
+    JudgedTrial,
     Judgement,
     Kind,
     Plan,
     Results,
     Trial,
     check_exercise,
-    installed_kinds,
     judge_exercise,
-    lazy_answers,
+    load_kinds,
     plan_exercise,
     recorder,
     runner,
+    write_lazy_answers,
 )
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 SOLVED = {
@@ -85,7 +85,7 @@ BADLY = {
 }
 
 
-def bad_script(exercise: CodeQuestion, what: str) -> str:
+def bad_script(exercise: ScriptQuestion, what: str) -> str:
     """Right in visible trials, bad in hidden ones."""
     right = (PROGRAMS / exercise.id / f"correct__{SOLVED[exercise.id]}.py").read_text()
     entry, threshold = exercise.entry, exercise.check.kind == "threshold"
@@ -102,7 +102,7 @@ def bad_script(exercise: CodeQuestion, what: str) -> str:
     )
 
 
-def secrets(exercise: CodeQuestion, plan: Plan) -> set[float]:
+def secrets(exercise: ScriptQuestion, plan: Plan) -> set[float]:
     """The numbers that were drawn for hidden cases, and those that scripts claim of them."""
     drawn: set[float] = set()
     for index, case in enumerate(plan.parameters.cases):
@@ -242,7 +242,7 @@ def test_what_ends_the_whole_script(line: str, status: Status, where: str, grade
 def test_the_process_gets_the_hidden_trials_apart_from_the_visible_ones(id_: str) -> None:
     exercise = question(id_)
     plan = plan_exercise(exercise, model_xml, SEED)
-    job = plan.job("", exercise.limits)
+    job = plan.build_job("", exercise.limits)
     hidden = [index for index, trial in enumerate(plan.trials) if trial.hidden]
     assert [trial["index"] for trial in job.hidden_inputs["trials"]] == hidden
     numbers = {float(number) for number in NUMBER.findall(json.dumps(job.inputs))}
@@ -258,7 +258,7 @@ class Echo(Kind[ExerciseParameters, float, float]):
     driver = "def trial(functions, inputs, submit):\n    submit('said', functions[0](inputs['number']))\n"
     needs_model = False
 
-    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
+    def build_trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
         number = float(drawn.numbers.get("n", 0))
         return [Trial(drawn.case.id, {"number": number}, number)]
 
@@ -271,7 +271,7 @@ class Echo(Kind[ExerciseParameters, float, float]):
 
 @pytest.fixture
 def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
-    monkeypatch.setattr(runner, "installed_kinds", lambda: {"echo": Echo()})
+    monkeypatch.setattr(runner, "load_kinds", lambda: {"echo": Echo()})
 
     def judge(*said: float, **changes: Any) -> Verdict:
         number = {"element": "x", "attribute": "y"}
@@ -281,7 +281,7 @@ def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
         ]
         check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
         raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "points": 8, "explain": "So.", "check": check}
-        exercise = CodeQuestion.model_validate(raw)
+        exercise = ScriptQuestion.model_validate(raw)
         assert check_exercise(exercise, model_xml, "f") == []
         results = {f"t{index}_said": np.array([value]) for index, value in enumerate(said)}
         return judge_exercise(
@@ -294,13 +294,13 @@ def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
 
 
 def test_a_result_that_is_not_finite_loses_its_trial_alone(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "installed_kinds", lambda: {"echo": Echo()})
+    monkeypatch.setattr(runner, "load_kinds", lambda: {"echo": Echo()})
     number = {"element": "x", "attribute": "y"}
     cases = [{"id": "one", "set": {"n": 1}}, {"id": "two", "set": {"n": 2}}]
     check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
-    exercise = CodeQuestion.model_validate({"kind": "code", "id": "e", "q": "?", "entry": "f", "check": check})
+    exercise = ScriptQuestion.model_validate({"kind": "code", "id": "e", "q": "?", "entry": "f", "check": check})
     plan = plan_exercise(exercise, model_xml, 1)
-    report = jail.run(plan.job("def f(n):\n    return n if n == 1 else float('nan')\n", exercise.limits))
+    report = jail.run(plan.build_job("def f(n):\n    return n if n == 1 else float('nan')\n", exercise.limits))
     verdict = judge_exercise(exercise, plan, report)
     assert [finding.passed for finding in verdict.findings] == [True, False]
     assert verdict.diagnosis == "two: ValueError: the result said holds a number that is not finite (nan or inf)."
@@ -309,15 +309,15 @@ def test_a_result_that_is_not_finite_loses_its_trial_alone(jail: Jail, monkeypat
 class Shares(Echo):
     """Divides each case into a trial of one share and one of three."""
 
-    def trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
+    def build_trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
         return [Trial(f"{drawn.case.id}.{share}", {"number": 0}, 0.0, points=share) for share in (1, 3)]
 
 
 def test_trials_are_hidden_with_their_case_and_share_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "installed_kinds", lambda: {"shares": Shares()})
+    monkeypatch.setattr(runner, "load_kinds", lambda: {"shares": Shares()})
     cases = [{"id": "a", "points": 1}, {"id": "b", "hidden": True, "points": 2}]
     raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "shares", "cases": cases}}
-    trials = plan_exercise(CodeQuestion.model_validate(raw), model_xml, 1).trials
+    trials = plan_exercise(ScriptQuestion.model_validate(raw), model_xml, 1).trials
     assert [(trial.id, trial.hidden, trial.points) for trial in trials] == [
         ("a.1", False, 0.25),
         ("a.3", False, 0.75),
@@ -329,14 +329,16 @@ def test_trials_are_hidden_with_their_case_and_share_its_points(monkeypatch: pyt
 class Arrays(Echo):
     """Forgets that evidence is plain JSON."""
 
-    def pictures(self, parameters: ExerciseParameters, visible: Sequence[Judged[float, float]]) -> dict[str, Any]:
+    def build_pictures(
+        self, parameters: ExerciseParameters, visible: Sequence[JudgedTrial[float, float]]
+    ) -> dict[str, Any]:
         return {"charts": np.zeros(2)}
 
 
 def test_evidence_that_is_no_json_is_refused_before_it_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "installed_kinds", lambda: {"arrays": Arrays()})
+    monkeypatch.setattr(runner, "load_kinds", lambda: {"arrays": Arrays()})
     raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "arrays", "cases": [{"id": "a"}]}}
-    exercise = CodeQuestion.model_validate(raw)
+    exercise = ScriptQuestion.model_validate(raw)
     plan = plan_exercise(exercise, model_xml, 1)
     with pytest.raises(ValueError, match=r"evidence\.charts"):
         judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results={"t0_said": np.zeros(1)}))
@@ -371,19 +373,19 @@ def test_a_kind_may_ask_for_a_person(echo: Callable[..., Verdict]) -> None:
 def test_two_packages_with_one_name_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("rk4", "grader.exercises.kinds.rk4:Rk4", runner.GROUP)
     monkeypatch.setattr(runner, "entry_points", lambda group: EntryPoints([point, point]))
-    installed_kinds.cache_clear()
+    load_kinds.cache_clear()
     try:
         with pytest.raises(GraderError, match="two installed packages provide the exercise kind 'rk4'"):
-            installed_kinds()
+            load_kinds()
     finally:
-        installed_kinds.cache_clear()
+        load_kinds.cache_clear()
 
 
 @pytest.mark.parametrize("id_", EXERCISES)
 def test_lazy_answers_earn_at_most_the_visible_trials(id_: str, grade: Grade) -> None:
     exercise = question(id_)
     assert exercise.starter
-    lazy = lazy_answers(exercise, model_xml, (ROOT / exercise.starter).read_text())
+    lazy = write_lazy_answers(exercise, model_xml, (ROOT / exercise.starter).read_text())
     assert lazy[0].points_max == 0
     assert len(lazy) > 2
     assert 0 < lazy[1].points_max < exercise.points
@@ -410,10 +412,24 @@ def test_a_fault_is_told_once_at_its_own_key() -> None:
         (
             {"cases": [{"id": "a", "set": {"kp": "much"}}]},
             "cases.0.set.kp",
-            "must be a valid number, unable to parse string as a number, not 'much'",
+            "must be a valid number, not 'much'",
         ),
         ({"horizon_s": 0}, "horizon_s", "must be greater than 0, not 0"),
-        ({"search_s": [2, 1]}, "", "search_s must be [shortest, longest], between 0.00001 and 1 s"),
+        ({"search_s": [2, 1]}, "search_s", "runs from 2 down to 1: write [1, 2]"),
+        (
+            {"start": {"hinge": 1e300}},
+            "start.hinge",
+            "must be 0, or from 1e-100 to 1e+100 in size: take another unit, not 1e+300",
+        ),
+        (
+            {"horizon_s": 0.01},
+            "horizon_s",
+            "must be from 0.05 (one step at the longest timestep) to 1000 (1000000 steps at the shortest), not 0.01",
+        ),
+        ({"search_s": [0.5, 2]}, "search_s", "must be [shortest, longest], two timesteps from 0.00001 to 1 s"),
+        ({"width_s": 0.05}, "width_s", "must be less than the range of the search, which is 0.049 s wide, not 0.05"),
+        ({"cases": [{"id": "a", "set": {"kp": [3, 1]}}]}, "cases.0.set.kp", "runs from 3 down to 1: write [1, 3]"),
+        ({"cases": [{"id": "a", "set": {"kp": True}}]}, "cases.0.set.kp", "must be a valid number, not True"),
         ({"numbers": {"kp": {"element": "x"}}}, "numbers.kp.attribute", "is missing: add it"),
     ],
 )
@@ -428,7 +444,7 @@ LEAK = "h4711"
 
 def note_of(name: str, info: object, numbers: Sequence[float] = ()) -> bytes:
     text, values = json.dumps(info).encode(), np.array(numbers, "<f8").tobytes()
-    return recorder.note_of(name, text, values)
+    return recorder.encode_note(name, text, values)
 
 
 def run_at(timestep_s: float, qpos: float = 1.0, ctrl: float = 0.0) -> list[float]:

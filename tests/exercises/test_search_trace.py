@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.exercises.crashes import hidden_slip
-from grader.exercises.kind import Judged, Trial
+from grader.exercises.crashes import explain_hidden_slip
+from grader.exercises.kind import JudgedTrial, Trial
 from grader.exercises.kinds.threshold import driver
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, bracket_around, judge_claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.exercises.kinds.threshold.recorded import COLUMNS, read_search
-from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
-from grader.exercises.trace import Handled, Note, Trace
+from grader.exercises.kinds.threshold.search import CERTAIN_RULES, FALLBACK_RULES, explain_searches
+from grader.exercises.kinds.threshold.search_trace import COLUMNS, read_search
+from grader.exercises.trace import HandledException, Note, Trace
 from grader.numerics.integrators import EULER, IMPLICITFAST
 
 MODEL = (Path(__file__).parents[2] / "models/pendulum_servo.xml").read_text()
@@ -38,34 +38,39 @@ def run(
     h: float,
     *,
     end: float = 3.0,
-    raised: int = 0,
+    warnings: int = 0,
     integrator: int = 0,
     start: float = 1.0,
-    stood: int = 0,
+    old_warnings: int = 0,
     model: int = 0,
     last: float | None = None,
     ctrl: float = 0.0,
 ) -> list[float]:
-    return [model, h, integrator, 0.0, start, 0.0, stood, ctrl, end, raised, h if last is None else last]
+    return [model, h, integrator, 0.0, start, 0.0, old_warnings, ctrl, end, warnings, h if last is None else last]
 
 
 def trace_of(
-    *runs: list[float], others: tuple[str, ...] = (), differs: tuple[list[str], ...] = ([],), created: int = 0
+    *runs: list[float],
+    other_functions: tuple[str, ...] = (),
+    differing_fields: tuple[list[str], ...] = ([],),
+    created: int = 0,
 ) -> Trace:
-    info = {"total": len(runs), "created": created, "models": list(differs), "given": 0, "set_s": 0.002}
-    info["others"] = list(others)
+    info = {"total": len(runs), "created": created, "models": list(differing_fields), "given": 0, "set_s": 0.002}
+    info["others"] = list(other_functions)
     return Trace((Note("search", info, np.array(runs, dtype=np.float64).reshape(-1)),))
 
 
-def judged(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> Judged[Cell, Claim]:
+def judged(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> JudgedTrial[Cell, Claim]:
     cell = Cell("a", MODEL, MODEL, START, IMPLICITFAST if code == IMPLICITFAST.code else EULER)
     judgement = judge_claim(PARAMETERS, cell, claim)
-    return Judged(Trial("a.Euler", {}, cell, hidden=hidden), judgement, False, trace)
+    return JudgedTrial(Trial("a.Euler", {}, cell, hidden=hidden), judgement, False, trace)
 
 
 def told(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> str:
     wrong = [judged(claim, trace, hidden=hidden, code=code)]
-    return explain(PARAMETERS, wrong, CERTAIN) or explain(PARAMETERS, wrong, FALLBACK) or ""
+    return (
+        explain_searches(PARAMETERS, wrong, CERTAIN_RULES) or explain_searches(PARAMETERS, wrong, FALLBACK_RULES) or ""
+    )
 
 
 LOW = Bracket(0.005, 0.0054)
@@ -78,43 +83,47 @@ HIGH = Bracket(0.03, 0.0304)
         (NoLimit(), trace_of(), "without a single step"),
         (NoLimit(), trace_of(created=1), "mj_step is never called"),
         (HIGH, trace_of(), "Nothing was simulated"),
-        (HIGH, trace_of(others=("mjd_transitionFD",)), ""),
+        (HIGH, trace_of(other_functions=("mjd_transitionFD",)), ""),
         (NoLimit(), trace_of(run(0.002), run(0.002)), "timestep of 2 ms"),
         (NoLimit(), trace_of(run(0.002)), "Your only run"),
-        (LOW, trace_of(run(0.001, end=0.5), run(0.005, end=0.5), run(0.0054, raised=BADQACC)), "0.5 s"),
-        (LOW, trace_of(run(0.004, end=0.2), run(0.005, end=0.25), run(0.0054, raised=BADQACC)), "50 steps"),
+        (LOW, trace_of(run(0.001, end=0.5), run(0.005, end=0.5), run(0.0054, warnings=BADQACC)), "0.5 s"),
+        (LOW, trace_of(run(0.004, end=0.2), run(0.005, end=0.25), run(0.0054, warnings=BADQACC)), "50 steps"),
         (
             HIGH,
-            trace_of(run(0.001), run(0.03, raised=BADQACC), run(0.0304, raised=BADQACC)),
+            trace_of(run(0.001), run(0.03, warnings=BADQACC), run(0.0304, warnings=BADQACC)),
             "At 30 ms MuJoCo raised BADQACC",
         ),
-        (NoLimit(), trace_of(run(0.05, raised=BADQACC)), "At 50 ms MuJoCo raised BADQACC"),
+        (NoLimit(), trace_of(run(0.05, warnings=BADQACC)), "At 50 ms MuJoCo raised BADQACC"),
         (NoLimit(), trace_of(run(0.001), run(0.03)), "Your search ends at 30 ms"),
-        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, raised=BADQACC)), "raised no warning within 3 s"),
+        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, warnings=BADQACC)), "raised no warning within 3 s"),
         (
             LOW,
-            trace_of(run(0.005), run(0.0054, end=0.4), run(0.05, raised=BADQACC)),
+            trace_of(run(0.005), run(0.0054, end=0.4), run(0.05, warnings=BADQACC)),
             "within 0.4 s, where you ended it",
         ),
-        (LOW, trace_of(run(0.0048), run(0.0055, raised=BADQACC)), "never ran it"),
-        (Bracket(0.005, 5.4), trace_of(run(0.005), run(0.0054, raised=BADQACC)), "it is in milliseconds"),
-        (LOW, trace_of(run(0.005), run(0.0054, raised=BADQACC, stood=BADQACC)), "still stood"),
+        (LOW, trace_of(run(0.0048), run(0.0055, warnings=BADQACC)), "never ran it"),
+        (Bracket(0.005, 5.4), trace_of(run(0.005), run(0.0054, warnings=BADQACC)), "it is in milliseconds"),
+        (LOW, trace_of(run(0.005), run(0.0054, warnings=BADQACC, old_warnings=BADQACC)), "still stood"),
         (NoLimit(), trace_of(run(0.001, start=0.0), run(0.05, start=0.0)), "Start with hinge at 1 rad"),
-        (LOW, trace_of(run(0.001), run(0.005, start=0.3), run(0.0054, raised=BADQACC)), "Only your first run"),
+        (LOW, trace_of(run(0.001), run(0.005, start=0.3), run(0.0054, warnings=BADQACC)), "Only your first run"),
         (LOW, trace_of(run(0.005, start=0.02), run(0.0054, start=0.02)), "start with hinge at 0.02 rad, not at 1 rad"),
         (LOW, trace_of(run(0.005, ctrl=1.0), run(0.0054, ctrl=1.0)), "set data.ctrl[0] to 1"),
-        (LOW, trace_of(run(0.005), run(0.02, raised=BADQACC)), "too coarse"),
-        (Bracket(0.03, 0.03), trace_of(run(0.0252), run(0.0254, raised=BADQACC)), "rounded to 2 decimals"),
-        (around(0.03), trace_of(run(0.0252), run(0.0254, raised=BADQACC)), "rounded to 2 decimals"),
-        (Bracket(0.03, 0.04), trace_of(run(0.03), run(0.04, raised=BADQACC)), "too coarse"),
+        (LOW, trace_of(run(0.005), run(0.02, warnings=BADQACC)), "too coarse"),
+        (Bracket(0.03, 0.03), trace_of(run(0.0252), run(0.0254, warnings=BADQACC)), "rounded to 2 decimals"),
+        (bracket_around(0.03), trace_of(run(0.0252), run(0.0254, warnings=BADQACC)), "rounded to 2 decimals"),
+        (Bracket(0.03, 0.04), trace_of(run(0.03), run(0.04, warnings=BADQACC)), "too coarse"),
         (
             HIGH,
-            trace_of(*(run(h, raised=BADQACC) for h in (0.0255, 0.0377, 0.0438, 0.0469))),
+            trace_of(*(run(h, warnings=BADQACC) for h in (0.0255, 0.0377, 0.0438, 0.0469))),
             "goes on upwards",
         ),
         (LOW, trace_of(run(0.001, start=float("nan")), run(0.005)), "nan in data.qpos"),
-        (LOW, trace_of(run(0.05, raised=BADQACC, last=0.005)), "never reset it"),
-        (LOW, trace_of(run(0.005), run(0.0054, raised=BADQACC), differs=(["body_mass"],)), "the mass differs"),
+        (LOW, trace_of(run(0.05, warnings=BADQACC, last=0.005)), "never reset it"),
+        (
+            LOW,
+            trace_of(run(0.005), run(0.0054, warnings=BADQACC), differing_fields=(["body_mass"],)),
+            "the mass differs",
+        ),
     ],
 )
 def test_what_the_runs_show_is_said(claim: Claim, trace: Trace, said: str) -> None:
@@ -124,7 +133,7 @@ def test_what_the_runs_show_is_said(claim: Claim, trace: Trace, said: str) -> No
 
 
 def test_an_integrator_that_was_not_asked_for_is_named() -> None:
-    trace = trace_of(run(0.005, integrator=0), run(0.0054, raised=BADQACC, integrator=0))
+    trace = trace_of(run(0.005, integrator=0), run(0.0054, warnings=BADQACC, integrator=0))
     assert "used Euler" in told(LOW, trace, code=IMPLICITFAST.code)
     assert "used Euler" not in told(LOW, trace)
 
@@ -133,8 +142,8 @@ def test_a_swallowed_slip_is_told_with_its_lines() -> None:
     notes = trace_of(run(0.001), run(0.05)).notes
     info = {"type": "AttributeError", "line": 14, "clause": 16, "times": 9, "message": "no such thing"}
     trace = Trace((*notes, Note("handled", info, np.empty(0))))
-    assert trace.handled == [Handled("AttributeError", 14, 16, 9, "no such thing")]
-    assert (hidden_slip([trace, trace]) or "").startswith(
+    assert trace.handled_exceptions == [HandledException("AttributeError", 14, 16, 9, "no such thing")]
+    assert (explain_hidden_slip([trace, trace]) or "").startswith(
         "Line 14 raised an AttributeError (no such thing), and the `except` in line 16"
     )
 
@@ -142,9 +151,9 @@ def test_a_swallowed_slip_is_told_with_its_lines() -> None:
 @pytest.mark.parametrize(
     ("claim", "trace"),
     [
-        (HIGH, trace_of(run(0.001), run(0.03, raised=BADQACC), run(0.0304, raised=BADQACC))),
-        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, raised=BADQACC))),
-        (LOW, trace_of(run(0.0048), run(0.0055, raised=BADQACC))),
+        (HIGH, trace_of(run(0.001), run(0.03, warnings=BADQACC), run(0.0304, warnings=BADQACC))),
+        (LOW, trace_of(run(0.005), run(0.0054), run(0.05, warnings=BADQACC))),
+        (LOW, trace_of(run(0.0048), run(0.0055, warnings=BADQACC))),
     ],
 )
 def test_no_number_of_a_hidden_case_is_told(claim: Claim, trace: Trace) -> None:
@@ -153,7 +162,7 @@ def test_no_number_of_a_hidden_case_is_told(claim: Claim, trace: Trace) -> None:
     assert not any(number in sentence for number in ("30", "5.4", "0.4", "4.8", "5.5"))
 
 
-TOP = trace_of(run(0.05, raised=BADQACC))
+TOP = trace_of(run(0.05, warnings=BADQACC))
 CALM = trace_of(run(0.05), run(0.0255), run(0.0132))
 
 
@@ -162,22 +171,24 @@ CALM = trace_of(run(0.05), run(0.0255), run(0.0132))
     [
         ([(Bracket(0.001, 0.0132), CALM)], True),
         ([], False),
-        ([(Bracket(0.001, 0.0132), trace_of(run(0.05), run(0.0255), run(0.0132, raised=BADQACC)))], False),
+        ([(Bracket(0.001, 0.0132), trace_of(run(0.05), run(0.0255), run(0.0132, warnings=BADQACC)))], False),
         ([(NoLimit(), CALM)], False),
     ],
 )
 def test_a_test_that_is_turned_round_shows_in_both_its_answers(others: list[tuple[Claim, Trace]], said: bool) -> None:
     """A warning that is overlooked everywhere, or a criterion of one's own, is another mistake."""
     wrong = [judged(claim, trace) for claim, trace in ((NoLimit(), TOP), *others)]
-    sentence = explain(PARAMETERS, wrong, CERTAIN) or explain(PARAMETERS, wrong, FALLBACK) or ""
+    sentence = (
+        explain_searches(PARAMETERS, wrong, CERTAIN_RULES) or explain_searches(PARAMETERS, wrong, FALLBACK_RULES) or ""
+    )
     assert ("wrong way round" in sentence) == said
 
 
 def test_every_wrong_claim_must_be_explained() -> None:
     one = judged(NoLimit(), trace_of(run(0.001), run(0.03)))
-    other = judged(NoLimit(), trace_of(run(0.001), run(0.05, raised=BADQACC)))
-    assert explain(PARAMETERS, [one, other], CERTAIN) is None
-    assert explain(PARAMETERS, [one, judged(NoLimit(), Trace())], CERTAIN) is None
+    other = judged(NoLimit(), trace_of(run(0.001), run(0.05, warnings=BADQACC)))
+    assert explain_searches(PARAMETERS, [one, other], CERTAIN_RULES) is None
+    assert explain_searches(PARAMETERS, [one, judged(NoLimit(), Trace())], CERTAIN_RULES) is None
 
 
 @given(
@@ -219,7 +230,7 @@ def test_watching_costs_a_hundredth_of_the_bisections() -> None:
     def watch(hidden: bool) -> None:
         search = driver.Search()
         search.restart(hidden=hidden)
-        search.given = driver.values_of(model)
+        search.given = driver.read_values(model)
         for _ in range(10):
             search.begin(model, data)
             search.finish()

@@ -11,14 +11,14 @@ import pytest
 
 from exercises.conftest import Grade, model_xml, question, with_check
 from grader.domain.misread import without_remarks
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
-from grader.exercises.kinds.threshold.judge import Bracket, accepted_lower_ends, judge_claim
-from grader.exercises.kinds.threshold.mistakes import METHODS, Asked
+from grader.exercises.kinds.threshold.judge import Bracket, find_accepted_ends, judge_claim
+from grader.exercises.kinds.threshold.mistakes import METHODS, ClaimContext
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 SERVO = question("servo-threshold")
@@ -31,7 +31,7 @@ def claimed(*values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(values, dtype=np.float64)
 
 
-def judged(exercise: CodeQuestion, **results: np.ndarray[Any, Any]) -> Verdict:
+def judged(exercise: ScriptQuestion, **results: np.ndarray[Any, Any]) -> Verdict:
     plan = plan_exercise(exercise, model_xml, 1)
     return judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
 
@@ -158,7 +158,7 @@ LIMITLESS = {("heavily-damped", "implicitfast"), *((case, "discrete") for case i
 
 def right_claims(cell: Cell) -> list[Bracket]:
     """The lowest, a middle and the highest right bracket of nearly the allowed width; none where None is right."""
-    lowest, highest = accepted_lower_ends(PARAMETERS, cell)
+    lowest, highest = find_accepted_ends(PARAMETERS, cell)
     if isinf(lowest):
         return []
     assert 0.009 < lowest < highest < 0.047  # well inside the search
@@ -169,7 +169,7 @@ def right_claims(cell: Cell) -> list[Bracket]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_no_draw_makes_a_wrong_method_right(seed: int) -> None:
     """Nothing that is right is what a known wrong method gives, but where the two are right by nature.
 
@@ -184,7 +184,7 @@ def test_no_draw_makes_a_wrong_method_right(seed: int) -> None:
         for cell in cells
         for claim in right.get((cell.case, cell.integrator.name), [])
         for method in METHODS
-        if method.gives(Asked(PARAMETERS, cell, first[cell.integrator.name]), claim)
+        if method.matches(ClaimContext(PARAMETERS, cell, first[cell.integrator.name]), claim)
     }
     assert found == BY_NATURE
 
@@ -245,11 +245,11 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
             "cases": [{"id": "as-built"}, {"id": "loaded", "hidden": True, "set": {"load": [4, 6]}, "x-note": "y"}],
         },
     }
-    exercise = CodeQuestion.model_validate(raw)
+    exercise = ScriptQuestion.model_validate(raw)
     gate: Callable[[str], str] = {"gate": OTHER_MODEL}.__getitem__
     assert check_exercise(exercise, gate, "other.json") == []
     plan = plan_exercise(exercise, gate, 5)
-    report = jail.run(plan.job(RIGHT, exercise.limits))
+    report = jail.run(plan.build_job(RIGHT, exercise.limits))
     verdict = judge_exercise(exercise, plan, report)
     assert (verdict.status, verdict.points) == (Status.CORRECT, 2)
 
@@ -259,7 +259,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
     [
         ({"integrators": ["Verlet"]}, "check.integrators.0"),
         ({"widht_s": 0.001}, "check.widht_s"),
-        ({"search_s": [0.05, 0.001]}, "check"),
+        ({"search_s": [0.05, 0.001]}, "check.search_s"),
         ({"model": "no_such_model"}, "check.model"),
         ({"start": {"knee": 1.0}}, "check.start.knee"),
         ({"cases": [{"id": "a", "set": {"kpp": 1}}]}, "check.cases.0.set.kpp"),
@@ -268,7 +268,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"numbers": {"kp": {"element": "position[@@", "attribute": "kp"}}}, "check.numbers.kp.element"),
         ({"numbers": {"kp": {"element": "./actuator/position", "attribute": "kp"}}}, "check.numbers.kp.element"),
         ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [-1, 1]}}]}, "check.cases.0"),
-        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [1, -1]}}]}, "check.cases.0"),
+        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [1, -1]}}]}, "check.cases.0.set.mass"),
     ],
 )
 def test_an_authors_mistake_is_a_fault_with_its_key(changes: dict[str, Any], key: str) -> None:

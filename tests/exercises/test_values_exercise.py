@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from exercises.conftest import with_check
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import judge_exercise, plan_exercise
 from grader.library import Library, load
+from grader.questions.kinds.script import ScriptQuestion
 
 HERE = Path(__file__).parent
 GRADER = Path(sys.executable).parent / "grader"
@@ -50,9 +50,9 @@ def folder(path: Path, program: str = PROGRAM, /, **changes: Any) -> Path:
     return path
 
 
-def exercise(library: Library) -> CodeQuestion:
+def exercise(library: Library) -> ScriptQuestion:
     found = library.question("q", "two")
-    assert isinstance(found, CodeQuestion)
+    assert isinstance(found, ScriptQuestion)
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from exercises.test_values_exercise import folder
-from grader.courses.policy import revealing
+from grader.courses.rules.policy import revealing
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise, recorder

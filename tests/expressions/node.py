@@ -24,7 +24,7 @@ from grader.expressions import (
     paths,
     runtime,
 )
-from grader.expressions.values import Record, in_units, to_number
+from grader.expressions.values import Record, to_number, to_units
 
 SCENE = """
 <mujoco>
@@ -160,7 +160,7 @@ def same(here: Value, there: dict[str, Any]) -> bool:
         case "n":
             return isinstance(here, float) and _same_number(here, _decoded(content))
         case "s":
-            return here == in_units(content)
+            return here == to_units(content)
         case "b":
             return here is content
         case "z":

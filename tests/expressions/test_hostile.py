@@ -9,7 +9,7 @@ import pytest
 
 from grader.errors import ContentError, LabError
 from grader.expressions import UNDEFINED, Machine, Value, compile_program
-from grader.expressions.code import ALLOWED, finish, lines
+from grader.expressions.code import ALLOWED, build_statements, finish_code
 from grader.expressions.scope import RESERVED
 
 MODEL = mujoco.MjModel.from_xml_string(
@@ -250,14 +250,14 @@ def test_one_evaluation_has_a_hundred_thousand_ticks() -> None:
 @pytest.mark.parametrize("text", ["machine.data", "lambda: 1", "import os", "[x for x in y]", "f'{x}'", "global x"])
 def test_compiled_code_has_no_node_but_the_allowed_ones(text: str) -> None:
     with pytest.raises(AssertionError):
-        finish(ast.parse(text))
+        finish_code(ast.parse(text))
     assert not {ast.Attribute, ast.Import, ast.ImportFrom, ast.Lambda, ast.Await, ast.Yield, ast.Global} & set(ALLOWED)
 
 
 @pytest.mark.parametrize("identifier", ["open", "__import__", "x", "v", "v0_", "\uff560", "machine1"])
 def test_compiled_code_has_no_name_but_our_own(identifier: str) -> None:
     with pytest.raises(AssertionError):
-        finish(lines("return NAME", NAME=identifier)[0])
+        finish_code(build_statements("return NAME", NAME=identifier)[0])
 
 
 def test_compiled_code_has_no_builtins() -> None:

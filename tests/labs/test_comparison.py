@@ -7,9 +7,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from grader.domain.lab import IntegratorsLab, Lab, SimLab, UnknownLab
-from grader.domain.quiz import Quiz
 from grader.errors import LabRefused
 from grader.labs import check_integrators, run_integrators
+from grader.questions import Quiz
 
 ROOT = Path(__file__).parents[2]
 XML = {name: (ROOT / f"models/{name}.xml").read_text() for name in ("double_pendulum", "pendulum")}

@@ -12,9 +12,10 @@ import mujoco
 import pytest
 
 from grader.domain.lab import LabConfig
-from grader.domain.quiz import PredictQuestion, Quiz
 from grader.errors import LabError, LabRefused
 from grader.labs import LabRun, check_lab, run_lab
+from grader.questions import Quiz
+from grader.questions.kinds.predict import PredictQuestion
 
 ROOT = Path(__file__).parents[2]
 PENDULUM = (ROOT / "models/pendulum.xml").read_text()

@@ -69,7 +69,7 @@ def test_a_lab_has_no_fault_and_runs_to_its_end(lab: MadeUp) -> None:
     ended = isinstance(config.stopAt, str)
     assert ended or shown["duration"] == pytest.approx(shown["seconds"])
     assert run.stable
-    assert not any(run.never_gave(index) for index in range(len(run.rows[0])))
+    assert not any(run.always_failed(index) for index in range(len(run.rows[0])))
     assert len(json.dumps(shown, allow_nan=False)) > 100
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from grader.domain.lab import LabConfig
-from grader.labs import run_lab, timestep_limit, watch_lab
+from grader.labs import find_timestep_limit, run_lab, watch_lab
 from labs.made_up import HINGE
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +39,7 @@ def closed_form(integrator: str, kp: float, kv: float) -> float:
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "discrete"])
 @pytest.mark.parametrize(("kp", "kv"), [(8080, 5), (20_000, 0), (3000, 40)])
 def test_the_limit_is_that_of_the_closed_form(integrator: str, kp: float, kv: float) -> None:
-    limit = timestep_limit(config(), XML, {"stiffness kp": kp, "damping kv": kv, "integrator": integrator})
+    limit = find_timestep_limit(config(), XML, {"stiffness kp": kp, "damping kv": kv, "integrator": integrator})
     expected = closed_form(integrator, kp, kv)
     assert limit is not None
     assert limit.control == "timestep h"
@@ -50,10 +50,10 @@ def test_the_limit_is_that_of_the_closed_form(integrator: str, kp: float, kv: fl
 
 
 def test_without_a_slider_or_with_a_controller_there_is_no_limit() -> None:
-    assert timestep_limit(config(controls=[]), XML) is None
-    assert timestep_limit(config(controller="data.ctrl[0] = 0"), XML) is None
+    assert find_timestep_limit(config(controls=[]), XML) is None
+    assert find_timestep_limit(config(controller="data.ctrl[0] = 0"), XML) is None
     assert (
-        timestep_limit(config(plots=[], readouts=[], setup=""), HINGE.replace("damping", "stiffness='-9' damping"))
+        find_timestep_limit(config(plots=[], readouts=[], setup=""), HINGE.replace("damping", "stiffness='-9' damping"))
         is None
     )
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from grader.answers import grade_answer
 from grader.domain.verdict import Status
 from grader.library import Library, load
+from grader.questions import grade_answer
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("pendulum", "pendulum_servo", "double_pendulum")

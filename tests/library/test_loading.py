@@ -11,10 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grader.domain.quiz import CodeQuestion
 from grader.errors import ContentError, Fault, NotFound
 from grader.library import Library, load
 from grader.library.json_text import parse_json
+from grader.questions.kinds.script import ScriptQuestion
 
 XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
 HINGE = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
@@ -439,12 +439,12 @@ def test_any_value_anywhere_in_the_lesson_is_right_or_a_fault_of_that_file(root:
 def test_a_question_without_starter(root: Path) -> None:
     library = load(root)
     assert library.starter(library.question("quiz", "q1")) is None
-    question = CodeQuestion.model_validate({**without(code(""), "starter"), "id": "q1"})
+    question = ScriptQuestion.model_validate({**without(code(""), "starter"), "id": "q1"})
     assert library.starter(question) is None
 
 
 def test_a_starter_is_handed_out_as_it_stands() -> None:
-    question = CodeQuestion.model_validate({**code("starters/s.py"), "id": "q1"})
+    question = ScriptQuestion.model_validate({**code("starters/s.py"), "id": "q1"})
     assert Library(Path(), {}, starters={"starters/s.py": "def solve(): ..."}).starter(question) == "def solve(): ..."
 
 

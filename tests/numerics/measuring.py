@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import mujoco
 
-from grader.numerics.convergence import Distance, distance
-from grader.numerics.measures import measure
-from grader.numerics.reference import Reference
+from grader.numerics.accuracy.convergence import Distance, measure_distance
+from grader.numerics.accuracy.reference import Reference
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import Stepper
+from grader.studies.advise.measures import measure_quantity
 
 
 def energy(scene: Scene, rollout: Rollout) -> Vector:
@@ -20,7 +20,7 @@ def energy(scene: Scene, rollout: Rollout) -> Vector:
         mujoco.mj_energyVel(model, data)
         return float(data.energy[0] + data.energy[1])
 
-    return measure(scene, rollout, total)
+    return measure_quantity(scene, rollout, total)
 
 
 def errors(
@@ -37,4 +37,4 @@ def errors(
         simulate(scene, seconds=float(times[-1]), timestep_s=h, integrator=integrator, at_s=times, stepper=stepper)
         for h in timesteps_s
     )
-    return [distance(scene, run, reference) for run in runs]
+    return [measure_distance(scene, run, reference) for run in runs]

@@ -5,24 +5,24 @@ from math import inf
 import numpy as np
 import pytest
 
-from grader.numerics.convergence import Order, distance, observed_order
-from grader.numerics.reference import dop853, sample_times
+from grader.numerics.accuracy.convergence import Order, fit_order, measure_distance
+from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
+from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
 from grader.numerics.rollout import simulate
-from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import Stepper
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from numerics.measuring import errors
 from numerics.models import ALL, LESSON
 
-TIMES = sample_times(1.0, 0.02)
+TIMES = list_sample_times(1.0, 0.02)
 DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
 RK4 = 1
 
 
 def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: Stepper | None = None) -> Order:
-    found = errors(scene, dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
-    return observed_order(timesteps_s, [error.qpos for error in found])
+    found = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
+    return fit_order(timesteps_s, [error.qpos for error in found])
 
 
 def test_an_order_comes_with_its_interval() -> None:
@@ -34,16 +34,16 @@ def test_an_order_comes_with_its_interval() -> None:
 def test_on_rotations_mujocos_rk4_is_of_the_order_of_its_version_and_the_lie_group_one_of_fourth(name: str) -> None:
     scene, timesteps_s = Scene.from_xml(ALL[name], key="spin"), [0.005, 0.004, 0.002, 0.001]
     assert order_of(scene, timesteps_s, RK4).order == pytest.approx(RK4_ORDER_ON_ROTATIONS, abs=0.05)
-    assert order_of(scene, timesteps_s, RK4, mujoco_rk4_step).order == pytest.approx(RK4_ORDER_ON_ROTATIONS, abs=0.05)
-    assert order_of(scene, timesteps_s, RK4, lie_rk4_step).order == pytest.approx(4.0, abs=0.1)
+    assert order_of(scene, timesteps_s, RK4, step_mujoco_rk4).order == pytest.approx(RK4_ORDER_ON_ROTATIONS, abs=0.05)
+    assert order_of(scene, timesteps_s, RK4, step_lie_rk4).order == pytest.approx(4.0, abs=0.1)
 
 
 def test_without_rotations_the_two_rk4_agree_to_rounding() -> None:
     one, other = (
         simulate(DOUBLE, seconds=1, timestep_s=0.002, integrator=RK4, stepper=stepper)
-        for stepper in (mujoco_rk4_step, lie_rk4_step)
+        for stepper in (step_mujoco_rk4, step_lie_rk4)
     )
-    assert distance(DOUBLE, one, other).qpos < 1e-13
+    assert measure_distance(DOUBLE, one, other).qpos < 1e-13
 
 
 def test_the_interval_of_an_order_covers_a_known_slope() -> None:
@@ -52,7 +52,7 @@ def test_the_interval_of_an_order_covers_a_known_slope() -> None:
     covered = 0
     for _ in range(400):
         noisy = [h**2 * float(np.exp(0.1 * rng.standard_normal())) for h in timesteps]
-        order = observed_order(timesteps, noisy)
+        order = fit_order(timesteps, noisy)
         covered += order.low <= 2.0 <= order.high
     assert 0.92 < covered / 400 < 0.98
 
@@ -60,11 +60,11 @@ def test_the_interval_of_an_order_covers_a_known_slope() -> None:
 def test_an_order_needs_three_positive_errors() -> None:
     for timesteps, values in (([0.1, 0.2], [1.0, 2.0]), ([0.1, 0.2, 0.4], [0.0, 1.0, 2.0]), ([1, 2, 4], [1, inf, 2])):
         with pytest.raises(ValueError, match="three or more"):
-            observed_order(timesteps, values)
+            fit_order(timesteps, values)
 
 
 def test_a_run_that_ended_early_is_infinitely_far() -> None:
     whole = simulate(DOUBLE, seconds=0.1)
-    assert distance(DOUBLE, whole, simulate(DOUBLE, seconds=0.05)).qpos == inf
+    assert measure_distance(DOUBLE, whole, simulate(DOUBLE, seconds=0.05)).qpos == inf
     with pytest.raises(ValueError, match="different times"):
-        distance(DOUBLE, whole, simulate(DOUBLE, steps=50, timestep_s=0.001))
+        measure_distance(DOUBLE, whole, simulate(DOUBLE, steps=50, timestep_s=0.001))

@@ -8,7 +8,8 @@ import mujoco
 import pytest
 
 from grader.domain.verify import IntegratorName
-from grader.numerics.convergence import observed_order
+from grader.numerics.accuracy.convergence import fit_order
+from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
 from grader.numerics.integrators import (
     BY_CODE,
     BY_NAME,
@@ -18,16 +19,15 @@ from grader.numerics.integrators import (
     IMPLICITFAST,
     INTEGRATORS,
     Integrator,
-    refusal,
+    find_refusal,
 )
-from grader.numerics.linear import one_step_map
-from grader.numerics.reference import dop853, sample_times
 from grader.numerics.scene import Scene
-from grader.numerics.version import INSTALLED, version_of
+from grader.numerics.stability.linear import linearise_step
+from grader.numerics.version import INSTALLED, parse_version
 from numerics.measuring import errors
 from numerics.models import ALL, LESSON, hinge
 
-TIMES = sample_times(1.0, 0.02)
+TIMES = list_sample_times(1.0, 0.02)
 TIMESTEPS_S = {1: [0.001, 0.0005, 0.00025, 0.0001], 4: [0.0008, 0.0004, 0.0002, 0.00016]}
 """By order, in the range where the error is neither saturated nor rounding."""
 
@@ -73,8 +73,8 @@ def test_a_step_costs_as_many_evaluations(name: str, integrator: Integrator) -> 
 
 
 def order_of(scene: Scene, integrator: Integrator, timesteps_s: list[float]) -> float:
-    found = errors(scene, dop853(scene, TIMES), timesteps_s, integrator=integrator.code)
-    return observed_order(timesteps_s, [error.qpos for error in found]).order
+    found = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator.code)
+    return fit_order(timesteps_s, [error.qpos for error in found]).order
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=ids)
@@ -89,16 +89,16 @@ def test_a_refused_integrator_is_told_by_mujoco() -> None:
     elastic = mujoco.MjModel.from_xml_string(
         cloth.format('<elasticity young="1e4" thickness="0.01" elastic2d="both"/>')
     )
-    assert [one for one in INTEGRATORS if refusal(elastic, one) is not None] == [IMPLICIT, IMPLICITFAST]
-    assert "flex elasticity" in (refusal(elastic, IMPLICIT) or "")
+    assert [one for one in INTEGRATORS if find_refusal(elastic, one) is not None] == [IMPLICIT, IMPLICITFAST]
+    assert "flex elasticity" in (find_refusal(elastic, IMPLICIT) or "")
     damped = mujoco.MjModel.from_xml_string(ALL["flex"])
-    refused = [one for one in INTEGRATORS if refusal(damped, one) is not None]
-    assert refused == ([DISCRETE] if version_of(INSTALLED) >= (4, 0, 0) else [])
+    refused = [one for one in INTEGRATORS if find_refusal(damped, one) is not None]
+    assert refused == ([DISCRETE] if parse_version(INSTALLED) >= (4, 0, 0) else [])
 
 
 def velocity_gain(xml: str, integrator: Integrator) -> float:
     """d(next velocity)/d(velocity) of a hinge over one step of H."""
-    return float(one_step_map(Scene.from_xml(xml), timestep_s=H, integrator=integrator.code)[1, 1])
+    return float(linearise_step(Scene.from_xml(xml), timestep_s=H, integrator=integrator.code)[1, 1])
 
 
 WEIGHTLESS = "<option gravity='0 0 0'/>"

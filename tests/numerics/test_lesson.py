@@ -7,7 +7,7 @@ import pytest
 
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.trials import Stability, try_timestep
+from grader.numerics.stability.trials import Stability, try_timestep
 from numerics.measuring import energy
 from numerics.models import LESSON
 

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.integrators import BY_CODE, refusal
-from grader.numerics.needs import prove
+from grader.numerics.integrators import BY_CODE, find_refusal
+from grader.numerics.needs import prove_needs
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import Scene
 from numerics.models import ALL, CUBE, EXPLICIT_PAIR, LESSON, SENSORS, hinge
@@ -32,7 +32,7 @@ def same_bits(one: Rollout, other: Rollout) -> bool:
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_skipping_changes_no_bit(name: str, integrator: int) -> None:
     scene = thrown(ALL[name])
-    if refusal(scene.model, BY_CODE[integrator]):
+    if find_refusal(scene.model, BY_CODE[integrator]):
         for skip in (True, False):
             with pytest.raises(mujoco.FatalError, match="flex edge stiffness and damping"):
                 simulate(scene, steps=300, integrator=integrator, skip=skip)
@@ -115,7 +115,7 @@ def test_a_changed_contype_is_proved_anew() -> None:
 
 def test_sleep_and_plugins_prove_nothing() -> None:
     xml = hinge(rest="<option><flag sleep='enable'/></option>")
-    (need,) = prove(mujoco.MjModel.from_xml_string(xml))
+    (need,) = prove_needs(mujoco.MjModel.from_xml_string(xml))
     assert need.part == "everything"
     assert need.needed
 

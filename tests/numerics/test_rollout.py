@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.integrators import INTEGRATORS, refusal
-from grader.numerics.measures import measure
+from grader.numerics.integrators import INTEGRATORS, find_refusal
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 from grader.numerics.stepping import CHUNK, CHUNK_MAX, GROWTH, STEPS_MAX
 from grader.numerics.workspace import BARE_AFTER
+from grader.studies.advise.measures import measure_quantity
 from numerics.measuring import energy
 from numerics.models import ALL, LESSON, SENSORS
 
@@ -56,7 +56,7 @@ def test_chunks_are_bitwise_what_single_steps_are() -> None:
 def test_a_run_is_bitwise_what_one_call_into_the_engine_is(name: str) -> None:
     """Over the model's first 600 steps, which are two chunks, or up to the first warning."""
     scene = Scene.from_xml(ALL[name])
-    for integrator in (one.code for one in INTEGRATORS if refusal(scene.model, one) is None):
+    for integrator in (one.code for one in INTEGRATORS if find_refusal(scene.model, one) is None):
         run = simulate(scene, steps=600, timestep_s=0.001, integrator=integrator, every=STEPS_MAX)
         with scene.borrow(timestep_s=0.001, integrator=integrator) as workspace:
             mujoco.mj_step(workspace.model, workspace.data, run.steps)
@@ -189,13 +189,15 @@ def test_energy_is_the_engines() -> None:
     def enabled(model: mujoco.MjModel) -> None:
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 
-    by_engine = measure(DOUBLE.changed(enabled), run, lambda _model, data: float(data.energy.sum()))
+    by_engine = measure_quantity(DOUBLE.changed(enabled), run, lambda _model, data: float(data.energy.sum()))
     assert energy(DOUBLE, run).tolist() == by_engine.tolist()
 
 
 def test_energy_is_computed_for_a_quantity() -> None:
     run = simulate(DOUBLE, seconds=1, every=50)
-    assert measure(DOUBLE, run, lambda _model, data: float(data.energy.sum())) == pytest.approx(energy(DOUBLE, run))
+    assert measure_quantity(DOUBLE, run, lambda _model, data: float(data.energy.sum())) == pytest.approx(
+        energy(DOUBLE, run)
+    )
 
 
 def test_what_a_quantity_writes_is_its_own() -> None:
@@ -205,7 +207,7 @@ def test_what_a_quantity_writes_is_its_own() -> None:
         model.body_mass[1] = 50
         return 0.0
 
-    measure(DOUBLE, run, spoil)
+    measure_quantity(DOUBLE, run, spoil)
     for skip in (True, False):
         assert simulate(DOUBLE, steps=100, skip=skip).qpos.tobytes() == run.qpos.tobytes()
 

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.convergence import observed_order
-from grader.numerics.reference import dop853, sample_times
+from grader.numerics.accuracy.convergence import fit_order
+from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
+from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
 from grader.numerics.rollout import simulate
-from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.scene import Scene
 from numerics.measuring import errors
 from numerics.models import ALL, hinge
@@ -28,7 +28,7 @@ def test_reproduces_mujocos_rk4_bit_for_bit(name: str) -> None:
         scene.borrow(timestep_s=0.002, integrator=RK4) as engine,
     ):
         for _ in range(200):
-            mujoco_rk4_step(own.model, own.data)
+            step_mujoco_rk4(own.model, own.data)
             mujoco.mj_step(engine.model, engine.data)
         for part in ("qpos", "qvel", "act", "qacc_warmstart"):
             assert getattr(own.data, part).tobytes() == getattr(engine.data, part).tobytes(), part
@@ -42,13 +42,13 @@ def test_a_turn_of_more_than_pi_a_step_is_that_of_mujoco() -> None:
         scene.borrow(timestep_s=0.002, integrator=RK4) as own,
         scene.borrow(timestep_s=0.002, integrator=RK4) as engine,
     ):
-        mujoco_rk4_step(own.model, own.data)
+        step_mujoco_rk4(own.model, own.data)
         mujoco.mj_step(engine.model, engine.data)
         assert own.data.qpos == pytest.approx(engine.data.qpos, abs=1e-12)
 
 
 def test_a_state_that_is_not_finite_stays_so() -> None:
-    for step in (mujoco_rk4_step, lie_rk4_step):
+    for step in (step_mujoco_rk4, step_lie_rk4):
         with Scene.from_xml(ALL["ball"], key="spin").at(qvel=[inf, 0, 0]).borrow(keep=False) as workspace:
             step(workspace.model, workspace.data)
             assert not np.isfinite(workspace.data.qpos).all()
@@ -63,7 +63,7 @@ def test_a_forward_of_ones_own_is_what_counts() -> None:
         mujoco.mj_forward(model, data)
         data.qfrc_applied[0] = 0
 
-    for step in (mujoco_rk4_step, lie_rk4_step):
+    for step in (step_mujoco_rk4, step_lie_rk4):
         plain = simulate(scene, steps=500, timestep_s=0.002, integrator=RK4, stepper=step)
         moved = simulate(scene, steps=500, timestep_s=0.002, integrator=RK4, stepper=partial(step, forward=pushed))
         assert abs(moved.qpos[-1, 0] - plain.qpos[-1, 0]) > 1e-3
@@ -71,7 +71,7 @@ def test_a_forward_of_ones_own_is_what_counts() -> None:
 
 def test_time_stands_at_the_stages_while_forward_runs() -> None:
     scene = Scene.from_xml(ALL["double_pendulum"])
-    for step in (mujoco_rk4_step, lie_rk4_step):
+    for step in (step_mujoco_rk4, step_lie_rk4):
         times: list[float] = []
 
         def watched(model: mujoco.MjModel, data: mujoco.MjData, seen: list[float] = times) -> None:
@@ -91,11 +91,11 @@ def test_activations_converge_with_fourth_order() -> None:
         '<general name="torque" joint="hinge" dyntype="filter" dynprm="0.1" gainprm="1"/>',
     )
     scene = Scene.from_xml(xml).at(ctrl=[1.5], qpos=[0.3])
-    reference = dop853(scene, sample_times(1.0, 0.02))
-    for step in (mujoco_rk4_step, lie_rk4_step):
+    reference = solve_dop853(scene, list_sample_times(1.0, 0.02))
+    for step in (step_mujoco_rk4, step_lie_rk4):
         timesteps_s = [0.01, 0.005, 0.004, 0.002]
         found = errors(scene, reference, timesteps_s, integrator=RK4, stepper=step)
-        assert observed_order(timesteps_s, [error.qpos for error in found]).order == pytest.approx(4.0, abs=0.1)
+        assert fit_order(timesteps_s, [error.qpos for error in found]).order == pytest.approx(4.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -107,6 +107,6 @@ def test_activations_converge_with_fourth_order() -> None:
 )
 def test_what_it_does_not_know_is_refused(xml: str, words: str) -> None:
     with Scene.from_xml(xml).borrow() as workspace:
-        for step in (mujoco_rk4_step, lie_rk4_step):
+        for step in (step_mujoco_rk4, step_lie_rk4):
             with pytest.raises(ValueError, match=words):
                 step(workspace.model, workspace.data)

@@ -36,7 +36,7 @@ def test_what_is_not_there_is_named() -> None:
     with pytest.raises(KeyError, match="release"):
         scene.at(key="nothing")
     with pytest.raises(KeyError, match="elbow, shoulder"):
-        scene.qpos_of("hinge")
+        scene.find_qpos("hinge")
     with pytest.raises(ValueError, match="qpos has 2 entries"):
         scene.at(qpos=[1.0])
     with pytest.raises(ValueError, match="XML"):
@@ -45,9 +45,9 @@ def test_what_is_not_there_is_named() -> None:
 
 def test_coordinates_by_name() -> None:
     scene = Scene.from_xml(DOUBLE)
-    assert (scene.qpos_of("shoulder"), scene.qpos_of("elbow")) == (slice(0, 1), slice(1, 2))
+    assert (scene.find_qpos("shoulder"), scene.find_qpos("elbow")) == (slice(0, 1), slice(1, 2))
     free = Scene.from_xml(ALL["free_body"])
-    assert free.qpos_of("root") == slice(0, 7)
+    assert free.find_qpos("root") == slice(0, 7)
 
 
 @pytest.mark.parametrize("timestep_s", [0.0, -0.001, float("nan"), float("inf")])
@@ -64,7 +64,7 @@ def test_an_unknown_integrator_is_refused(integrator: int) -> None:
 
 def test_a_given_model_is_copied() -> None:
     model = mujoco.MjModel.from_xml_string(DOUBLE)
-    scene = Scene.of_model(model).at(qpos=[2.0, 0.5])
+    scene = Scene.from_model(model).at(qpos=[2.0, 0.5])
     before = simulate(scene, steps=100)
     model.opt.gravity[2] = 0
     model.body_mass[:] *= 3

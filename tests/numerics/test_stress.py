@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.numerics.bisection import Found, find_threshold
-from grader.numerics.linear import spectral_limit
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.servo import Servo
+from grader.numerics.stability.bisection import SearchResult, find_threshold
+from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.servo import Servo
+from grader.numerics.stability.trials import Stability, check_bracket, try_timestep
 from grader.numerics.stepping import STEPS_MAX
-from grader.numerics.trials import Stability, check_bracket, try_timestep
 from numerics.models import LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
@@ -68,7 +68,7 @@ def test_closed_form_spectral_radius_and_simulation_agree(
     limit = closed_form(integrator, kp, kv, mass)
     q0 = min(1e-3, 1e6 * inertia / (kp + GRAVITY_ARM * mass))  # its acceleration must not be a warning in itself
     scene = servo_scene(kp, kv, mass, q0=q0)
-    found = spectral_limit(scene, low_s=limit / 3, high_s=limit * 3, integrator=integrator, width_s=1e-7 * limit)
+    found = find_spectral_limit(scene, low_s=limit / 3, high_s=limit * 3, integrator=integrator, width_s=1e-7 * limit)
     assert found == pytest.approx(limit, rel=1e-4)
     below = try_timestep(scene, 0.98 * limit, 0.98 * limit * 4000, integrator=integrator)
     above = try_timestep(scene, 1.02 * limit, 1.02 * limit * 4000, integrator=integrator)
@@ -167,12 +167,12 @@ def test_near_the_limit_from_both_sides(kp: float, integrator: int) -> None:
 def test_a_search_that_is_unstable_throughout_says_so() -> None:
     scene = servo_scene(1e8, 0)
     found = find_threshold(scene, low_s=0.001, high_s=0.05, integrator=EULER)
-    assert (found.found, found.bracket_s) == (Found.NONE_STABLE, None)
+    assert (found.result, found.bracket_s) == (SearchResult.NONE_STABLE, None)
 
 
 def test_a_search_from_rest_is_undecided() -> None:
     found = find_threshold(servo_scene(2000, 5, q0=0.0), low_s=0.001, high_s=0.05, integrator=EULER)
-    assert (found.found, found.bracket_s) == (Found.UNDECIDED, None)
+    assert (found.result, found.bracket_s) == (SearchResult.UNDECIDED, None)
     assert "at rest" in found.reason
 
 
@@ -181,7 +181,7 @@ def test_an_empty_search_is_refused(ends: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="cannot search"):
         find_threshold(servo_scene(2000, 5), low_s=ends[0], high_s=ends[1])
     with pytest.raises(ValueError, match="cannot search"):
-        spectral_limit(servo_scene(2000, 5), low_s=ends[0], high_s=ends[1])
+        find_spectral_limit(servo_scene(2000, 5), low_s=ends[0], high_s=ends[1])
 
 
 def test_start_angles_to_a_thousand_radians() -> None:

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.numerics.bisection import Found, find_threshold
-from grader.numerics.linear import differenced_map, equilibrium, one_step_map, spectral_limit
 from grader.numerics.scene import Scene
-from grader.numerics.servo import Servo
-from grader.numerics.trials import Criterion, Stability, check_bracket, try_timestep
+from grader.numerics.stability.bisection import SearchResult, find_threshold
+from grader.numerics.stability.linear import difference_step, find_equilibrium, find_spectral_limit, linearise_step
+from grader.numerics.stability.servo import Servo
+from grader.numerics.stability.trials import Criterion, Stability, check_bracket, try_timestep
 from numerics.models import ALL, DELAY, LESSON
 
 EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = range(5)
@@ -56,13 +56,13 @@ def test_table_of_simulated_limits(integrator: int, column: int, horizon_s: floa
 
 @pytest.mark.parametrize("integrator", TABLE_MS)
 def test_table_of_linear_stability_limits(integrator: int) -> None:
-    limit = spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=integrator)
+    limit = find_spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=integrator)
     assert limit == pytest.approx(TABLE_MS[integrator][3] / 1000, abs=1 * US)
 
 
 def test_discrete_has_no_limit() -> None:
-    assert find_threshold(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE).found is Found.ALL_STABLE
-    assert spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE) is None
+    assert find_threshold(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE).result is SearchResult.ALL_STABLE
+    assert find_spectral_limit(SERVO, low_s=0.001, high_s=0.2, integrator=DISCRETE) is None
 
 
 def test_discrete_with_pgs_is_explicit() -> None:
@@ -123,18 +123,18 @@ def test_differences_agree_with_mujocos_own_linearisation() -> None:
     scene = SERVO.at(qpos=[0.3], qvel=[0.5])
     for integrator in (EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
         with scene.borrow(timestep_s=0.004, integrator=integrator) as workspace:
-            differenced = differenced_map(workspace)
-        own = one_step_map(scene, timestep_s=0.004, integrator=integrator)
+            differenced = difference_step(workspace)
+        own = linearise_step(scene, timestep_s=0.004, integrator=integrator)
         assert np.abs(differenced - own).max() < 1e-6
 
 
 def test_an_equilibrium_is_where_nothing_accelerates() -> None:
     pushed = SERVO.at(ctrl=[0.5])
-    rest = equilibrium(pushed)
+    rest = find_equilibrium(pushed)
     assert rest is not None
     angle = float(rest.start.qpos[0])
     assert 2000 * (0.5 - angle) == pytest.approx(9.81 * 0.5 * np.sin(angle), abs=1e-5)
-    assert equilibrium(Scene.from_xml(ALL["free_body"]).changed(falling)) is None
+    assert find_equilibrium(Scene.from_xml(ALL["free_body"]).changed(falling)) is None
 
 
 def falling(model: mujoco.MjModel) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.visuals import moves_alike, visual_count, without_visuals
+from grader.numerics.visuals import count_visuals, moves_alike, remove_visuals
 from grader.numerics.workspace import BARE_AFTER
 from numerics.models import ALL, LESSON, MODELS
 
@@ -24,14 +24,14 @@ INFERRED = """
 
 def bare(xml: str) -> mujoco.MjModel | None:
     scene = Scene.from_xml(xml)
-    return without_visuals(xml, scene.model, scene.needs)
+    return remove_visuals(xml, scene.model, scene.needs)
 
 
 @pytest.mark.parametrize("xml", [*LESSON.values(), BOX, ALL["sensors"], ALL["excluded_pair"]])
 def test_nothing_that_only_shows_is_left(xml: str) -> None:
     model = bare(xml)
     assert model is not None
-    assert visual_count(model) == 0
+    assert count_visuals(model) == 0
 
 
 @pytest.mark.parametrize("name", ["sprung_body", "tendon_limit"])

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from databases import BACKENDS, database_url
-from grader.store.database import Database
+from grader.store.engine.database import Database
+from support.databases import BACKENDS, database_url
 
 
 @pytest.fixture(params=BACKENDS)

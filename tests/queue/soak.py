@@ -13,12 +13,12 @@ from tempfile import TemporaryDirectory
 
 from sqlalchemy import func, select
 
-from databases import BACKENDS, database_url
 from grader.queue import jobs
 from grader.settings import Settings
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import VerdictRow
-from queue_kills import (
+from support.databases import BACKENDS, database_url
+from support.queue_kills import (
     client_of,
     hand_in,
     kill_grading_process,
@@ -62,7 +62,7 @@ def soak(rounds: int, backend: str) -> bool:
         database = Database(url)
         with database.read() as session:
             counts = list(session.scalars(select(func.count(VerdictRow.id)).group_by(VerdictRow.submission_id)))
-            left = jobs.waiting(session)
+            left = jobs.count_jobs(session)
         database.close()
     print(f"{backend}: {len(ids)} acknowledged, {len(counts)} graded, {sum(counts)} verdicts, {left} jobs left")
     return counts == [1] * len(ids) and left == 0 and "grader_fault" not in statuses

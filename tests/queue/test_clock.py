@@ -10,16 +10,16 @@ import psycopg
 import pytest
 from sqlalchemy import func, make_url, select
 
-from databases import database_url
 from grader.domain.verdict import Status, Verdict
-from grader.pipeline import Retries
+from grader.grading.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
 from grader.queue.worker import Worker
+from grader.service.worker import GradingTask
 from grader.store import submissions
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import Submission, VerdictRow, new_id
-from grader.worker import Grading
+from support.databases import database_url
 
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
 PAUSE_S = 600.0
@@ -87,7 +87,7 @@ def test_a_clock_that_jumps_back_beside_two_workers(url: str) -> None:
     slow |= {ids[0], ids[4]}
     failing |= {*ids[1:4], *ids[5:8], ids[4]}
     workers = [
-        Worker(database, {jobs.GRADE: Grading(grade, lambda _: GOOD)}, 2, Retries(3, pause_s=PAUSE_S))
+        Worker(database, {jobs.GRADE: GradingTask(grade, lambda _: GOOD)}, 2, Retries(3, pause_s=PAUSE_S))
         for database in (here, there)
     ]
     for worker in workers:

@@ -11,10 +11,10 @@ from typing import Any
 
 import httpx
 
-from databases import database_url
 from grader.library import load
-from queue_kills import client_of, kill_grading_process, process_of, settings_on, verdicts_of, wait_until_ready
-from sites import ROOT
+from support.databases import database_url
+from support.queue_kills import client_of, kill_grading_process, process_of, settings_on, verdicts_of, wait_until_ready
+from support.sites import ROOT
 
 API = "/api/v1"
 QUIZ = "1.3-exercises"

@@ -14,21 +14,21 @@ from sqlalchemy import text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from grader.content import Archive
-from grader.deliveries import deliveries_of
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Unprocessable
-from grader.grading_process import Graders
-from grader.pipeline import Retries
+from grader.grading.content import Archive
+from grader.grading.pipeline import Retries
+from grader.grading.processes import Graders
 from grader.queue import jobs
 from grader.queue.jobs import Claim, JobRow
-from grader.queue.owners import LockedOwner, OnlyOwner, owner_of
+from grader.queue.owners import PostgresOwner, SqliteOwner, build_owner
 from grader.queue.worker import Worker
+from grader.service.deliveries import deliveries_of
+from grader.service.worker import GradingTask, Judge, make_fault, make_grade, run_worker
 from grader.settings import Settings
 from grader.store import submissions
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import Submission, new_id
-from grader.worker import Grading, Judge, fault_with, grade_with, run_worker
 
 OTHER = 1
 """An owner of jobs that is not a worker of this test."""
@@ -62,7 +62,7 @@ def state(database: Database, submission_id: str) -> tuple[str, list[str]]:
 
 
 def a_worker(database: Database, grade: Judge, tries: int = 3) -> Worker:
-    task = Grading(grade, lambda _: OUR_FAULT)
+    task = GradingTask(grade, lambda _: OUR_FAULT)
     return Worker(database, {jobs.GRADE: task}, threads=2, retries=Retries(tries, pause_s=0.0))
 
 
@@ -74,7 +74,7 @@ def claim(database: Database) -> Claim | None:
 def release(database: Database) -> None:
     """As when the owner of the jobs in progress has ended."""
     with database.write() as session:
-        jobs.release(session, [lease for _, lease in jobs.owned(session)])
+        jobs.release(session, [lease for _, lease in jobs.list_owned(session)])
 
 
 def test_jobs_are_done_in_order_and_once(database: Database) -> None:
@@ -91,7 +91,7 @@ def test_jobs_are_done_in_order_and_once(database: Database) -> None:
     assert graded == ids
     assert state(database, ids[0]) == ("graded", ["queued", "running", "graded"])
     with database.read() as session:
-        assert jobs.waiting(session) == 0
+        assert jobs.count_jobs(session) == 0
 
 
 def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Database) -> None:
@@ -122,7 +122,7 @@ def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Data
 def test_a_waiting_job_knows_how_many_are_claimed_before_it(database: Database) -> None:
     made = [hand_in(database, user) for user in ("ann", "ann", "bob", "cem")]
     with database.read() as session:
-        told = {one: jobs.ahead(session, one) for one in made}
+        told = {one: jobs.count_ahead(session, one) for one in made}
     claimed = []
     while True:
         with database.write() as session:
@@ -131,7 +131,7 @@ def test_a_waiting_job_knows_how_many_are_claimed_before_it(database: Database) 
             claimed.append(claim.subject)
     assert [told[one] for one in claimed] == [0, 1, 2, 3]
     with database.read() as session:
-        assert jobs.ahead(session, made[0]) is None
+        assert jobs.count_ahead(session, made[0]) is None
 
 
 def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) -> None:
@@ -244,7 +244,7 @@ def test_a_fault_of_ours_is_retried_and_then_costs_no_attempt(database: Database
 def test_a_submission_whose_content_is_lost_is_tried_again_and_costs_no_attempt(database: Database) -> None:
     submission_id = hand_in(database)
     archive = Archive(database)
-    grading = Grading(grade_with(archive, Graders(0, allow_t2=False)), fault_with(archive))
+    grading = GradingTask(make_grade(archive, Graders(0, allow_t2=False)), make_fault(archive))
     worker = Worker(database, {jobs.GRADE: grading}, threads=1, retries=Retries(3, pause_s=0.0))
     assert worker.do_one()
     assert state(database, submission_id)[0] == "queued"
@@ -375,11 +375,11 @@ def wait_until(done: Callable[[], bool]) -> None:
 
 KILLED = """
 import os, sys
-from grader.pipeline import Retries
-from grader.store.database import Database
+from grader.grading.pipeline import Retries
+from grader.store.engine.database import Database
 from grader.queue.worker import Worker
-from grader.worker import Grading
-worker = Worker(Database(sys.argv[1]), {"grade": Grading(lambda _: os.kill(os.getpid(), 9), None)}, 1, Retries())
+from grader.service.worker import GradingTask
+worker = Worker(Database(sys.argv[1]), {"grade": GradingTask(lambda _: os.kill(os.getpid(), 9), None)}, 1, Retries())
 worker.owner.keep()
 worker.do_one()
 """
@@ -408,7 +408,7 @@ def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
             run_worker(Settings(database_url=str(database.engine.url)), deliveries_of)
         return
     submission_id = hand_in(database)
-    first, second = LockedOwner(database), LockedOwner(database)
+    first, second = PostgresOwner(database), PostgresOwner(database)
     first.keep()
     with database.write() as session:
         assert jobs.claim(session, first.id) is not None
@@ -424,10 +424,10 @@ def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
 
 def test_an_owner_takes_its_lock_again_after_a_lost_connection(database: Database) -> None:
     if database.is_sqlite:
-        assert isinstance(owner_of(database), OnlyOwner)
+        assert isinstance(build_owner(database), SqliteOwner)
         return
     hand_in(database)
-    owner, other = LockedOwner(database), LockedOwner(database)
+    owner, other = PostgresOwner(database), PostgresOwner(database)
     owner.keep()
     with database.write() as session:
         jobs.claim(session, owner.id)
@@ -438,7 +438,7 @@ def test_an_owner_takes_its_lock_again_after_a_lost_connection(database: Databas
     other.close()
 
 
-def keep_and_look(owner: LockedOwner, other: LockedOwner) -> bool:
+def keep_and_look(owner: PostgresOwner, other: PostgresOwner) -> bool:
     """Whether the owner holds its lock again, by a try of another to take it."""
     owner.keep()
     with other._database.write() as session:

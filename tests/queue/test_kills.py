@@ -12,10 +12,10 @@ import pytest
 from sqlalchemy import func, select
 
 from grader.queue import jobs
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import VerdictRow
-from outages import Disk
-from queue_kills import (
+from support.outages import Disk
+from support.queue_kills import (
     PAUSES,
     client_of,
     descendants,
@@ -40,7 +40,7 @@ def assert_graded_once(url: str, ids: list[str]) -> None:
     with database.read() as session:
         counts = session.execute(select(VerdictRow.submission_id, func.count()).group_by(VerdictRow.submission_id))
         assert {row[0]: row[1] for row in counts} == dict.fromkeys(ids, 1)
-        assert jobs.waiting(session) == 0
+        assert jobs.count_jobs(session) == 0
     database.close()
 
 
@@ -117,7 +117,7 @@ def test_a_full_disk_beside_kills_costs_nobody_a_verdict(url: str, tmp_path: Pat
 
 HOLDS = """
 import time
-from grader.grading_process import Graders
+from grader.grading.processes import Graders
 with Graders(1, allow_t2=False):
     print("ready", flush=True)
     time.sleep(600)

@@ -9,12 +9,12 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from databases import database_url
-from grader.pipeline import Retries
+from grader.grading.pipeline import Retries
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
-from grader.queue.worker import Outcome, Worker
-from grader.store.database import Database
+from grader.queue.worker import JobOutcome, Worker
+from grader.store.engine.database import Database
+from support.databases import database_url
 
 
 @dataclass
@@ -27,10 +27,10 @@ class Noting:
     def start(self, _session: Session, subject: str) -> Any:
         return subject
 
-    def run(self, started: Any) -> Outcome:
+    def run(self, started: Any) -> JobOutcome:
         assert self.may_end.wait(30)
         self.done.append(started)
-        return Outcome(lambda _: None)
+        return JobOutcome(lambda _: None)
 
     give_up = run
 

@@ -8,10 +8,10 @@ import httpx
 from sqlalchemy import func, select
 
 from grader.queue import jobs
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import VerdictRow
-from queue_kills import client_of, process_of, settings_on, wait_until_ready
-from sites import QUIZ, write_content
+from support.queue_kills import client_of, process_of, settings_on, wait_until_ready
+from support.sites import QUIZ, write_content
 
 API = "/api/v1"
 LEARNERS, ANSWERS = 4, 40
@@ -52,5 +52,5 @@ def test_a_regrade_survives_a_killed_server(url: str, tmp_path: Path) -> None:
     with database.read() as session:
         counts = session.execute(select(VerdictRow.submission_id, func.count()).group_by(VerdictRow.submission_id))
         assert {row[0]: row[1] for row in counts} == dict.fromkeys(ids, 2)
-        assert jobs.waiting(session) == 0
+        assert jobs.count_jobs(session) == 0
     database.close()

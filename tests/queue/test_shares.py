@@ -9,7 +9,7 @@ from sqlalchemy import insert
 
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
-from grader.store.database import Database
+from grader.store.engine.database import Database
 
 pytestmark = pytest.mark.slow
 
@@ -114,7 +114,7 @@ def test_a_claim_costs_the_same_in_a_queue_of_10_000(database: Database) -> None
     short_s = median_s()
     with database.write() as session:
         rows = [
-            {"topic": "grade", "subject": "x", "share": jobs.share_number(f"user{n % 500}"), "round": n // 500 + 2}
+            {"topic": "grade", "subject": "x", "share": jobs.hash_share(f"user{n % 500}"), "round": n // 500 + 2}
             for n in range(10_000)
         ]
         new = {"tries": 0, "priority": 0}

@@ -4,8 +4,8 @@ import threading
 
 from sqlalchemy import text
 
-from grader.store.database import Database
-from grader.store.signals import announce
+from grader.store.engine.database import Database
+from grader.store.engine.signals import announce
 
 WAIT_S = 20.0
 

@@ -5,7 +5,7 @@ import json
 from sqlalchemy import text
 
 from grader.queue import jobs
-from grader.store.database import Database
+from grader.store.engine.database import Database
 
 
 def test_waiting_jobs_survive_the_change_of_their_table(url: str) -> None:

@@ -9,7 +9,7 @@ import sys
 import atheris  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
 with atheris.instrument_imports(include=["grader.sandbox.frames"]):
-    from grader.sandbox.frames import DTYPES, KINDS, Malformed, parse
+    from grader.sandbox.frames import DTYPES, KINDS, MalformedMessage, parse_message
     from grader.sandbox.policy import NAME_CHARS_MAX, NDIM_MAX
 
 import numpy as np
@@ -17,8 +17,8 @@ import numpy as np
 
 def one_input(data: bytes) -> None:
     try:
-        message = parse(data)
-    except Malformed:
+        message = parse_message(data)
+    except MalformedMessage:
         return
     assert message.end is None or message.end in KINDS
     for name, array in message.results.items():

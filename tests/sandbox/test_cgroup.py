@@ -13,7 +13,7 @@ import pytest
 from grader.domain.run import Job, Limits, RunStatus
 from grader.errors import JailFault
 from grader.sandbox import cgroup
-from grader.sandbox.cgroup import Group, delegated
+from grader.sandbox.cgroup import Group, find_delegated
 from grader.sandbox.jail import Jail, Tier
 from grader.sandbox.policy import CGROUP_MEMORY_EXTRA, MB, THREADS_MAX
 from sandbox.conftest import Content
@@ -40,7 +40,7 @@ def hierarchy(root: Path, controllers: str = "cpu memory pids", inhabitants: str
 
 
 def test_a_child_is_put_in_a_group_of_its_own_with_limits(tmp_path: Path) -> None:
-    make = delegated(hierarchy(tmp_path), tmp_path)
+    make = find_delegated(hierarchy(tmp_path), tmp_path)
     assert make is not None
     group = make(1234)
     assert group.path.parent == tmp_path / "grader.service"
@@ -54,16 +54,16 @@ def test_a_child_is_put_in_a_group_of_its_own_with_limits(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(("controllers", "inhabitants"), [("cpu pids", ""), ("cpu memory pids", "1\n")])
 def test_what_is_not_delegated_is_left_alone(controllers: str, inhabitants: str, tmp_path: Path) -> None:
-    assert delegated(hierarchy(tmp_path, controllers, inhabitants), tmp_path) is None
+    assert find_delegated(hierarchy(tmp_path, controllers, inhabitants), tmp_path) is None
     assert (tmp_path / "grader.service" / "cgroup.subtree_control").read_text() == ""
 
 
 def test_the_root_group_and_a_first_version_are_not_ours(tmp_path: Path) -> None:
     own = hierarchy(tmp_path)
     own.write_text("0::/\n")
-    assert delegated(own, tmp_path) is None
+    assert find_delegated(own, tmp_path) is None
     own.write_text("4:memory:/x\n")
-    assert delegated(own, tmp_path) is None
+    assert find_delegated(own, tmp_path) is None
 
 
 def test_the_kernels_count_is_the_evidence(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def groups(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         return group
 
     monkeypatch.setattr(cgroup, "GONE_S_MAX", 0.0)
-    monkeypatch.setattr(cgroup, "delegated", lambda: make)
+    monkeypatch.setattr(cgroup, "find_delegated", lambda: make)
     return tmp_path
 
 

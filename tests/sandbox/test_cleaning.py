@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.sandbox.cleaning import REASON_CHARS_MAX, clean, one_line
+from grader.sandbox.cleaning import REASON_CHARS_MAX, clean, clean_reason
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_nothing_unshowable_is_left(raw: bytes) -> None:
 
 @given(st.text(max_size=1000))
 def test_a_reason_is_one_short_line(text: str) -> None:
-    line = one_line(text)
+    line = clean_reason(text)
     assert len(line) <= REASON_CHARS_MAX
     assert "\n" not in line
 

@@ -55,9 +55,9 @@ def program(machine: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[bytes]:
                 self.remove_arch(sc.system_arch())
 
     monkeypatch.setattr(sc, "SyscallFilter", Filter)
-    seccomp.build.cache_clear()
-    yield seccomp.build()
-    seccomp.build.cache_clear()
+    seccomp.build_filter.cache_clear()
+    yield seccomp.build_filter()
+    seccomp.build_filter.cache_clear()
 
 
 def answer(program: bytes, machine: int, number: int, arguments: tuple[int, ...] = ()) -> int:

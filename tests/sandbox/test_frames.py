@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from grader.domain.run import RunStatus
-from grader.sandbox.frames import KINDS, Malformed, Message, parse
+from grader.sandbox.frames import KINDS, MalformedMessage, Message, parse_message
 from grader.sandbox.policy import NAME_CHARS_MAX, NDIM_MAX, RESULT_ARRAYS_MAX
 
 CODES = {"float64": b"d", "float32": b"f", "int64": b"q", "int32": b"i", "uint8": b"B", "bool": b"?"}
@@ -47,7 +47,7 @@ messages = st.dictionaries(names, arrays, max_size=5)
 
 @given(messages, st.integers(0, len(KINDS) - 1), st.text(max_size=50))
 def test_what_is_well_formed_comes_back_bit_for_bit(sent: Arrays, kind: int, reason: str) -> None:
-    message = parse(encode(sent, kind, reason.encode()))
+    message = parse_message(encode(sent, kind, reason.encode()))
     assert (message.end, message.reason) == (KINDS[kind], reason)
     assert list(message.results) == list(sent)
     for name, array in sent.items():
@@ -62,8 +62,8 @@ def test_what_is_well_formed_comes_back_bit_for_bit(sent: Arrays, kind: int, rea
 @example(b"E\x00\x00\x00")
 def test_random_bytes_are_refused_or_are_exactly_a_message(data: bytes) -> None:
     try:
-        message = parse(data)
-    except Malformed:
+        message = parse_message(data)
+    except MalformedMessage:
         return
     if message.end is not None and "\ufffd" not in message.reason:
         assert decode_again(message) == data
@@ -83,8 +83,8 @@ def test_what_is_cut_short_has_no_end(sent: Arrays, data: st.DataObject) -> None
     whole = encode(sent, reason=b"because")
     cut = whole[: data.draw(st.integers(0, len(whole) - 1))]
     try:
-        assert parse(cut).end is None
-    except Malformed as error:
+        assert parse_message(cut).end is None
+    except MalformedMessage as error:
         assert "cut short" in str(error)
 
 
@@ -107,8 +107,8 @@ def test_what_is_cut_short_has_no_end(sent: Arrays, data: st.DataObject) -> None
     ],
 )
 def test_each_rule_has_its_sentence(data: bytes, why: str) -> None:
-    with pytest.raises(Malformed, match=why):
-        parse(data)
+    with pytest.raises(MalformedMessage, match=why):
+        parse_message(data)
 
 
 def test_a_shape_beyond_all_measure_takes_no_memory() -> None:
@@ -116,12 +116,12 @@ def test_a_shape_beyond_all_measure_takes_no_memory() -> None:
     tracemalloc.start()
     try:
         for _ in range(100):
-            with pytest.raises(Malformed):
-                parse(data)
+            with pytest.raises(MalformedMessage):
+                parse_message(data)
         assert tracemalloc.get_traced_memory()[1] < 200_000
     finally:
         tracemalloc.stop()
 
 
 def test_an_end_alone_is_a_message() -> None:
-    assert parse(b"E\x00\x00\x00") == Message({}, {}, RunStatus.RETURNED, "")
+    assert parse_message(b"E\x00\x00\x00") == Message({}, {}, RunStatus.RETURNED, "")

@@ -56,8 +56,8 @@ test_build.__test__ = False  # type: ignore[attr-defined]
 def jail_without(layer: str, folder: Path, content: Content) -> Iterator[Jail]:
     """A jail that lacks one layer and does not look."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(attest, "check", lambda *arguments: None)
-        patch.setattr(selftest, "run", lambda *arguments: selftest.SelfTest(()))
+        patch.setattr(attest, "check_locks", lambda *arguments: None)
+        patch.setattr(selftest, "run_selftest", lambda *arguments: selftest.SelfTest(()))
         with Jail(content.models, workers=1, inside=test_build(folder, layer)) as jail:
             yield jail
 
@@ -149,7 +149,7 @@ def test_attestation_catches_a_child_that_skipped_a_layer(
 def test_the_self_test_finds_a_hole_that_attestation_would_not(tmp_path: Path, content: Content) -> None:
     """A filter is loaded, so that the kernel says Seccomp: 2, but it lets everything through."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(seccomp, "build", lambda own_pid: b"\x06\x00\x00\x00\x00\x00\xff\x7f")  # RET_ALLOW
+        patch.setattr(seccomp, "build_filter", lambda own_pid: b"\x06\x00\x00\x00\x00\x00\xff\x7f")  # RET_ALLOW
         with pytest.raises(JailRefused, match=r"self-test failed: .*socket"):
             Jail(content.models, workers=1)
 
@@ -163,10 +163,10 @@ def test_without_landlock_the_service_refuses(monkeypatch: pytest.MonkeyPatch, c
 
 def test_without_libseccomp_the_service_refuses(monkeypatch: pytest.MonkeyPatch, content: Content) -> None:
     monkeypatch.setitem(sys.modules, "pyseccomp", None)
-    seccomp.build.cache_clear()
+    seccomp.build_filter.cache_clear()
     with pytest.raises(JailRefused, match="libseccomp"):
         Jail(content.models, workers=1)
-    seccomp.build.cache_clear()
+    seccomp.build_filter.cache_clear()
 
 
 def test_without_bubblewrap_the_service_refuses(monkeypatch: pytest.MonkeyPatch, content: Content) -> None:
@@ -183,7 +183,7 @@ def test_without_mujoco_the_service_refuses(monkeypatch: pytest.MonkeyPatch, con
 
 
 def test_nothing_of_ours_is_in_the_cell(content: Content) -> None:
-    command = cell.bubblewrap(cell.discover(), content.models, cell.INSIDE, 3)
+    command = cell.build_cell_command(cell.find_runtime(), content.models, cell.INSIDE, 3)
     sources = [Path(command[n + 1]) for n, word in enumerate(command) if word in ("--ro-bind", "--bind", "--dev-bind")]
     ours = [ROOT / name for name in ("src/grader/errors.py", "quizzes", "reference_solutions", "tests", "README.md")]
     assert not [path for path in ours if any(path.is_relative_to(source) for source in sources)]
@@ -198,7 +198,7 @@ def test_our_package_is_covered_where_it_is_installed_beside_mujoco(
         (packages / name).mkdir(parents=True)
     monkeypatch.setattr(cell, "OURS", packages / "grader")
     runtime = cell.Runtime(Path(sys.executable), (packages,), (), (packages,), (packages / "grader",))
-    command = cell.bubblewrap(runtime, content.models, cell.INSIDE, 3)
+    command = cell.build_cell_command(runtime, content.models, cell.INSIDE, 3)
     at = command.index("--tmpfs")
     assert command[at + 1] == str(packages / "grader")
     assert command.index(str(packages)) < at
@@ -212,7 +212,7 @@ def test_a_loader_that_is_a_link_is_in_the_cell(
     loader = tmp_path / "ld-linux-aarch64.so.1"
     loader.symlink_to("aarch64-linux-gnu/ld-linux-aarch64.so.1")
     monkeypatch.setattr(cell, "LIB", tmp_path)
-    command = cell.bubblewrap(cell.discover(), content.models, cell.INSIDE, 3)
+    command = cell.build_cell_command(cell.find_runtime(), content.models, cell.INSIDE, 3)
     at = command.index(str(loader))
     assert command[at - 2 : at] == ["--symlink", "aarch64-linux-gnu/ld-linux-aarch64.so.1"]
     assert command.index(str(tmp_path)) < at

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grader.domain.run import Job, Limits, RunStatus
 from grader.sandbox.jail import Jail
-from grader.sandbox.spent import where_spent
+from grader.sandbox.spent import explain_time_out
 from sandbox.test_frames import encode
 
 STEPS = """import mujoco
@@ -85,7 +85,7 @@ def sample(
 
 
 def told(results: bytes, *, waits: bool = False, hidden: bool = False) -> str:
-    return where_spent(results, STEPS, waits=waits, hidden=hidden)
+    return explain_time_out(results, STEPS, waits=waits, hidden=hidden)
 
 
 def test_with_hidden_inputs_no_number_but_the_line_is_told() -> None:

@@ -9,13 +9,13 @@ import pytest
 from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, open_database
-from grader.content import Archive, Content, Contents
 from grader.errors import ContentError, ContentLost, Fault
+from grader.grading.content import Archive, Content, Contents
+from grader.grading.pipeline import Pipeline
 from grader.library import Library, load, load_files
-from grader.pipeline import Pipeline
 from grader.store.contents import EVERY, ContentFile, ContentInUse, ContentManifest
-from grader.store.database import Database
+from grader.store.engine.database import Database
+from support.databases import BACKENDS, open_database
 
 MODEL = "<mujoco><worldbody/></mujoco>"
 
@@ -67,12 +67,12 @@ def test_content_is_kept_once_and_taken_by_a_process_that_never_loaded_it(databa
     content.reload()
     assert counts(database) == (5, 4, 2)
     archive, digests = Archive(database), [old["one"], content.library.digests["one"]]
-    grades = [archive.pipeline_for("one", digest).grade("one", "q1", 5) for digest in digests]
+    grades = [archive.get_pipeline("one", digest).grade("one", "q1", 5) for digest in digests]
     assert [verdict.status for verdict in grades] == ["correct", "incorrect"]
     assert [verdict.content_digest for verdict in grades] == digests
     with database.read() as session:
         assert in_use(session) == content.library.digests
-        assert archive.library_now(session, "any", "one").digests == {"one": content.library.digests["one"]}
+        assert archive.current_library(session, "any", "one").digests == {"one": content.library.digests["one"]}
 
 
 def test_a_quiz_that_is_gone_stays_for_what_was_made_against_it(database: Database, tmp_path: Path) -> None:
@@ -83,8 +83,8 @@ def test_a_quiz_that_is_gone_stays_for_what_was_made_against_it(database: Databa
     archive = Archive(database)
     with database.read() as session:
         assert in_use(session) == content.library.digests
-        assert not archive.library_now(session, "any", "two").quizzes
-    assert archive.pipeline_for("two", old).grade("two", "q1", 5).points == 1
+        assert not archive.current_library(session, "any", "two").quizzes
+    assert archive.get_pipeline("two", old).grade("two", "q1", 5).points == 1
 
 
 def test_refused_content_is_not_kept(database: Database, tmp_path: Path) -> None:
@@ -100,17 +100,17 @@ def test_refused_content_is_not_kept(database: Database, tmp_path: Path) -> None
 def test_missing_and_damaged_content_is_lost_and_never_graded_with(database: Database, tmp_path: Path) -> None:
     digests = Content(EVERY, write(tmp_path / "content", 5), Archive(database)).library.digests
     with pytest.raises(ContentLost, match="does not hold"):
-        Archive(database).pipeline_for("one", "f" * 64)
+        Archive(database).get_pipeline("one", "f" * 64)
     with pytest.raises(ContentLost, match="make other content"):
-        Archive(database).pipeline_for("one", digests["two"])
+        Archive(database).get_pipeline("one", digests["two"])
     with database.write() as session:
         session.execute(update(ContentFile).values(body=MODEL.encode() + b" "))
     with pytest.raises(ContentLost, match="in full"):
-        Archive(database).pipeline_for("one", digests["one"])
+        Archive(database).get_pipeline("one", digests["one"])
     with database.write() as session:
         session.execute(delete(ContentFile))
     with pytest.raises(ContentLost, match="in full"):
-        Archive(database).pipeline_for("two", digests["two"])
+        Archive(database).get_pipeline("two", digests["two"])
 
 
 def test_servers_that_load_at_once_keep_one_of_each(database: Database, tmp_path: Path) -> None:
@@ -140,14 +140,14 @@ def test_a_course_with_a_folder_of_its_own_has_its_quizzes_alone(database: Datab
     def keys(course: str) -> list[float]:
         """What an answer of 5 is worth, by what servers and by what workers see."""
         with database.read() as session:
-            library = archive.library_now(session, course, "one")
+            library = archive.current_library(session, course, "one")
         return [both.of(course).pipeline.grade("one", "q1", 5).points, Pipeline(library).grade("one", "q1", 5).points]
 
     assert keys("mechanics") == [0, 0]
     assert keys("other") == [1, 1]
     with database.read() as session:
-        assert not archive.library_now(session, "mechanics", "two").quizzes
-        assert archive.library_now(session, "other", "two").quizzes
+        assert not archive.current_library(session, "mechanics", "two").quizzes
+        assert archive.current_library(session, "other", "two").quizzes
     both = Contents(every, {}, database)  # the course has its folder no longer
     assert keys("mechanics") == [1, 1]
 
@@ -181,7 +181,7 @@ def test_quizzes_that_stayed_the_same_are_not_derived_again(
         derived.extend(quizzes)
         return iter(())
 
-    monkeypatch.setattr("grader.content.refused_keys", refused)
+    monkeypatch.setattr("grader.grading.content.refused_keys", refused)
     content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
     write(tmp_path / "content", 5, "one", "two", "three")
     content.reload()

@@ -7,9 +7,9 @@ import pytest
 from sqlalchemy import Connection, select, text
 from sqlalchemy.exc import IntegrityError
 
-from databases import BACKENDS, database_url
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.tables import Credential, Member
+from support.databases import BACKENDS, database_url
 
 ANONYMOUS = "learner-0a1b2c"
 

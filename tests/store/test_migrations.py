@@ -8,10 +8,10 @@ import pytest
 from sqlalchemy import Column, Connection, MetaData, Table, inspect, text
 from sqlalchemy.types import Boolean, DateTime, Float, Integer, LargeBinary, String
 
-from databases import BACKENDS, database_url
 from grader.errors import Conflict, Unprocessable
-from grader.store import schema
-from grader.store.database import Database
+from grader.store.engine import revisions
+from grader.store.engine.database import Database
+from support.databases import BACKENDS, database_url
 
 pytestmark = pytest.mark.slow
 
@@ -89,12 +89,12 @@ def shape(connection: Connection) -> dict[str, Any]:
 
 
 def test_the_newest_revision_is_read_off_the_names_of_the_files() -> None:
-    assert schema.newest() == schema.revisions()[-1]
+    assert revisions.newest() == revisions.revisions()[-1]
 
 
 def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:
     shapes: dict[str, Any] = {}
-    for revision in schema.revisions():
+    for revision in revisions.revisions():
         database.migrate(revision)
         with database.engine.connect() as connection:
             shapes[revision] = shape(connection)
@@ -102,10 +102,10 @@ def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Dat
         connection = session.connection()
         assert len(fill(connection)) == len(shapes[revision]) - 2  # the triggers and Alembic's own
         lasting = list(connection.execute(text(LASTING)))
-    for revision in [*schema.revisions()[::-1], *schema.revisions()]:
+    for revision in [*revisions.revisions()[::-1], *revisions.revisions()]:
         database.migrate(revision)
         with database.engine.connect() as connection:
-            assert schema.current(connection) == revision
+            assert revisions.current(connection) == revision
             assert shape(connection) == shapes[revision]
             assert connection.execute(text(LASTING)).all() == lasting
             assert connection.scalar(text("SELECT count(*) FROM jobs")) == ROWS

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy import literal, select
 
-from databases import BACKENDS, open_database
 from grader.store import people
-from grader.store.database import Database
-from grader.store.names import Folded, folded, holds
+from grader.store.engine.database import Database
+from grader.store.engine.names import Folded, folded, holds
 from grader.store.tables import Member
+from support.databases import BACKENDS, open_database
 
 NAMES = ("Zoë", "ada", "Émile", "eva_1", "Eva 50%", "Ångström", "Øre", "a/b", "Жанна")
 

@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, select, update
 
-from databases import BACKENDS, open_database
-from grader.courses import people
-from grader.courses.sign_in import PRUNED, start_session
+from grader.courses.people import members
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import PRUNED, start_session
 from grader.domain.verdict import Status, Verdict
-from grader.identity import Role
-from grader.store import pruning, submissions
-from grader.store.database import Database
+from grader.store import submissions
+from grader.store.engine.database import Database
 from grader.store.results import instructors
 from grader.store.tables import Base, Credential, Event, IdempotencyKey, Member, Submission, now
+from grader.store.upkeep import pruning
+from support.databases import BACKENDS, open_database
 
 OLD, LIMIT = timedelta(days=40), timedelta(days=30)
 VERDICT = Verdict(status=Status.CORRECT, points=1, max_points=1)
@@ -98,14 +99,10 @@ def test_a_listener_hears_the_last_event_and_numbers_go_on(database: Database) -
 
 def test_ended_sessions_go_with_members_who_have_no_other_way_back(database: Database) -> None:
     with database.write() as session:
-        tina = people.named(session, "tina", Role.INSTRUCTOR)
+        tina = members.named(session, "tina", Role.INSTRUCTOR)
         session.flush()
-        for member, role in (
-            (tina, Role.INSTRUCTOR),
-            (people.unnamed(session), Role.STUDENT),
-            (people.unnamed(session), Role.STUDENT),
-        ):
-            start_session(session, member, role)
+        for member in (tina, members.unnamed(session), members.unnamed(session)):
+            start_session(session, member)
     with database.write() as session:
         kept = session.scalars(select(Member.id).where(Member.account.is_(None))).first()
         ended = update(Credential).where(Credential.member != kept)

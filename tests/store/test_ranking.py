@@ -10,13 +10,13 @@ import pytest
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from databases import BACKENDS, open_database
 from grader.store import results
-from grader.store.database import Database
+from grader.store.engine.database import Database
 from grader.store.results import ORDERS, SHOWS, Ranking
 from grader.store.reviews import WAITING, unseen_marks
 from grader.store.tables import Member, Result, Review
-from seeding import Course, seed
+from support.databases import BACKENDS, open_database
+from support.seeding import Course, seed
 
 COURSE = Course(learners=16, questions=3, submissions=48)
 REVIEWER = "tina"

@@ -13,16 +13,16 @@ from alembic.migration import MigrationContext
 from sqlalchemy import MetaData, select, text
 from sqlalchemy.exc import IntegrityError
 
-from databases import BACKENDS, database_url, open_database
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
 from grader.store import contents, courses, line_items, outbox, regrades, submissions
-from grader.store import database as store_database
-from grader.store.database import Database
-from grader.store.installation import hidden_case_secret
+from grader.store.engine import database as store_database
+from grader.store.engine.database import Database
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Base, Submission, VerdictRow, new_id
+from grader.store.upkeep.installation import hidden_case_secret
+from support.databases import BACKENDS, database_url, open_database
 
 
 @pytest.fixture(params=BACKENDS)

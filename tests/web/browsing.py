@@ -13,18 +13,21 @@ from typing import Any
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright, sync_playwright
 
-from grader.app import create_app
+from grader.service.app import create_app
 from grader.settings import Settings
-from servers import serving
+from support.databases import write_newest_tables
+from support.servers import serving
 
 
 @contextmanager
 def service(settings: Settings) -> Iterator[str]:
     """The app with its worker and jail on the lesson's own content; yields its origin."""
+    if settings.database_url is None:
+        write_newest_tables(settings.data)
     app = create_app(settings)
     with serving(app) as origin:
         yield origin
-    app.state.context.database.close()
+    app.state.services.database.close()
 
 
 def settings_in(folder: Path, workers: int = 1) -> Settings:

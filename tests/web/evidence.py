@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from grader.domain.quiz import CodeQuestion
 from grader.domain.run import RunReport, RunStatus
 from grader.exercises import judge_exercise, plan_exercise
 from grader.library import load
+from grader.questions.kinds.script import ScriptQuestion
 from grader.settings import default_content
 
 SPRING_MS = (22.05, 22.44)
@@ -22,7 +22,7 @@ def threshold_verdict(kind: str) -> dict[str, Any]:
     """The verdict on a script that claims the spring's limit everywhere, or the right ones of the lesson's servo."""
     library = load(default_content())
     question = library.question("1.3-exercises", "servo-threshold")
-    assert isinstance(question, CodeQuestion)
+    assert isinstance(question, ScriptQuestion)
     plan = plan_exercise(question, library.model_xml, 1)
     results: dict[bool, dict[str, Any]] = {False: {}, True: {}}
     for index, trial in enumerate(plan.trials):

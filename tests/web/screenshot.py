@@ -1,4 +1,4 @@
-"""Takes the pictures of the README, docs/*-page.png: `PYTHONPATH=src:tests python -m web.screenshot`. Run by hand."""
+"""Takes the pictures of the pages, docs/*-page.png: `PYTHONPATH=src:tests python -m web.screenshot`. Run by hand."""
 
 import random
 import sys
@@ -8,11 +8,11 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Locator, Page
 
-from grader.accounts import in_database
-from grader.courses.sign_in import create_sign_in_code
-from grader.identity import Role
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import create_sign_in_code
+from grader.service.accounts import in_database
 from grader.settings import Settings
-from sites import Site, open_site
+from support.sites import Site, open_site
 from web.browsing import Chromium, chromium
 
 ROOT = Path(__file__).parents[2]

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from grader.accounts import in_database
-from grader.courses.sign_in import create_sign_in_code
-from grader.identity import Role
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import create_sign_in_code
+from grader.service.accounts import in_database
 from grader.settings import Settings
 from web.browsing import Chromium, chromium, service, settings_in
 

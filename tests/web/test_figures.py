@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.web.figures import number, points, quantity, remark, unbroken
+from grader.web.text.numbers import number, points, quantity, remark, unbroken
 
 WRITTEN = {0.0: "0", -2.5: "−2.5", 1 / 3: "0.3333", 1e-11: "10⁻¹¹", -2.5e7: "−2.5·10⁷", math.inf: "∞", 120: "120"}
 

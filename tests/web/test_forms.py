@@ -9,14 +9,14 @@ import pytest
 from playwright.sync_api import expect
 from sqlalchemy.orm import Session
 
-from grader.accounts import in_database
-from grader.courses.sign_in import create_sign_in_code
-from grader.courses.stopping import STOPPED
-from grader.identity import COOKIE, Role
+from grader.courses.answering.stopping import STOPPED
+from grader.courses.people.identity import COOKIE, Role
+from grader.courses.people.sign_in import create_sign_in_code
 from grader.queue import jobs
+from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import regrades, submissions
-from servers import PLAIN
+from support.servers import PLAIN
 from web.browsing import chromium, findings, service
 
 BROWSER = {"Accept": "text/html,*/*;q=0.8", "Sec-Fetch-Site": "same-origin"}

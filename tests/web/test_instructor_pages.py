@@ -13,18 +13,18 @@ import pytest
 
 from grader.certify import Certificate
 from grader.certify.remarks import Luck
-from grader.courses import people
-from grader.courses.invitations import invite_member
-from grader.courses.sign_in import create_sign_in_code, redeem_sign_in_code
-from grader.courses.statistics import Estimate, QuestionStatistics
-from grader.domain.quiz import NumericQuestion
-from grader.identity import COOKIE, Role
+from grader.courses.people import members
+from grader.courses.people.identity import COOKIE, Role
+from grader.courses.people.invitations import invite_member
+from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
+from grader.courses.rules.statistics import Estimate, QuestionStatistics
 from grader.library import load
+from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
-from grader.web import certificates, extensions
-from grader.web.certified import told
-from grader.web.statistics_plots import estimates_plot
-from sites import ROOT, Site, open_site, write_content
+from grader.web.instructor import certificates, extensions
+from grader.web.instructor.certificate_text import told
+from grader.web.instructor.statistics_plots import estimates_plot
+from support.sites import ROOT, Site, open_site, write_content
 
 API = "/api/v1"
 HOSTILE = "<img src=x onerror=alert(1)>"
@@ -70,7 +70,7 @@ def browser(site: Site, user: str, role: str = "student", course: str | None = N
     """A client with a token for the API and a session for pages, whose forms come from the site's own pages."""
     client = site.client(user, role, course)
     client.headers.update({"Origin": site.origin, "Sec-Fetch-Site": "same-origin"})
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         code = create_sign_in_code(session, user, role, course or site.course)
         client.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
     return client
@@ -195,8 +195,8 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
     ids, exports = {}, []
     for account in ("oidc:1", "oidc:2"):
         kim = site.anonymous({"Origin": site.origin, "Sec-Fetch-Site": "same-origin"})
-        with site.app.state.context.database.write() as session:
-            member = people.with_account(session, account, "Kim", Role.STUDENT, site.course or "")
+        with site.app.state.services.database.write() as session:
+            member = members.with_account(session, account, "Kim", Role.STUDENT, site.course or "")
             code = invite_member(session, None, member).code
             kim.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
             ids[member.id] = ""
@@ -239,9 +239,9 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
 
 def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina: httpx.Client) -> None:
     ids = {name: answer(site.client(name), "2-graded", "which", 0)["learner"] for name in ("ann", "bob", "cem")}
-    with site.app.state.context.database.write() as session:
+    with site.app.state.services.database.write() as session:
         for account in ("oidc:1", "oidc:2"):
-            last = people.with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
+            last = members.with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
     address, wanted = "/instructor/extensions", {"quiz": "2-graded", "attempts": "2"}
     kept = f"{API}/quizzes/2-graded/extensions"
     for names, why in (("ann\nAnn", "Ann: no learner"), ("bob\nKim", "Kim: 2 learners bear this name"), ("", "Tick")):
@@ -325,7 +325,7 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
         asked.append(question.id)
         return Luck(1.0 if question.id == "rk4-step" else 1e-8, 1e-6)
 
-    monkeypatch.setattr(certificates, "luck_of", luck)
+    monkeypatch.setattr(certificates, "estimate_luck", luck)
     monkeypatch.setattr(certificates, "lucks", certificates.Lucks())
     library = load(ROOT)
 
@@ -371,7 +371,7 @@ def test_every_way_to_derive_a_key_is_told_in_sentences(method: str) -> None:
     measured, sentence = MEASURED[method]
     numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
     certificate = Certificate(True, "", method, 2.0062, 2.006, measured, tolerance=0.01)
-    lines = [line for _, several in told(NumericQuestion.model_validate(numeric), certificate) for line in several]
+    lines = [line for _, several in told(NumberQuestion.model_validate(numeric).key, certificate) for line in several]
     assert sentence in unspaced(" ".join(lines))
     assert "2.006 s, with a tolerance of 0.01 s. What came out is 2·10⁻⁴ s away, 2 % of the" in unspaced(lines[-1])
 

@@ -8,10 +8,10 @@ from ipaddress import ip_network
 import pytest
 from playwright.sync_api import Page, expect
 
-from grader.accounts import in_database, sign_in_url
-from grader.courses.invitations import invite
+from grader.courses.people.invitations import invite
+from grader.service.accounts import in_database, sign_in_url
 from grader.settings import Settings
-from proxies import free_port, nginx
+from support.proxies import free_port, nginx
 from web.browsing import Chromium, chromium, service
 
 PATIENCE_MS = 30_000

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from grader.domain.lab import IntegratorsLab, LabConfig, SimLab, UnknownLab
-from grader.web.lab_box import lab_box
+from grader.web.text.lab_box import lab_box
 
 SECRET = "data.qpos[0] * 4711"
 
@@ -28,7 +28,7 @@ def plot(**keys: Any) -> dict[str, Any]:
         ({"plots": [plot(height=300)], "height": 200}, 326),
         ({"plots": [plot(height=1)]}, 160),
         ({"height": 400}, 400),
-        ({"height": 9000}, 480),
+        ({"height": 5000}, 480),
     ],
 )
 def test_the_height_is_that_of_the_plots_or_of_a_higher_scene(keys: dict[str, Any], height: int) -> None:

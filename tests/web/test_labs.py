@@ -71,7 +71,7 @@ def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     for name, xml in models.items():
         (content / f"models/{name}.xml").write_text(xml)
     (content / "quizzes/labs.json").write_text(json.dumps({"id": "labs", "title": "Labs", "labs": LABS}))
-    with service(Settings(data=tmp_path_factory.mktemp("data"), workers=1, content=content)) as origin:
+    with service(Settings(data=tmp_path_factory.mktemp("data"), workers=0, content=content)) as origin:
         yield origin
 
 

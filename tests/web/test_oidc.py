@@ -18,8 +18,8 @@ from joserfc.jwk import KeySet, OctKey, RSAKey
 from pydantic import SecretStr, ValidationError
 
 from grader.settings import Settings
-from servers import serving
-from sites import Site, open_site, write_content
+from support.servers import serving
+from support.sites import Site, open_site, write_content
 
 API = "/api/v1"
 CLIENT, SECRET = "grader", "a secret of the client"
@@ -221,6 +221,34 @@ def test_a_member_made_an_instructor_signs_in_as_one(both: Both) -> None:
     [member] = [one for one in teacher.get(f"{API}/members").json()["items"] if one["name"] == "tom@example.org"]
     teacher.patch(f"{API}/members/{member['id']}", json={"role": "instructor"})
     assert both.sign_in(browser).headers["location"] == "/instructor"
+
+
+def test_a_program_for_people_makes_no_instructor_of_a_user(both: Both) -> None:
+    """The user's next sign-in would be a session without restriction."""
+    both.provider.user = {"sub": "u11", "name": "Accomplice"}
+    browser = both.site.anonymous(OURS)
+    both.sign_in(browser)
+    teacher = both.site.client("tina", "instructor", course="robots")
+    made = {"user": "robot", "role": "instructor", "scopes": ["people"]}
+    token = teacher.post(f"{API}/tokens", json=made).json()["token"]
+    robot = both.site.anonymous({"Authorization": f"Bearer {token}"})
+    [member] = [one for one in robot.get(f"{API}/members").json()["items"] if one["name"] == "Accomplice"]
+    assert robot.patch(f"{API}/members/{member['id']}", json={"role": "instructor"}).status_code == 403
+    assert both.sign_in(browser).headers["location"] == "/"
+
+
+def test_a_demoted_user_signs_in_as_a_student(both: Both) -> None:
+    both.provider.user = {"sub": "u12", "name": "Prof"}
+    browser = both.site.anonymous(OURS)
+    both.sign_in(browser)
+    teacher = both.site.client("tina", "instructor", course="robots")
+    [member] = [one for one in teacher.get(f"{API}/members").json()["items"] if one["name"] == "Prof"]
+    teacher.patch(f"{API}/members/{member['id']}", json={"role": "instructor"})
+    both.sign_in(browser)
+    assert browser.get("/instructor").status_code == 200
+    teacher.patch(f"{API}/members/{member['id']}", json={"role": "student"})
+    assert browser.get("/instructor").status_code == 401
+    assert both.sign_in(browser).headers["location"] == "/"
 
 
 def test_without_settings_there_is_no_such_sign_in(tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from grader.domain.quiz import Quiz
 from grader.library import Library
-from grader.web.exercise_page import following_of
-from grader.web.page import page_of, paragraphs, short_title, worth
+from grader.questions import Quiz
+from grader.web.learner.exercise import following_of
+from grader.web.text.questions import page_of, paragraphs, short_title, worth
 
 QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry": "f", "check": {"kind": "none"}}
 
@@ -80,8 +80,8 @@ def test_an_exercise_says_what_a_script_may_use_and_shows_its_starter() -> None:
 
 
 def test_after_an_exercise_comes_the_quizs_next_question_on_its_own_page_or_in_the_lesson() -> None:
-    code = {"id": "rk4", "kind": "code", "short": "Your own step", "path": "/quizzes/q/rk4"}
-    text = {"id": "why", "kind": "open", "short": "Why?", "path": "/quizzes/q/why"}
+    code = {"id": "rk4", "kind": "code", "short": "Your own step", "path": "/quizzes/q/rk4", "is_script": True}
+    text = {"id": "why", "kind": "open", "short": "Why?", "path": "/quizzes/q/why", "is_script": False}
     assert following_of("q", "1.3", [code, text]) == {"short": "Your own step", "path": "/quizzes/q/rk4"}
     assert following_of("q", "1.3", [text]) == {"short": "Why?", "path": "/lessons/1.3#q--why"}
     assert following_of("q", "1.3", []) is None

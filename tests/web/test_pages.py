@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from grader.settings import Settings
-from grader.web.assets import digest, static
-from grader.web.prose import safe_html
+from grader.web.frame.assets import digest, static
+from grader.web.text.prose import safe_html
 from web.browsing import service
 
 ROOT = Path(__file__).parents[2]

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from grader.accounts import in_database
-from grader.courses.sign_in import create_sign_in_code
-from grader.identity import Role
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import create_sign_in_code
+from grader.service.accounts import in_database
 from grader.settings import Settings
-from sites import Site, open_site, write_content
+from support.sites import Site, open_site, write_content
 from web.browsing import Chromium
 
 PEOPLE = "/instructor/people"

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.courses.policy import FEEDBACK_EVIDENCE
-from grader.web.line_plots import INTEGRATORS, draw_end
-from grader.web.plots import figures_of, light_styles, sketches, standalone
-from grader.web.svg import Axis, Drawing, decades, round_steps, short, steps, text_width
+from grader.courses.rules.policy import FEEDBACK_EVIDENCE
+from grader.web.verdict.line_plots import INTEGRATORS, draw_end
+from grader.web.verdict.plots import figures_of, light_styles, sketches, standalone
+from grader.web.verdict.svg import Axis, Drawing, decades, round_steps, short, steps, text_width
 from web.evidence import threshold_verdict
 
 NAMES = ("angles", "claims", "limits", "differences", "order", "charts", "values", "tableau", "stability")

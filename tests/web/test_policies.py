@@ -12,14 +12,14 @@ import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from grader.accounts import in_database
 from grader.domain.verdict import Status, Verdict
+from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.submissions import Mark
 from grader.store.tables import Submission
-from grader.web.work import graded_again
-from servers import PLAIN
+from grader.web.verdict.work import graded_again
+from support.servers import PLAIN
 from web.browsing import service
 from web.test_forms import BROWSER, card, fields
 

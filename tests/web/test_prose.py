@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grader.domain.markup import plain_text
-from grader.web.prose import (
+from grader.web.text.prose import (
     HTML_ATTRIBUTES,
     HTML_TAGS,
     MATHML_ATTRIBUTES,

@@ -8,12 +8,12 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
-from grader.accounts import in_database
-from grader.courses.sign_in import create_sign_in_code
-from grader.identity import Role
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import create_sign_in_code
+from grader.service.accounts import in_database
 from grader.settings import Settings
-from sites import write_content
-from tokens import issue_token
+from support.sites import write_content
+from support.tokens import issue_token
 from web.browsing import Chromium, service
 
 ITEMS = [

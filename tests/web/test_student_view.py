@@ -2,8 +2,7 @@
 
 import json
 
-from grader.domain.quiz import Quiz
-from grader.domain.student_view import lab_view, student_view
+from grader.questions import Quiz, kind_of, lab_view, student_view
 
 SECRET = "SECRET"
 
@@ -79,6 +78,6 @@ def test_the_lab_of_a_prediction_is_only_announced() -> None:
     view = student_view(QUIZ)["questions"][2]
     assert view["has_lab"] is True
     assert "controls" not in json.dumps(view)
-    assert question.kind == "predict"
-    assert question.sim is not None
-    assert lab_view(question.sim)["controls"][0]["label"] == "push"
+    lab = kind_of(question).lab(question)
+    assert lab is not None
+    assert lab_view(lab)["controls"][0]["label"] == "push"

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from grader.domain.verdict import Status
-from grader.web.rendering import templates
-from grader.web.verdict_card import Card, card_of, excerpt_of, lines_linked, matrix_of, said
-from grader.web.words import STATUSES, told_of
-from grader.web.work import Given
+from grader.web.frame.rendering import templates
+from grader.web.text.statuses import STATUSES, told_of
+from grader.web.verdict.card import Card, card_of, excerpt_of, lines_linked, matrix_of, said
+from grader.web.verdict.work import Given
 from web.evidence import threshold_verdict
 
 AT = datetime(2026, 11, 21, tzinfo=UTC)

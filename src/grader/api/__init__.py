@@ -1,1 +1,4 @@
-"""HTTP JSON under /api/v1, with health, and the checks that every request passes."""
+"""The JSON API under /api/v1, with health and the OpenAPI document.
+
+Routes have no logic of their own: they read the request, call a room below, and return a value.
+"""

@@ -7,49 +7,49 @@ from fastapi import APIRouter, Header
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 
-from grader.api.context import AppContext, Context
-from grader.api.problems import RETRY_S, documented, problem
 from grader.api.views import Ready
 from grader.errors import Forbidden, Unauthorized
+from grader.gate.problems import RETRY_S, problem, refusals
+from grader.gate.services import AppServices, Services
 
 router = APIRouter()
 
 NO_STORE = {"Cache-Control": "no-store"}
 
 
-@router.get("/healthz", responses=documented(429))
+@router.get("/healthz", responses=refusals(429))
 async def healthz() -> dict[str, str]:
     """The process answers."""
     return {"status": "ok"}
 
 
-@router.get("/readyz", response_class=JSONResponse, responses=documented(429, 503, more={200: {"model": Ready}}))
-async def readyz(context: AppContext) -> Response:
+@router.get("/readyz", response_class=JSONResponse, responses=refusals(429, 503, more={200: {"model": Ready}}))
+async def readyz(services: AppServices) -> Response:
     """What database, content, jail and workers say, at most a second ago; 503 if one of them does not work."""
-    found = await context.readiness.found()
-    failed = {name: one["why"] for name, one in found.items() if not one["ok"]}
+    results = await services.readiness.results()
+    failed = {name: result["why"] for name, result in results.items() if not result["ok"]}
     if not failed:
-        return JSONResponse({"status": "ready", "checks": found}, headers=NO_STORE)
+        return JSONResponse({"status": "ready", "checks": results}, headers=NO_STORE)
     detail = " ".join(f"{name}: {why}" for name, why in failed.items())
-    return problem(503, detail, NO_STORE | {"Retry-After": str(RETRY_S)}, checks=found)
+    return problem(503, detail, NO_STORE | {"Retry-After": str(RETRY_S)}, checks=results)
 
 
-@router.get("/metrics", response_class=PlainTextResponse, responses=documented(401, 403, 422, 429))
-def metrics(context: AppContext, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
+@router.get("/metrics", response_class=PlainTextResponse, responses=refusals(401, 403, 422, 429))
+def metrics(services: AppServices, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
     """Metrics in Prometheus' text format: of this process, and of the queue in the database.
 
     Open on loopback without `GRADER_PUBLIC_ORIGIN`; elsewhere, or where `GRADER_METRICS_TOKEN` is set, for its bearer.
     """
-    require_token(context, authorization)
-    return Response(context.exposition(), headers=NO_STORE, media_type=CONTENT_TYPE_LATEST)
+    require_token(services, authorization)
+    return Response(services.monitor.exposition(), headers=NO_STORE, media_type=CONTENT_TYPE_LATEST)
 
 
-def require_token(context: Context, authorization: str) -> None:
+def require_token(services: Services, authorization: str) -> None:
     """Raises Unauthorized without the token of the settings, and Forbidden where one is needed and none is set."""
-    if context.metrics_token is None:
-        if context.public_origin is not None:
+    if services.settings.metrics_token is None:
+        if services.settings.public_origin is not None:
             raise Forbidden("Metrics are closed on a public server: set GRADER_METRICS_TOKEN to open them.")
         return
-    wanted = f"Bearer {context.metrics_token.get_secret_value()}"
+    wanted = f"Bearer {services.settings.metrics_token.get_secret_value()}"
     if not secrets.compare_digest(authorization.encode(), wanted.encode()):
         raise Unauthorized("Send GRADER_METRICS_TOKEN as `Authorization: Bearer ...`.")

@@ -8,8 +8,8 @@ from urllib.parse import urlencode
 from fastapi import Path, Query, Response
 from pydantic import BaseModel, Field
 
-from grader.api.admission import PREFIX
 from grader.errors import Unprocessable
+from grader.gate.admission import PREFIX
 from grader.store.tables import ROW_ID_MAX
 
 Item = TypeVar("Item")

@@ -2,27 +2,12 @@
 
 from fastapi import APIRouter
 
-from grader.api import (
-    events,
-    extensions,
-    gradebook,
-    health,
-    labs,
-    on_behalf,
-    people,
-    platforms,
-    quizzes,
-    regrades,
-    results,
-    reviews,
-    roster,
-    saved_comments,
-    statistics,
-    submissions,
-    webhooks,
-)
-from grader.api.admission import PREFIX
-from grader.api.context import bearer
+from grader.api import health
+from grader.api.learning import events, labs, quizzes, submissions
+from grader.api.services import on_behalf, platforms, results, roster, webhooks
+from grader.api.teaching import extensions, gradebook, people, regrades, reviews, saved_comments, statistics
+from grader.gate.admission import PREFIX
+from grader.gate.callers import bearer
 
 v1 = APIRouter(prefix=PREFIX, dependencies=[bearer])
 v1.include_router(quizzes.router)
@@ -43,5 +28,7 @@ v1.include_router(platforms.router)
 v1.include_router(webhooks.router)
 
 router = APIRouter()
+router.include_router(submissions.answers)  # first, since routers are looked through in their order
+router.include_router(on_behalf.answers)
 router.include_router(v1)
 router.include_router(health.router)

@@ -1,11 +1,12 @@
 """The shapes of what the routes answer, where no other module has them. Fields that are null say so."""
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from grader.identity import Role, Scope
+from grader.courses.people.identity import Role, Scope
+from grader.questions import installed_kinds
 
 
 class QuizSummary(BaseModel):
@@ -25,7 +26,7 @@ class QuestionView(BaseModel):
     model_config = ConfigDict(extra="allow")
 
     id: str
-    kind: Literal["mcq", "debug", "predict", "numeric", "open", "code"]
+    kind: Annotated[str, Field(json_schema_extra={"enum": [*installed_kinds()]})]
     label: str | None
     title: str | None
     q: str

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from grader.domain.quiz import NumericQuestion
+from grader.questions import NumberKey
 
 UNCERTAINTY_SHARE = 0.2
 """Largest numerical uncertainty of a certified key, as a share of the tolerance."""
@@ -48,16 +48,16 @@ class Certificate:
         }
 
 
-def refused(method: str, expected: int | float, why: str, key: str = "verify") -> Certificate:
-    """A certificate for a key that could not be derived again."""
+def refuse(method: str, expected: int | float, why: str, key: str = "verify") -> Certificate:
+    """Returns a certificate for a key that could not be derived again."""
     return Certificate(False, " ".join(why.split()), method, None, expected, key=key)
 
 
-def of_number(
-    method: str, question: NumericQuestion, derived: float, uncertainty: float, measured: Mapping[str, Any]
+def certify_number(
+    method: str, key: NumberKey, derived: float, uncertainty: float, measured: Mapping[str, Any]
 ) -> Certificate:
     """Certify a number: the derived value is within the tolerance, and its uncertainty below a fifth of it."""
-    expected, tolerance = question.answer, question.tolerance
+    expected, tolerance = key.answer, key.tolerance
     values = f"derived {derived:.9g} with an uncertainty of {uncertainty:.2g}"
     off = abs(derived - expected)
     if not uncertainty <= UNCERTAINTY_SHARE * tolerance:
@@ -66,14 +66,14 @@ def of_number(
         why, ok = f"{values}, but the key says {expected:g} within {tolerance:g}", False
     else:
         why, ok = f"{values}; the key {expected:g} is within {tolerance:g}", True
-    why = why if ok else f"{why}; measured: {evidence(measured)}"
+    why = why if ok else f"{why}; measured: {format_measurements(measured)}"
     remarks = (
         (f"The key differs by {off:.3g} from the derived value, {derived:.9g}.",) if ok and off > tolerance / 2 else ()
     )
     return Certificate(ok, why, method, derived, expected, measured, remarks, uncertainty, tolerance)
 
 
-def of_choice(
+def certify_choice(
     method: str, right: list[int], expected: int, options: tuple[str, ...], measured: Mapping[str, Any]
 ) -> Certificate:
     """Certify an option: exactly one is right, and it is the key."""
@@ -86,10 +86,10 @@ def of_choice(
         said = "as the key says" if ok else f"but the key says {options[expected]!r}"
         why = f"{options[answer]!r} came out right, {said}"
     if not ok:
-        why += f"; measured: {evidence(measured)}"
+        why += f"; measured: {format_measurements(measured)}"
     return Certificate(ok, why, method, answer, expected, measured)
 
 
-def evidence(measured: Mapping[str, Any]) -> str:
-    """The measurements as one line of text."""
+def format_measurements(measured: Mapping[str, Any]) -> str:
+    """Returns the measurements as one line of text."""
     return "; ".join(f"{name}: {value}" for name, value in measured.items())

@@ -12,12 +12,12 @@ TIME_SLACK_S = 1e-9
 """Rounding of sums of timesteps."""
 
 
-def as_claim(text: str | Claim, when: When) -> Claim:
-    """The claim that an expression is true at `when`."""
+def to_claim(text: str | Claim, when: When) -> Claim:
+    """Returns the claim that an expression is true at `when`."""
     return text if isinstance(text, Claim) else Claim(expr=text, when=when)
 
 
-def truth_of(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
+def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
     """Whether the claim holds in a run in which its expression had these values, a value a frame.
 
     Also returns the number that was counted or measured: None where there is none, as for the first time of what never
@@ -32,15 +32,15 @@ def truth_of(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, fl
     if claim.when in ("end", "always", "ever"):
         truths = list(map(to_boolean, inside))
         return (truths[-1] if claim.when == "end" else all(truths) if claim.when == "always" else any(truths)), None
-    found = _number_of(claim, run, inside)
-    if found is None or not isfinite(found):
+    measured = _measure(claim, run, inside)
+    if measured is None or not isfinite(measured):
         return False, None
     low = -inf if claim.at_least is None else claim.at_least
     high = inf if claim.at_most is None else claim.at_most
-    return low <= found <= high, found
+    return low <= measured <= high, measured
 
 
-def _number_of(claim: Claim, run: LabRun, inside: Sequence[Any]) -> float | None:
+def _measure(claim: Claim, run: LabRun, inside: Sequence[Any]) -> float | None:
     if claim.when in ("max", "min"):
         return (max if claim.when == "max" else min)(map(to_number, inside))
     truths = list(map(to_boolean, inside))

@@ -9,7 +9,7 @@ from grader.domain.lab import LabConfig, Readout
 from grader.domain.verify import Setting
 from grader.errors import ContentError, GraderError, LabError
 from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number
-from grader.labs import SAME, LabRun, Variant, lab_scene, length_s, readout_text, run_lab
+from grader.labs import SAME, LabRun, Variant, build_lab_scene, choose_length_s, format_readout, run_lab
 
 __all__ = [
     "DATA_FIELDS",
@@ -19,14 +19,14 @@ __all__ = [
     "LabRun",
     "Variant",
     "VerifyError",
+    "build_lab_scene",
     "evaluate",
-    "experiment",
-    "lab_scene",
-    "readout_text",
+    "format_readout",
+    "remove_display",
+    "run_experiment",
     "set_fields",
     "to_boolean",
     "to_number",
-    "without_display",
 ]
 
 DATA_FIELDS = DATA_RESULTS | DATA_STATE
@@ -50,7 +50,7 @@ class VerifyError(GraderError):
         super().__init__(why)
 
 
-def experiment(
+def run_experiment(
     config: LabConfig,
     xml: str,
     controls: Setting | None = None,
@@ -70,27 +70,27 @@ def experiment(
             raise error
         return run
     except ContentError as error:
-        raise VerifyError(_key_of(error.faults[0].key, keys), error.faults[0].why) from error
+        raise VerifyError(_find_key(error.faults[0].key, keys), error.faults[0].why) from error
     except LabError as error:
-        raise VerifyError(_key_of(error.key, keys), error.why) from error
+        raise VerifyError(_find_key(error.key, keys), error.why) from error
     except KeyError as error:  # no such keyframe
         raise VerifyError(keys.get("key", "verify"), str(error.args[0])) from error
 
 
-def _key_of(lab_key: str, keys: Mapping[str, str]) -> str:
-    """The key of the question for a key of the lab, such as `lab.readouts.0.expr`."""
+def _find_key(lab_key: str, keys: Mapping[str, str]) -> str:
+    """Returns the key of the question for a key of the lab, such as `lab.readouts.0.expr`."""
     part = [*lab_key.split("."), ""][1]
     return keys.get(part, "verify")
 
 
-def without_display(config: LabConfig, *readouts: str) -> LabConfig:
+def remove_display(config: LabConfig, *readouts: str) -> LabConfig:
     """The lab without plots and trail, and with these expressions as its only readouts; it runs as long as before."""
     shown = tuple(Readout(label=text, expr=text) for text in readouts)
-    return config.model_copy(update={"readouts": shown, "plots": (), "trail": None, "seconds": length_s(config)})
+    return config.model_copy(update={"readouts": shown, "plots": (), "trail": None, "seconds": choose_length_s(config)})
 
 
 def evaluate(text: str, model: mujoco.MjModel, data: mujoco.MjData, key: str) -> float:
-    """The value of an expression as a number. Raises VerifyError with `key` if it does not compile or fails."""
+    """Returns the value of an expression as a number. Raises VerifyError with `key` if it does not compile or fails."""
     with _expression_errors(key):
         return to_number(compile_program(text, "expression", key).run(Machine(model, data)))
 

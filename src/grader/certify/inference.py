@@ -2,12 +2,13 @@
 
 import re
 
-from grader.answers import known_unit
-from grader.certify.predict_keys import matching_select
-from grader.certify.stage_keys import stage_of
+from grader.certify.predict_keys import find_matching_select
+from grader.certify.stage_keys import find_stage
+from grader.domain.lab import LabConfig
 from grader.domain.markup import plain_text
-from grader.domain.quiz import ChoiceQuestion, NumericQuestion, PredictQuestion, Question
 from grader.domain.verify import ByOptions, ByStage, ByThreshold, ServoJoint, Verify
+from grader.questions import AnswerKey, NumberKey, OptionKey
+from grader.questions.kinds.number.units import known_unit
 
 FILLED = {"collision detection": "contact", "contacts are found": "contact"}
 """Words of a question about mj_step, and the field of mjData that the stage fills."""
@@ -20,30 +21,32 @@ TIMES = frozenset(("seconds", "milliseconds", "microseconds"))
 EXPLICIT = re.compile(r"\bexplicit|\bEuler\b")
 
 
-def infer(question: Question) -> Verify | None:
-    """Return a `verify` for the question, or None if its text suggests none."""
-    if isinstance(question, PredictQuestion) and question.sim is not None:
-        return ByOptions(by="options") if matching_select(question.options, question.sim) else None
-    if isinstance(question, ChoiceQuestion):
-        return _stage(question)
-    return _servo_limit(question) if isinstance(question, NumericQuestion) else None
+def infer_verify(key: AnswerKey) -> Verify | None:
+    """Return a `verify` for the key of a question, or None if its text suggests none."""
+    match key:
+        case OptionKey(lab=LabConfig() as lab):
+            return ByOptions(by="options") if find_matching_select(key.options, lab) else None
+        case OptionKey():
+            return _infer_stage(key)
+        case NumberKey():
+            return _infer_servo_limit(key)
 
 
-def _stage(question: ChoiceQuestion) -> ByStage | None:
+def _infer_stage(key: OptionKey) -> ByStage | None:
     """For a question such as `In which stage of mj_step is collision detection performed?`, with stages as options."""
-    text = plain_text(question.q)
+    text = plain_text(key.text)
     filled = next((field for words, field in FILLED.items() if words in text), None)
-    stages = [stage_of(option) for option in question.options]
+    stages = [find_stage(option) for option in key.options]
     if filled is None or "stage" not in text or "mj_step" not in text or None in stages:
         return None
     return ByStage(by="stage", fills=filled) if len(set(stages)) == len(stages) else None
 
 
-def _servo_limit(question: NumericQuestion) -> ByThreshold | None:
+def _infer_servo_limit(key: NumberKey) -> ByThreshold | None:
     """For the largest stable timestep of a servo of given inertia and damping under explicit integration."""
-    text = plain_text(question.q)
+    text = plain_text(key.text)
     inertia, kv, kp = INERTIA.search(text), KV.search(text), KP.search(text)
-    unit = known_unit(question.unit or "")
+    unit = known_unit(key.unit or "")
     if inertia is None or kv is None or unit is None or unit.words.split(" ")[0] not in TIMES:
         return None
     if not ASKED.search(text) or not EXPLICIT.search(text):

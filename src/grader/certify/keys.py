@@ -1,27 +1,39 @@
 """Certifies the answer keys of whole quizzes: for a check of the content, and before it is served."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
-from grader.certify import Certificate, certify_question
-from grader.domain.quiz import Question
+from grader.certify import Certificate, certify_key
 from grader.errors import Fault
 from grader.library import Library
+from grader.questions import AnswerKey, Question, kind_of
 
 
-def certificates_of(library: Library, quizzes: Iterable[str]) -> Iterator[tuple[str, Question, Certificate | None]]:
-    """Every question of these quizzes, with its quiz and its certificate; None if physics cannot decide the key."""
+@dataclass(frozen=True)
+class Certified:
+    """A key of a question of a quiz, and its certificate; None if physics cannot decide it."""
+
+    quiz: str
+    question: Question
+    key: AnswerKey
+    certificate: Certificate | None
+
+
+def certify_quizzes(library: Library, quizzes: Iterable[str]) -> Iterator[Certified]:
+    """Certifies every key of these quizzes."""
     for quiz in quizzes:
         for question in library.quiz(quiz).questions:
-            yield quiz, question, certify_question(question, library.model_xml)
+            for key in kind_of(question).answer_keys(question):
+                yield Certified(quiz, question, key, certify_key(key, library.model_xml))
 
 
-def refused_keys(library: Library, quizzes: Iterable[str]) -> Iterator[Fault]:
-    """A fault for each key of these quizzes that simulation refuses."""
-    for quiz, question, certificate in certificates_of(library, quizzes):
-        if certificate is not None and not certificate.ok:
-            yield refusal(library, quiz, question, certificate)
+def find_refused_keys(library: Library, quizzes: Iterable[str]) -> Iterator[Fault]:
+    """Yields a fault for each key of these quizzes that simulation refuses."""
+    for one in certify_quizzes(library, quizzes):
+        if one.certificate is not None and not one.certificate.ok:
+            yield build_fault(library, one.quiz, one.question, one.certificate)
 
 
-def refusal(library: Library, quiz: str, question: Question, certificate: Certificate) -> Fault:
-    """The fault of a refused key: file, field and why."""
+def build_fault(library: Library, quiz: str, question: Question, certificate: Certificate) -> Fault:
+    """Returns the fault of a refused key: file, field and why."""
     return Fault(library.file(quiz), f"{question.id}.{certificate.key}", certificate.why)

@@ -1,4 +1,4 @@
-"""Certifies keys of numeric questions: a largest stable timestep, a measurement, or a closed form."""
+"""Certifies numbers: a largest stable timestep, a measurement, or a closed form."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,8 +7,7 @@ from math import isfinite, log
 import mujoco
 import numpy as np
 
-from grader.answers import convert, known_unit
-from grader.certify.certificate import Certificate, of_number, refused
+from grader.certify.certificate import Certificate, certify_number, refuse
 from grader.certify.experiments import (
     FINER,
     NUDGED,
@@ -16,17 +15,18 @@ from grader.certify.experiments import (
     Variant,
     VerifyError,
     evaluate,
-    experiment,
+    run_experiment,
     set_fields,
     to_number,
 )
 from grader.domain.lab import LabConfig, Readout
-from grader.domain.quiz import ModelXml, NumericQuestion
 from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
-from grader.numerics.bisection import Found, Threshold, find_threshold
 from grader.numerics.integrators import BY_NAME
-from grader.numerics.linear import equilibrium, spectral_limit, spectral_radius
 from grader.numerics.scene import Scene
+from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
+from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium, find_spectral_limit
+from grader.questions import ModelXml, NumberKey
+from grader.questions.kinds.number.units import convert, known_unit
 
 STEPS_MIN, STEPS_MAX = 20_000, 400_000
 """Steps that are tried from the start of the question: enough for clear growth on the unstable side."""
@@ -55,28 +55,28 @@ LINEAR = "the linear stability limit"
 EMPTY = "<mujoco/>"
 
 
-def certify_threshold(question: NumericQuestion, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
+def certify_threshold(key: NumberKey, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
     """Derive the largest stable timestep: the linear stability limit, confirmed by stepping, or the first warning."""
-    if question.tolerance == 0:
+    if key.tolerance == 0:
         why = "the tolerance is 0, and no limit can be known exactly: give tol"
-        return refused("threshold", question.answer, why, key="tol")
-    scene = _scene(verify, model_xml)
-    scale = verify.scale if verify.scale is not None else _per_second(question)
-    found = _limit(scene, verify, question.tolerance / scale)
-    if isinstance(found, str):
-        return refused("threshold", question.answer, found)
-    low, high = (scale * h for h in found.bracket_s)
+        return refuse("threshold", key.answer, why, key="tol")
+    scene = _build_scene(verify, model_xml)
+    scale = verify.scale if verify.scale is not None else _convert_second(key)
+    limit = _find_limit(scene, verify, key.tolerance / scale)
+    if isinstance(limit, str):
+        return refuse("threshold", key.answer, limit)
+    low, high = (scale * h for h in limit.bracket_s)
     measured = {
         "criterion": verify.criterion,
-        "compared with": found.name,
+        "compared with": limit.name,
         "integrator": verify.integrator,
         "stable at": low,
         "unstable at": high,
-        "unit": question.unit,
+        "unit": key.unit,
     }
     derived, uncertainty = 0.5 * (low + high), 0.5 * (high - low)
-    certificate = of_number("threshold", question, derived, uncertainty, measured)
-    return replace(certificate, remarks=(*found.remarks, *certificate.remarks))
+    certificate = certify_number("threshold", key, derived, uncertainty, measured)
+    return replace(certificate, remarks=(*limit.remarks, *certificate.remarks))
 
 
 @dataclass(frozen=True)
@@ -88,15 +88,15 @@ class _Limit:
     remarks: tuple[str, ...] = ()
 
 
-def _limit(scene: Scene, verify: ByThreshold, tolerance_s: float) -> _Limit | str:
+def _find_limit(scene: Scene, verify: ByThreshold, tolerance_s: float) -> _Limit | str:
     """The limit by the criterion; where a run is too short to decide, the linear stability limit. Or a sentence."""
     if verify.criterion == "no_warning":
-        warned = _threshold(scene, verify, tolerance_s)
+        warned = _search_threshold(scene, verify, tolerance_s)
         if warned.bracket_s is not None:
             return _Limit(warned.bracket_s, f"the limit within {verify.seconds:g} s")
-        if warned.found is not Found.UNDECIDED:
+        if warned.result is not SearchResult.UNDECIDED:
             return warned.reason
-    decays = _decay_bracket(scene, verify, tolerance_s)
+    decays = _find_decay_bracket(scene, verify, tolerance_s)
     if verify.criterion == "decays":
         return decays if isinstance(decays, str) else _Limit(decays, LINEAR)
     short = f"{verify.seconds:g} s are too short to decide by warnings ({warned.reason})"
@@ -106,21 +106,21 @@ def _limit(scene: Scene, verify: ByThreshold, tolerance_s: float) -> _Limit | st
     return _Limit(decays, LINEAR, (f"{short}: the key is compared with {LINEAR}; {cure}.",))
 
 
-def _per_second(question: NumericQuestion) -> float:
+def _convert_second(key: NumberKey) -> float:
     """One second in the question's unit; 1 for an unknown unit. Raises VerifyError for a unit that is not of time."""
-    unit, second = known_unit(question.unit or "s"), known_unit("s")
+    unit, second = known_unit(key.unit or "s"), known_unit("s")
     assert second is not None
     try:
         return convert(1.0, second, unit) if unit is not None else 1.0
     except Exception as error:
-        raise VerifyError("verify", f"{question.unit!r} is not a unit of time: write verify.scale") from error
+        raise VerifyError("verify", f"{key.unit!r} is not a unit of time: write verify.scale") from error
 
 
-def _scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
+def _build_scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
     if verify.servo is not None:
-        scene = Scene.from_xml(servo_xml(verify.servo)).at(qvel=[1.0])
+        scene = Scene.from_xml(write_servo_xml(verify.servo)).at(qvel=[1.0])
     else:
-        scene = Scene.from_xml(named_xml(verify.model, verify.xml, model_xml))
+        scene = Scene.from_xml(read_xml(verify.model, verify.xml, model_xml))
     if verify.set:
         scene = scene.changed(lambda model: set_fields(model, verify.set, "verify.set"))
     try:
@@ -129,8 +129,8 @@ def _scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
         raise VerifyError("verify.key", str(error.args[0])) from error
 
 
-def named_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
-    """The MJCF that a `verify` names. Raises VerifyError if it names none."""
+def read_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
+    """Returns the MJCF that a `verify` names. Raises VerifyError if it names none."""
     if xml is not None:
         return xml
     if model is None:
@@ -138,7 +138,7 @@ def named_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
     return model_xml(model)
 
 
-def servo_xml(servo: ServoJoint) -> str:
+def write_servo_xml(servo: ServoJoint) -> str:
     """MJCF of a hinge with the inertia and servo gains given, without gravity."""
     i = servo.inertia
     return f"""
@@ -149,7 +149,7 @@ def servo_xml(servo: ServoJoint) -> str:
     </actuator></mujoco>"""
 
 
-def _decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
+def _find_decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tuple[float, float] | str:
     """A bracket [s] of the linear stability limit (spectral radius = 1): motion grows at its high end, not at the low.
 
     Returns a sentence instead if there is no limit in the range, or stepping contradicts it. Below the limit motion
@@ -157,16 +157,16 @@ def _decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tup
     """
     integrator = BY_NAME[verify.integrator].code
     try:
-        limit = spectral_limit(scene, low_s=verify.low, high_s=verify.high, integrator=integrator)
+        limit = find_spectral_limit(scene, low_s=verify.low, high_s=verify.high, integrator=integrator)
     except ValueError as error:
         return str(error)
     if limit is None or limit <= verify.low:
         return f"the spectral radius does not pass 1 between {verify.low:g} and {verify.high:g} s"
     margin = MARGIN * min(tolerance_s, limit)
     low, high = limit - margin, limit + margin
-    resting = equilibrium(scene)
+    resting = find_equilibrium(scene)
     assert resting is not None, "spectral_limit has found one"
-    growing = _steps_of(resting, high, integrator)
+    growing = _count_steps(resting, high, integrator)
     steps = max(STEPS_MIN, growing)
     if _grows(scene, low, integrator, steps):
         return f"the spectral radius passes 1 at {limit:.9g} s, but the motion grows at {low:.9g} s"
@@ -177,9 +177,9 @@ def _decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -> tup
     return low, high
 
 
-def _steps_of(resting: Scene, timestep_s: float, integrator: int) -> int:
-    """The steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
-    rate = log(max(spectral_radius(resting, timestep_s=timestep_s, integrator=integrator), 1.0))
+def _count_steps(resting: Scene, timestep_s: float, integrator: int) -> int:
+    """Returns the steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
+    rate = log(max(compute_spectral_radius(resting, timestep_s=timestep_s, integrator=integrator), 1.0))
     return STEPS_MAX if rate == 0 else int(min(max(8, 2 * log(CLEAR) / rate), STEPS_MAX))
 
 
@@ -205,8 +205,8 @@ def _grows(scene: Scene, timestep_s: float, integrator: int, steps: int) -> bool
     return last > GROWN * first
 
 
-def _threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> Threshold:
-    """The search for the timestep above which MuJoCo warns within the horizon."""
+def _search_threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> Threshold:
+    """Searches for the timestep above which MuJoCo warns within the horizon."""
     return find_threshold(
         scene,
         low_s=verify.low,
@@ -217,7 +217,7 @@ def _threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> Thresho
     )
 
 
-def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
+def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
     """Measure the value at h, h/2 and h/4 and from nudged starts; its uncertainty is the largest difference."""
     config = LabConfig(
         model=verify.model,
@@ -227,40 +227,40 @@ def certify_measurement(question: NumericQuestion, verify: ByMeasurement, model_
         controller=verify.controller,
         readouts=(Readout(label="value", expr=verify.expr),),
     )
-    xml = named_xml(verify.model, verify.xml, model_xml)
+    xml = read_xml(verify.model, verify.xml, model_xml)
     every = verify.when != "end"
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
 
-    def value(variant: Variant) -> float:
-        run = experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
+    def measure(variant: Variant) -> float:
+        run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
         if run.warnings:
             raise VerifyError("verify", f"MuJoCo warned of {run.warnings[0].kind} at {run.warnings[0].time_s:g} s")
-        return _summary([to_number(v) for v in run.readouts[0]], verify.when)
+        return _summarise([to_number(v) for v in run.readouts[0]], verify.when)
 
-    at = {f"h/{variant.finer}": value(replace(variant, every_step=every)) for variant in (SAME, *FINER)}
-    nudged = [value(replace(variant, every_step=every)) for variant in NUDGED]
+    at = {f"h/{variant.finer}": measure(replace(variant, every_step=every)) for variant in (SAME, *FINER)}
+    nudged = [measure(replace(variant, every_step=every)) for variant in NUDGED]
     best = at["h/4"]
     uncertainty = max(abs(best - at["h/1"]), *(abs(at["h/1"] - v) for v in nudged))
-    measured = {**at, "nudged": nudged, "unit": question.unit}
+    measured = {**at, "nudged": nudged, "unit": key.unit}
     if not isfinite(best):
-        return refused("measurement", question.answer, f"the measured value is {best}", key="verify.expr")
-    return of_number("measurement", question, best, uncertainty, measured)
+        return refuse("measurement", key.answer, f"the measured value is {best}", key="verify.expr")
+    return certify_number("measurement", key, best, uncertainty, measured)
 
 
-def _summary(values: Sequence[float], when: str) -> float:
+def _summarise(values: Sequence[float], when: str) -> float:
     if when == "end":
         return values[-1]
     return max(values) if when == "max" else min(values) if when == "min" else sum(values) / len(values)
 
 
-def certify_expression(question: NumericQuestion, verify: ByExpression, model_xml: ModelXml) -> Certificate:
+def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml) -> Certificate:
     """Evaluate a closed form."""
     named = verify.model or verify.xml
-    xml = named_xml(verify.model, verify.xml, model_xml) if named else EMPTY
+    xml = read_xml(verify.model, verify.xml, model_xml) if named else EMPTY
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     value = evaluate(verify.expr, model, data, "verify.expr")
     if not isfinite(value):
-        return refused("expression", question.answer, f"the closed form gives {value}", key="verify.expr")
-    return of_number("expression", question, value, 0.0, {"value": value})
+        return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
+    return certify_number("expression", key, value, 0.0, {"value": value})

@@ -5,26 +5,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from grader.certify.certificate import Certificate, of_choice, refused
-from grader.certify.claims import as_claim, truth_of
+from grader.certify.certificate import Certificate, certify_choice, refuse
+from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
     FINER,
     NUDGED,
     SAME,
     LabRun,
     Variant,
-    experiment,
-    lab_scene,
-    readout_text,
-    without_display,
+    build_lab_scene,
+    format_readout,
+    remove_display,
+    run_experiment,
 )
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
-from grader.domain.quiz import ModelXml, PredictQuestion
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
-from grader.numerics.linear import spectral_limit
 from grader.numerics.scene import Scene
+from grader.numerics.stability.linear import find_spectral_limit
+from grader.questions import ModelXml, OptionKey
 
 NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)
 ALL = re.compile(r"\b(all|both|each|every)\b", re.IGNORECASE)
@@ -34,8 +34,8 @@ LIMIT_SPAN_S = (5e-4, 0.1)
 """Timesteps [s] between which the linear stability limit is sought."""
 
 
-def matching_select(options: Sequence[str], lab: LabConfig) -> Select | None:
-    """The first select of a lab with a label in common with two or more of the options."""
+def find_matching_select(options: Sequence[str], lab: LabConfig) -> Select | None:
+    """Returns the first select of a lab with a label in common with two or more of the options."""
     wanted = {plain_text(option) for option in options}
     for control in lab.controls:
         if isinstance(control, Select) and len(wanted & {plain_text(text) for text, _ in control.options}) >= 2:
@@ -44,49 +44,49 @@ def matching_select(options: Sequence[str], lab: LabConfig) -> Select | None:
 
 
 def certify_prediction(
-    question: PredictQuestion, lab: LabConfig, verify: ByOptions | ByOutcome, model_xml: ModelXml
+    key: OptionKey, lab: LabConfig, verify: ByOptions | ByOutcome, model_xml: ModelXml
 ) -> Certificate:
     """Run the lab of a question as its `verify` says."""
     xml = lab.xml or model_xml(lab.model or "")
     if isinstance(verify, ByOptions):
-        return _certify_options(question, lab, verify, xml)
-    return _certify_outcome(question, lab, verify, xml)
+        return _certify_options(key, lab, verify, xml)
+    return _certify_outcome(key, lab, verify, xml)
 
 
-def _certify_options(question: PredictQuestion, lab: LabConfig, verify: ByOptions, xml: str) -> Certificate:
+def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str) -> Certificate:
     """Run each option's setting; the right option is the one under which the criterion holds."""
-    select = matching_select(question.options, lab)
-    settings = list(verify.settings or (_inferred_settings(question.options, select) if select else ()))
-    if len(settings) != len(question.options) or not any(settings):
-        return refused("options", question.answer, "no option has a setting: write verify.settings, one per option")
-    measuring = without_display(lab, *(() if verify.criterion == "stable" else (_expression(verify.criterion),)))
+    select = find_matching_select(key.options, lab)
+    settings = list(verify.settings or (_infer_settings(key.options, select) if select else ()))
+    if len(settings) != len(key.options) or not any(settings):
+        return refuse("options", key.answer, "no option has a setting: write verify.settings, one per option")
+    measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
     for i, setting in enumerate(settings):
         if setting is None:
             continue
-        outcomes = [_outcome(measuring, xml, setting, verify, v) for v in _variants(lab, setting, verify)]
-        measured[question.options[i]] = outcomes[0][1]
+        outcomes = [_measure_outcome(measuring, xml, setting, verify, v) for v in _list_variants(lab, setting, verify)]
+        measured[key.options[i]] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
-            why = f"{question.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
-            return replace(refused("options", question.answer, why, key="answer"), measured=measured)
+            why = f"{key.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
+            return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
         held[i] = outcomes[0][0]
-    right = _right_options(question.options, held)
-    certificate = of_choice("options", right, question.answer, question.options, measured)
+    right = _find_right_options(key.options, held)
+    certificate = certify_choice("options", right, key.answer, key.options, measured)
     if select is not None and select.set == "model.opt.integrator" and verify.criterion == "stable":
-        return _with_all_integrators(certificate, question, measuring, select, xml, seconds=verify.seconds)
+        return _compare_integrators(certificate, key, measuring, select, xml, seconds=verify.seconds)
     return certificate
 
 
-def _certify_outcome(question: PredictQuestion, lab: LabConfig, verify: ByOutcome, xml: str) -> Certificate:
+def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str) -> Certificate:
     """Run the lab once; the right option is the one whose claim is true, at h, h/2, h/4 and from nudged starts."""
-    if len(verify.claims) != len(question.options):
-        return refused("outcome", question.answer, "verify.claims needs one expression per option")
-    claims = [as_claim(claim, verify.when) for claim in verify.claims]
-    measuring = without_display(lab, *(claim.expr for claim in claims))
+    if len(verify.claims) != len(key.options):
+        return refuse("outcome", key.answer, "verify.claims needs one expression per option")
+    claims = [to_claim(claim, verify.when) for claim in verify.claims]
+    measuring = remove_display(lab, *(claim.expr for claim in claims))
     truths, numbers = [], list[list[float | None]]()
     for variant in (SAME, *FINER, *NUDGED):
-        run = experiment(
+        run = run_experiment(
             measuring,
             xml,
             verify.controls,
@@ -94,28 +94,28 @@ def _certify_outcome(question: PredictQuestion, lab: LabConfig, verify: ByOutcom
             variant=replace(variant, every_step=any(claim.when != "end" or claim.until for claim in claims)),
             keys={"readouts": "verify.claims"},
         )
-        found = [truth_of(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
+        found = [check_claim(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
         truths.append([holds for holds, _ in found])
         numbers.append([number for _, number in found])
     measured = {
         option: truths[0][i] if numbers[0][i] is None else {"true": truths[0][i], claims[i].when: numbers[0][i]}
-        for i, option in enumerate(question.options)
+        for i, option in enumerate(key.options)
     }
     if any(other != truths[0] for other in truths):
         shown = numbers if any(number is not None for row in numbers for number in row) else truths
         why = f"the claims depend on round-off or on the timestep: {shown}"
-        return replace(refused("outcome", question.answer, why, key="answer"), measured=measured)
+        return replace(refuse("outcome", key.answer, why, key="answer"), measured=measured)
     right = [i for i, true in enumerate(truths[0]) if true]
-    return of_choice("outcome", right, question.answer, question.options, measured)
+    return certify_choice("outcome", right, key.answer, key.options, measured)
 
 
-def _inferred_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
-    """The setting that each option names, or None."""
+def _infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
+    """Returns the setting that each option names, or None."""
     labels = {plain_text(text): text for text, _ in select.options}
     return [{select.label: labels[plain_text(o)]} if plain_text(o) in labels else None for o in options]
 
 
-def _right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
+def _find_right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
     """Return the options that hold; if none or all of them hold, the option that says "none" or "all"."""
     holding = [i for i, holds in held.items() if holds]
     rest = [i for i in range(len(options)) if i not in held]
@@ -128,7 +128,7 @@ def _right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:
     return holding
 
 
-def _variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
+def _list_variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
     """Return the runs that must agree: nudged starts, and h/2 and h/4 unless the setting itself changes the numerics.
 
     Stability belongs to one timestep, so it is not compared with finer ones.
@@ -140,37 +140,37 @@ def _variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Vari
     return (SAME, *NUDGED, *finer)
 
 
-def _outcome(
+def _measure_outcome(
     lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant
 ) -> tuple[bool, dict[str, Any]]:
     """Whether the criterion holds under a setting, and what was measured."""
     keys = {"readouts": "verify.criterion"}
     if verify.criterion == "stable":
-        run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
-        return run.stable, _stability(run)
-    claim = as_claim(verify.criterion, verify.when)
+        run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
+        return run.stable, _describe_stability(run)
+    claim = to_claim(verify.criterion, verify.when)
     variant = replace(variant, every_step=claim.when != "end" or claim.until is not None)
-    run = experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
-    holds, number = truth_of(claim, run, run.readouts[0])
+    run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
+    holds, number = check_claim(claim, run, run.readouts[0])
     if number is not None:
         return holds, {"holds": holds, claim.when: number}
-    return holds, {"holds": holds, "final": readout_text(run.readouts[0][-1], None)}
+    return holds, {"holds": holds, "final": format_readout(run.readouts[0][-1], None)}
 
 
-def _stability(run: LabRun) -> dict[str, Any]:
+def _describe_stability(run: LabRun) -> dict[str, Any]:
     """Whether a run was stable, its length, and its first warning."""
     first = run.warnings[0] if run.warnings else None
     result = {"stable": run.stable, "seconds": round(run.duration_s, 6)}
     return result if first is None else result | {"warning": first.kind, "time": round(first.time_s, 6)}
 
 
-def _expression(criterion: str | Claim) -> str:
+def _find_expression(criterion: str | Claim) -> str:
     return criterion.expr if isinstance(criterion, Claim) else criterion
 
 
-def _with_all_integrators(
+def _compare_integrators(
     certificate: Certificate,
-    question: PredictQuestion,
+    key: OptionKey,
     lab: LabConfig,
     select: Select,
     xml: str,
@@ -178,34 +178,34 @@ def _with_all_integrators(
     seconds: float | None,
 ) -> Certificate:
     """Add the same run under all five integrators, and a remark on a stable one that is not among the options."""
-    scene = lab_scene(lab, xml)
+    scene = build_lab_scene(lab, xml)
     offered = {value for _, value in select.options}
     table: dict[str, Any] = {}
     overlooked = []
     for integrator in INTEGRATORS:
         variant = Variant(integrator=integrator.code)
-        stable = experiment(lab, xml, seconds=seconds, variant=variant, keys={}).stable
-        limit_ms = _limit_ms(scene, integrator.code)
+        stable = run_experiment(lab, xml, seconds=seconds, variant=variant, keys={}).stable
+        limit_ms = _find_limit_ms(scene, integrator.code)
         is_option = integrator.code in offered
         table[integrator.name] = {"stable": stable, "limit_ms": limit_ms, "is_option": is_option}
         if stable and not is_option:
             overlooked.append(integrator.name + ("" if limit_ms is None else f" (up to {limit_ms:.2f} ms)"))
     measured = {**certificate.measured, "all integrators": table}
-    return replace(certificate, measured=measured, remarks=(*certificate.remarks, *_remarks(question, overlooked)))
+    return replace(certificate, measured=measured, remarks=(*certificate.remarks, *_list_remarks(key, overlooked)))
 
 
-def _remarks(question: PredictQuestion, overlooked: list[str]) -> list[str]:
+def _list_remarks(key: OptionKey, overlooked: list[str]) -> list[str]:
     if not overlooked:
         return []
-    only = ", and the explanation says that only one is" if ONLY.search(question.explain or "") else ""
+    only = ", and the explanation says that only one is" if ONLY.search(key.explain) else ""
     return [f"Stable here too, though no option: {', '.join(overlooked)}{only}."]
 
 
-def _limit_ms(scene: Scene, integrator: int) -> float | None:
-    """The linear stability limit [ms]; None if there is none in LIMIT_SPAN_S, or no equilibrium."""
+def _find_limit_ms(scene: Scene, integrator: int) -> float | None:
+    """Returns the linear stability limit [ms]; None if there is none in LIMIT_SPAN_S, or no equilibrium."""
     low_s, high_s = LIMIT_SPAN_S
     try:
-        limit = spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=integrator)
+        limit = find_spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=integrator)
     except ValueError:
         return None
     return None if limit is None else round(1000 * limit, 3)

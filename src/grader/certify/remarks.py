@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass
 
-from grader.domain.quiz import CodeQuestion, ModelXml, NumericQuestion, PredictQuestion, Question
-from grader.exercises import chance_of_luck
+from grader.exercises import compute_chance_of_luck
 from grader.exercises.kind import TextOf
+from grader.questions import AnswerKey, ModelXml, NumberKey, Question
 
 UNVERIFIED = "no simulation confirms this key: add a `verify` (docs/authoring.md)"
 
 
-def could_be_decided(question: Question) -> bool:
-    """Whether a `verify` could derive the key again: a number, or a prediction with a lab to run."""
-    return isinstance(question, NumericQuestion) or (isinstance(question, PredictQuestion) and question.sim is not None)
+def is_decidable(key: AnswerKey) -> bool:
+    """Whether a `verify` could derive the key again: a number, or an option with a lab to run."""
+    return isinstance(key, NumberKey) or key.lab is not None
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,6 @@ class Luck:
         return f"{why}: draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
 
 
-def luck_of(question: CodeQuestion, model_xml: ModelXml, text_of: TextOf) -> Luck:
-    """The chance of luck at an exercise. Draws every case 200 times: seconds where judging one is slow."""
-    return Luck(*chance_of_luck(question, model_xml, text_of))
+def estimate_luck(question: Question, model_xml: ModelXml, text_of: TextOf) -> Luck:
+    """Returns the chance of luck at an exercise. Draws every case 200 times: seconds where judging one is slow."""
+    return Luck(*compute_chance_of_luck(question, model_xml, text_of))

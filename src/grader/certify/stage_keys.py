@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import mujoco
 
-from grader.certify.certificate import Certificate, of_choice, refused
+from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.experiments import DATA_FIELDS, VerifyError
-from grader.certify.numeric_keys import named_xml
+from grader.certify.numeric_keys import read_xml
 from grader.domain.markup import plain_text
-from grader.domain.quiz import ChoiceQuestion, ModelXml, PredictQuestion
 from grader.domain.verify import ByStage
+from grader.questions import ModelXml, OptionKey
 
 CALLS = (
     "mj_checkPos",
@@ -42,19 +42,19 @@ IN_CONTACT = """
 """
 
 
-def stage_of(option: str) -> str | None:
-    """The call that the words of an option name, or None."""
+def find_stage(option: str) -> str | None:
+    """Returns the call that the words of an option name, or None."""
     words = plain_text(option).lower()
     return next((call for word, call in WORDS.items() if word in words), None)
 
 
-def certify_stage(question: ChoiceQuestion | PredictQuestion, verify: ByStage, model_xml: ModelXml) -> Certificate:
+def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certificate:
     """Find the option that names the call which first fills the field."""
-    stages = verify.stages or tuple(map(stage_of, question.options))
-    if len(stages) != len(question.options) or not set(stages) <= {None, *CALLS}:
-        return refused("stage", question.answer, f"verify.stages needs one of {', '.join(CALLS)} for each option")
+    stages = verify.stages or tuple(map(find_stage, key.options))
+    if len(stages) != len(key.options) or not set(stages) <= {None, *CALLS}:
+        return refuse("stage", key.answer, f"verify.stages needs one of {', '.join(CALLS)} for each option")
     named = verify.model or verify.xml
-    xml = named_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
+    xml = read_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
     observed = _observe(xml, verify.fills)
     filled = next((call for call, before, after in observed if after != before), None)
     measured = {
@@ -63,7 +63,7 @@ def certify_stage(question: ChoiceQuestion | PredictQuestion, verify: ByStage, m
         "calls": {call: after if after == before else f"{before}, then {after}" for call, before, after in observed},
     }
     right = [i for i, stage in enumerate(stages) if stage is not None and stage == filled]
-    return of_choice("stage", right, question.answer, question.options, measured)
+    return certify_choice("stage", right, key.answer, key.options, measured)
 
 
 def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
@@ -76,13 +76,13 @@ def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
     mujoco.mj_resetData(model, data)
     observed = []
     for name in CALLS:
-        before = _short(data, field)
+        before = _shorten(data, field)
         getattr(mujoco, name)(model, data)
-        observed.append((name, before, _short(data, field)))
+        observed.append((name, before, _shorten(data, field)))
     return observed
 
 
-def _short(data: mujoco.MjData, field: str) -> str:
+def _shorten(data: mujoco.MjData, field: str) -> str:
     """Return the number of contacts, or the sum of magnitudes of an array with all digits."""
     if field == "contact":
         return f"{data.ncon} contacts"

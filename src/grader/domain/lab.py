@@ -5,6 +5,20 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from grader.domain.numbers import Positive, Real
+
+CONTROLS_MAX = 40
+"""Most controls of a lab: each is tried at both ends when content is loaded."""
+
+OPTIONS_MAX = 40
+"""Most options of a select: each is tried when content is loaded."""
+
+SHOWN_MAX = 40
+"""Most readouts, plots, traces and reference lines in one list: each is computed in every frame."""
+
+SECONDS_MAX = 60.0
+"""The longest run of a lab [s]."""
+
 Expression = str
 """An expression or statement in a small subset of JavaScript; it is compiled when content is loaded."""
 
@@ -28,16 +42,16 @@ class Slider(LabPart):
     set: str | None = None
     apply: Expression | None = None
     param: str | None = None
-    min: float
-    max: float
-    step: float | None = Field(default=None, gt=0)
-    value: float
+    min: Real
+    max: Real
+    step: Positive | None = None
+    value: Real
     digits: int | None = Field(default=None, ge=0, le=12)
     reset: bool = False
     init: bool = False
 
 
-OptionValue = float | bool | str | tuple[float, ...]
+OptionValue = Real | bool | str | tuple[Real, ...]
 
 
 class Select(LabPart):
@@ -49,7 +63,7 @@ class Select(LabPart):
     set: str | None = None
     apply: Expression | None = None
     param: str | None = None
-    options: tuple[tuple[str, OptionValue], ...] = Field(min_length=1)
+    options: tuple[tuple[str, OptionValue], ...] = Field(min_length=1, max_length=OPTIONS_MAX)
     value: OptionValue | None = None
     reset: bool = False
     init: bool = False
@@ -88,8 +102,12 @@ class PlotTrace(LabPart):
 
     label: str
     expr: Expression
-    dash: bool | tuple[float, ...] | None = None
+    dash: bool | tuple[Real, ...] | None = None
     color: str | None = None
+
+
+Height = Annotated[Real, Field(gt=0, le=5000)]
+"""Of a picture on the page [px]."""
 
 
 class Plot(LabPart):
@@ -97,12 +115,12 @@ class Plot(LabPart):
 
     xlabel: str | None = None
     ylabel: str | None = None
-    height: float | None = Field(default=None, gt=0)
-    window: float | None = Field(default=None, gt=0)
-    ymin: float | None = None
-    ymax: float | None = None
-    refLines: tuple[Any, ...] = ()
-    traces: tuple[PlotTrace, ...] = Field(min_length=1)
+    height: Height | None = None
+    window: Positive | None = None
+    ymin: Real | None = None
+    ymax: Real | None = None
+    refLines: tuple[Any, ...] = Field(default=(), max_length=SHOWN_MAX)
+    traces: tuple[PlotTrace, ...] = Field(min_length=1, max_length=SHOWN_MAX)
 
     @model_validator(mode="after")
     def _has_a_height(self) -> Self:
@@ -113,6 +131,9 @@ class Plot(LabPart):
 
 OVERLAYS = ("frames", "joints", "contacts", "forces", "com", "sites", "cameras", "shadows")
 """What can be drawn over the scene; `com` are the bodies' centres of mass."""
+
+
+Seconds = Annotated[Positive, Field(le=SECONDS_MAX)]
 
 
 class LabConfig(LabPart):
@@ -127,20 +148,20 @@ class LabConfig(LabPart):
     xml: str | None = None
     key: int | str | None = None
     setup: Expression | None = None
-    controls: tuple[Control, ...] = ()
+    controls: tuple[Control, ...] = Field(default=(), max_length=CONTROLS_MAX)
     controller: Expression | None = None
-    readouts: tuple[Readout, ...] = ()
-    plots: tuple[Plot, ...] = ()
+    readouts: tuple[Readout, ...] = Field(default=(), max_length=SHOWN_MAX)
+    plots: tuple[Plot, ...] = Field(default=(), max_length=SHOWN_MAX)
     trail: Any = None
     camera: dict[str, Any] | None = None
     overlays: dict[str, bool] | tuple[str, ...] | None = None
     toggles: tuple[str, ...] | None = None
-    forceScale: float | None = Field(default=None, gt=0)
-    seconds: float | None = Field(default=None, gt=0, le=60)
-    stopAt: Annotated[float, Field(gt=0)] | Expression | None = None
+    forceScale: Positive | None = None
+    seconds: Seconds | None = None
+    stopAt: Positive | Expression | None = None
     autoplay: bool = False
     note: str | None = None
-    height: float | None = None
+    height: Height | None = None
     dock: bool = False
 
     @property
@@ -172,11 +193,11 @@ class IntegratorsLab(LabPart):
     id: str
     kind: Literal["integrators"]
     title: str | None = None
-    models: tuple[str | tuple[str, str], ...] = ()
+    models: tuple[str | tuple[str, str], ...] = Field(default=(), max_length=OPTIONS_MAX)
     model: str = Field(default_factory=_first_model)
     key: int | str | None = None
-    timestep: float = Field(default=0.002, gt=0)
-    seconds: float = Field(default=20.0, gt=0, le=60, validation_alias=AliasChoices("seconds", "duration"))
+    timestep: Positive = 0.002
+    seconds: Seconds = Field(default=20.0, validation_alias=AliasChoices("seconds", "duration"))
     note: str | None = None
     dock: bool = False
 

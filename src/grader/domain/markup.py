@@ -1,4 +1,4 @@
-"""Converts HTML to plain text."""
+"""Converts HTML to plain text, and quotes what was typed."""
 
 import html
 import re
@@ -17,3 +17,9 @@ def plain_text(markup: str) -> str:
     """
     fragment = LONE_BRACKET.sub("&lt;", markup).encode(errors="replace").decode()
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
+
+
+def quoted(text: str) -> str:
+    """Quote what a student typed, printable and short enough to repeat in a sentence."""
+    clean = "".join(c if c.isprintable() else " " for c in text[:200]).strip()
+    return f'"{clean[:40]}…"' if len(clean) > 40 else f'"{clean}"'

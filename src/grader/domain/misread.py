@@ -73,7 +73,7 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
         case "option_index":
             return detail["msg"]
     why = re.sub(r"^(Input|String|Tuple|List|Dictionary) should", "must", detail["msg"]).removeprefix("Value error, ")
-    why = why.replace("a valid array", "a list between [ and ]")
+    why = why.replace("a valid array", "a list between [ and ]").replace(" after validation", "")
     given = detail["input"]
     return f"{why}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else why
 

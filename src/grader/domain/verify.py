@@ -2,11 +2,13 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
-from grader.domain.lab import Expression
+from grader.domain.lab import CONTROLS_MAX, Expression, Seconds
+from grader.domain.numbers import NotNegative, Positive, Real
 
-Setting = dict[str, float | bool | str]
+Setting = Annotated[dict[str, Real | bool | str], Field(max_length=CONTROLS_MAX)]
 """Control values of the question's lab, by label."""
 
 When = Literal["end", "always", "ever"]
@@ -29,16 +31,18 @@ class Claim(VerifyPart):
 
     expr: Expression
     when: Literal["end", "always", "ever", "times", "first", "max", "min"] = "end"
-    at_least: float | None = None
-    at_most: float | None = None
-    since: float = Field(default=0.0, ge=0)
-    until: float | None = Field(default=None, gt=0)
+    at_least: Real | None = None
+    at_most: Real | None = None
+    since: NotNegative = 0.0
+    until: Positive | None = None
 
     @model_validator(mode="after")
     def _bounds_fit(self) -> Self:
         bounded = self.at_least is not None or self.at_most is not None
         if bounded != (self.when in ("times", "first", "max", "min")):
             raise ValueError("give at_least or at_most with times, first, max and min, and only with these")
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            raise ValueError(f"at_least must be at most at_most, not {self.at_least:g} and {self.at_most:g}")
         if self.until is not None and self.until <= self.since:
             raise ValueError("until must be later than since")
         return self
@@ -56,7 +60,7 @@ class ByOptions(VerifyPart):
     settings: tuple[Setting | None, ...] | None = None
     criterion: Expression | Claim = "stable"
     when: When = "end"
-    seconds: float | None = Field(default=None, gt=0, le=60)
+    seconds: Seconds | None = None
 
 
 class ByOutcome(VerifyPart):
@@ -69,7 +73,7 @@ class ByOutcome(VerifyPart):
     claims: tuple[Expression | Claim, ...] = Field(min_length=2)
     controls: Setting = {}
     when: When = "end"
-    seconds: float | None = Field(default=None, gt=0, le=60)
+    seconds: Seconds | None = None
 
 
 class ByStage(VerifyPart):
@@ -88,9 +92,32 @@ class ByStage(VerifyPart):
 class ServoJoint(VerifyPart):
     """A joint of inertia [kg m2] held at 0 by a servo with gains kp [N m/rad] and kv [N m s/rad], without gravity."""
 
-    inertia: float = Field(gt=0)
-    kp: float = Field(default=0.0, ge=0)
-    kv: float = Field(default=0.0, ge=0)
+    inertia: Positive
+    kp: NotNegative = 0.0
+    kv: NotNegative = 0.0
+
+
+Timestep = Annotated[float, Field(ge=1e-6, le=10)]
+
+STEPS_MAX = 5_000_000
+"""Most steps of a run that looks for warnings: ten seconds of computing for the lesson's servo."""
+
+
+def check_high(high: float, info: ValidationInfo) -> float:
+    """Returns the largest timestep [s] itself. Raises PydanticCustomError where it is not above `low`."""
+    low = info.data.get("low", 0.0)
+    if high <= low:
+        raise PydanticCustomError("high", "must be above low, which is {low}", {"low": f"{low:g}"})
+    return high
+
+
+def check_seconds(seconds: float, info: ValidationInfo) -> float:
+    """Returns the length of a run [s] itself. Raises PydanticCustomError where it has too many steps of `low`."""
+    most = STEPS_MAX * info.data.get("low", seconds)
+    if seconds > most:
+        limits = {"most": f"{most:g}", "steps": STEPS_MAX}
+        raise PydanticCustomError("seconds", "must be at most {most} ({steps} steps of low)", limits)
+    return seconds
 
 
 class ByThreshold(VerifyPart):
@@ -107,15 +134,15 @@ class ByThreshold(VerifyPart):
     model: str | None = None
     xml: str | None = None
     key: int | str | None = None
-    qpos: tuple[float, ...] | None = None
-    qvel: tuple[float, ...] | None = None
-    set: dict[str, float] = {}
+    qpos: tuple[Real, ...] | None = None
+    qvel: tuple[Real, ...] | None = None
+    set: dict[str, Real] = {}
     integrator: IntegratorName = "Euler"
     criterion: Literal["decays", "no_warning"] = "decays"
-    low: float = Field(default=1e-4, gt=0)
-    high: float = Field(default=0.2, gt=0)
-    seconds: float = Field(default=3.0, gt=0, le=300)
-    scale: float | None = None
+    low: Timestep = 1e-4
+    high: Annotated[Timestep, AfterValidator(check_high)] = Field(default=0.2, validate_default=True)
+    seconds: Annotated[Positive, AfterValidator(check_seconds)] = Field(default=3.0, le=300, validate_default=True)
+    scale: Positive | None = None
 
 
 class ByMeasurement(VerifyPart):
@@ -129,7 +156,7 @@ class ByMeasurement(VerifyPart):
     controller: Expression | None = None
     expr: Expression
     when: Literal["end", "max", "min", "mean"] = "end"
-    seconds: float = Field(gt=0, le=60)
+    seconds: Seconds
 
 
 class ByExpression(VerifyPart):

@@ -3,10 +3,11 @@
 Other rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes.
 """
 
+from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
 from grader.exercises.kind import (
     DrawnCase,
     Intervals,
-    Judged,
+    JudgedTrial,
     Judgement,
     Kind,
     LazyAnswer,
@@ -14,18 +15,18 @@ from grader.exercises.kind import (
     TextOf,
     Trial,
 )
-from grader.exercises.luck import chance_of_luck
-from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, Value, WrongParameter, drawn
+from grader.exercises.luck import compute_chance_of_luck
+from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, WrongParameter, draw_number
 from grader.exercises.progress import Progress, Tell
 from grader.exercises.runner import (
     GROUP,
     Plan,
     check_exercise,
-    installed_kinds,
     judge_exercise,
-    lazy_answers,
+    load_kinds,
     plan_exercise,
     prepare_exercise,
+    write_lazy_answers,
 )
 
 __all__ = [
@@ -34,13 +35,18 @@ __all__ = [
     "DrawnCase",
     "ExerciseParameters",
     "Intervals",
-    "Judged",
+    "JudgedTrial",
     "Judgement",
     "Kind",
     "LazyAnswer",
+    "NotNegative",
     "Number",
     "Plan",
+    "Points",
+    "Positive",
     "Progress",
+    "Range",
+    "Real",
     "Results",
     "Strict",
     "Tell",
@@ -48,12 +54,12 @@ __all__ = [
     "Trial",
     "Value",
     "WrongParameter",
-    "chance_of_luck",
     "check_exercise",
-    "drawn",
-    "installed_kinds",
+    "compute_chance_of_luck",
+    "draw_number",
     "judge_exercise",
-    "lazy_answers",
+    "load_kinds",
     "plan_exercise",
     "prepare_exercise",
+    "write_lazy_answers",
 ]

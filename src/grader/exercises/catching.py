@@ -36,7 +36,7 @@ def finish() -> None:
     handled.clear()
 
 
-def compiled(source: str, filename: str) -> types.CodeType:
+def compile_source(source: str, filename: str) -> types.CodeType:
     """Compiles the student's source, with a call of `handle` at the start of each `except` clause.
 
     Falls back on the plain compiler, which raises what there is to raise.
@@ -46,7 +46,7 @@ def compiled(source: str, filename: str) -> types.CodeType:
             tree = ast.parse(source, filename)
             for node in ast.walk(tree):
                 if isinstance(node, ast.ExceptHandler):
-                    node.body.insert(0, call_at(node))
+                    node.body.insert(0, build_call(node))
             vars(builtins)[HANDLER] = handle
             code: types.CodeType = compile(tree, filename, "exec", dont_inherit=True)
         except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -57,7 +57,7 @@ def compiled(source: str, filename: str) -> types.CodeType:
     return plain
 
 
-def call_at(clause: ast.ExceptHandler) -> ast.stmt:
+def build_call(clause: ast.ExceptHandler) -> ast.stmt:
     """Returns the statement `__handled__(<line of the clause>)`, placed at the clause."""
     name = ast.Name(HANDLER, ast.Load())
     call = ast.Expr(ast.Call(name, [ast.Constant(clause.lineno)], []))

@@ -30,17 +30,17 @@ SLIPS = frozenset(
 Advise = Callable[[re.Match[str]], str]
 
 
-def of_attribute(found: re.Match[str]) -> str:
+def advise_on_attribute(found: re.Match[str]) -> str:
     """Advises on an attribute of the wrong object."""
     kind, name = found[1].rpartition(".")[2], found[2]
     if name in OF_MODEL and kind != "MjModel":
         return f"{name} belongs to the model: the arguments may be in the wrong order"
     if name in OF_DATA and kind != "MjData":
         return f"{name} belongs to the data: the arguments may be in the wrong order"
-    return near(name, getattr(mujoco, kind, None))
+    return advise_on_spelling(name, getattr(mujoco, kind, None))
 
 
-def near(name: str, owner: object) -> str:
+def advise_on_spelling(name: str, owner: object) -> str:
     """Advises on the name of an attribute that is misspelt; nothing where no other is like it."""
     found = difflib.get_close_matches(name, [one for one in dir(owner) if not one.startswith("_")], n=1, cutoff=0.8)
     return f"did you mean {found[0]}?" if owner is not None and found else ""
@@ -51,8 +51,8 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
         re.compile(r"No module named '([\w.]+)'"),
         lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
     ),
-    (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), of_attribute),
-    (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda found: near(found[1], mujoco)),
+    (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), advise_on_attribute),
+    (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda found: advise_on_spelling(found[1], mujoco)),
     (
         re.compile(r"TypeError: only (?:length-1|size-1|0-dimensional) arrays can be converted to Python scalars"),
         lambda _: "math.sin and its like take one number; np.sin and its like take arrays as well",
@@ -85,15 +85,15 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
 )
 
 
-def clear(message: str, place: str = "") -> str:
+def explain_error(message: str, place: str = "") -> str:
     """Returns the message of an error without the noise of bindings, its place, and an advice where one is known."""
-    message = without_binding(message)
+    message = shorten_binding_error(message)
     advices = (advise(found) for pattern, advise in RULES if (found := pattern.search(message)))
     advice = next(filter(None, advices), "")
     return f"{message.rstrip('. ')}{place} ({advice})" if advice else f"{message}{place}"
 
 
-def without_binding(message: str) -> str:
+def shorten_binding_error(message: str) -> str:
     """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes.
 
     A script chooses its messages, so that the time must not grow faster than their length.
@@ -107,32 +107,32 @@ def without_binding(message: str) -> str:
     called = re.match(r"\w*", before[::-1])
     name = called[0][::-1] if called else ""
     signature = signature.partition("\n")[0].partition(" -> ")[0].strip().removeprefix("(").removesuffix(")")
-    given = tail.partition("\n")[0].partition(", in line ")[0]
-    parts = re.split(r", (?![^<]*>)(?![^\[]*\])", given[:MESSAGE_CHARS_MAX])
+    arguments = tail.partition("\n")[0].partition(", in line ")[0]
+    parts = re.split(r", (?![^<]*>)(?![^\[]*\])", arguments[:MESSAGE_CHARS_MAX])
     takes = [part.split(":")[0].strip() for part in re.split(r",\s*(?=\w+:)", signature[:MESSAGE_CHARS_MAX])]
-    told = f"{name}() was called with ({', '.join(map(short_type, parts))}); it takes ({', '.join(takes)})"
-    return " ".join((before.removesuffix(name) + told + tail[len(given) :]).split())
+    summary = f"{name}() was called with ({', '.join(map(shorten_type, parts))}); it takes ({', '.join(takes)})"
+    return " ".join((before.removesuffix(name) + summary + tail[len(arguments) :]).split())
 
 
-def short_type(text: str) -> str:
+def shorten_type(text: str) -> str:
     """Returns the name of the type in `<mujoco._structs.MjData object at 0x...>`; other values as they are."""
     found = re.match(r"<(?:[\w.]+\.)?(\w+) object at", text)
     return found[1] if found else text.strip()[:40]
 
 
-def hidden_slip(traces: Sequence[Trace]) -> str | None:
+def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
     """Returns the sentence of a slip in the script that an `except` clause hid in all of these trials, or None."""
-    slips = [next((one for one in trace.handled if one.type in SLIPS), None) for trace in traces]
+    slips = [next((one for one in trace.handled_exceptions if one.type in SLIPS), None) for trace in traces]
     first = next(iter(slips), None)
     if first is None or any(one is None or one.line != first.line for one in slips):
         return None
     said = f" ({first.message})" if first.message else ""
     return (
-        f"Line {first.line} raised {article(first.type)}{said}, and the `except` in line {first.clause} hid it. "
+        f"Line {first.line} raised {add_article(first.type)}{said}, and the `except` in line {first.clause} hid it. "
         f"Mend line {first.line}, and catch nothing that you do not expect."
     )
 
 
-def article(name: str) -> str:
+def add_article(name: str) -> str:
     """Returns the name with its article."""
     return f"{'an' if name[:1] in tuple('AEIOU') else 'a'} {name}"

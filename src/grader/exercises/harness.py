@@ -42,11 +42,11 @@ def load(recorder: types.CodeType, driver: types.CodeType) -> None:
 
 
 def watch_exceptions(catching: types.CodeType) -> None:
-    """Executes the code that notes handled exceptions; the jail compiles the student's module by its `compiled`."""
+    """Executes the code that notes handled exceptions, whose `compile_source` compiles the student's module."""
     names = {"__name__": "catching", "__builtins__": builtins, "note": RECORDER["note"], "state": RECORDER["state"]}
     exec(catching, names)  # noqa: S102
     RECORDER["at_end"].append(names["finish"])
-    globals()["compile_source"] = names["compiled"]
+    globals()["compile_source"] = names["compile_source"]
 
 
 def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:

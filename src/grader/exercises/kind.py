@@ -8,9 +8,10 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
+from grader.questions import ModelXml
+from grader.questions.kinds.script import ScriptQuestion
 
 TextOf = Callable[[str], str]
 """Returns the text of a file of the content folder by its path in it; raises GraderError if it cannot be read."""
@@ -62,8 +63,8 @@ class Trial(Generic[Problem]):
     hidden. `points` are shares of the case's points. `entries` names the student's functions that the driver gets;
     empty means the question's `entry`.
 
-    The runner sets `case`, and hides the trials of a hidden case. A trial of `further_trials` has no case: it sets
-    `hidden` itself, and its `points` are shares of the question's.
+    The runner sets `case`, and hides the trials of a hidden case. A trial of `build_further_trials` has no case: it
+    sets `hidden` itself, and its `points` are shares of the question's.
     """
 
     id: str
@@ -83,7 +84,7 @@ class Judgement(Generic[Outcome]):
     `message` is a sentence without numbers of the case, of the student's result, or of the expected result. It tells
     the direction of an error at most. `detail` is a sentence that may have numbers; the runner leaves it, `measured`
     and `expected` out of hidden trials. `measured` and `expected` are plain JSON. `outcome` is what the kind passes to
-    its `mistake` and `pictures`; None if the script raised.
+    its `name_mistake` and `build_pictures`; None if the script raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
     its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
@@ -101,7 +102,7 @@ class Judgement(Generic[Outcome]):
 
 
 @dataclass(frozen=True, eq=False)
-class Judged(Generic[Problem, Outcome]):
+class JudgedTrial(Generic[Problem, Outcome]):
     """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too.
 
     `trace` is what the script did in the trial, as it claims: it explains, and never decides.
@@ -125,7 +126,7 @@ class LazyAnswer:
 class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`.
 
-    A kind must define `parameters`, `driver`, `trials` and `judge`; the rest has defaults.
+    A kind must define `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
 
     `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
     It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
@@ -141,14 +142,14 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     needs_model: bool = True
     """Whether a case without a model is a fault."""
     mistakes_tell_size: bool = True
-    """Whether a sentence of `mistake` may tell how far a result is off, which leads to the expected one: twice, in
+    """Whether a sentence of `name_mistake` may tell how far a result is off, which leads to the expected one: twice, in
     degrees. Where the author reveals the direction alone, such a sentence is not shown."""
 
     @abstractmethod
-    def trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
+    def build_trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
         """Returns the trials of one case. Raises WrongParameter, or ValueError or KeyError for faults of the case."""
 
-    def further_trials(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
+    def build_further_trials(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Trial[Problem]]:
         """Returns trials of the exercise as a whole; `trials` are those of the cases."""
         return ()
 
@@ -171,15 +172,15 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         The trace is not among them.
         """
 
-    def mistake(self, parameters: P, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
+    def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
         """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.
 
         `judged` leaves out the trials in which the script raised, but not those whose results `judge` could not read.
-        Like `judge`, `mistake` and `pictures` must not raise.
+        Like `judge`, `name_mistake` and `build_pictures` must not raise.
         """
         return None
 
-    def pictures(self, parameters: P, visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
+    def build_pictures(self, parameters: P, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
         """Returns the verdict's evidence as plain JSON (lists, no arrays).
 
         `charts` is drawn by the student's page: a list of {"case": the trial's id, "title", "x": {"label", "log"},
@@ -188,13 +189,13 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         """
         return {}
 
-    def lazy_answers(
-        self, question: CodeQuestion, parameters: P, trials: Sequence[Trial[Problem]]
+    def write_lazy_answers(
+        self, question: ScriptQuestion, parameters: P, trials: Sequence[Trial[Problem]]
     ) -> Mapping[str, str]:
         """Returns scripts by name that answer every model alike; they may earn the points of the visible trials."""
         return {}
 
-    def accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
+    def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.
 
         An answer that ignores its inputs is a list of numbers; an interval holds the right values of one of them.

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special  # scipy.stats would double the time that loading content takes
 
-from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.exercises.kind import Content, Intervals, TextOf
 from grader.exercises.parameters import Case, ExerciseParameters
-from grader.exercises.runner import AnyKind, case_trials, installed_kinds, no_text, read_parameters
+from grader.exercises.runner import AnyKind, build_case_trials, load_kinds, read_parameters, refuse_text
+from grader.questions import ModelXml, Question
+from grader.questions.kinds.script import ScriptQuestion
 
 Boxes = NDArray[np.float64]
 """Accepted boxes, one for each draw: (draws, coordinates, 2), the last axis lowest and highest."""
@@ -31,34 +32,40 @@ WIDEST = 2.0**60
 """No tolerance is widened by more than this factor."""
 
 
-def chance_of_luck(question: CodeQuestion, model_xml: ModelXml, text_of: TextOf = no_text) -> tuple[float, float]:
+def compute_chance_of_luck(
+    question: Question, model_xml: ModelXml, text_of: TextOf = refuse_text
+) -> tuple[float, float]:
     """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
 
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
     or draws nothing, counts as 1. The cases after the product is small enough are not drawn.
+    `question` must be an exercise.
     """
-    kind = installed_kinds()[question.check.kind]
+    assert isinstance(question, ScriptQuestion)
+    kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
     content = Content(question.entry, model_xml, text_of)
     chance = 1.0
     for index, case in enumerate(parameters.cases):
         if chance > parameters.luck:
-            chance *= chance_of_case(kind, parameters, case, content, index)
+            chance *= compute_chance_of_case(kind, parameters, case, content, index)
     return chance, parameters.luck
 
 
-def chance_of_case(kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int) -> float:
+def compute_chance_of_case(
+    kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int
+) -> float:
     """Returns the chance that the best fixed answer is right in one case."""
     drawn: list[Sequence[Intervals]] = []
     for seed in range(DRAWS):
-        parts = kind.accepted(parameters, case_trials(kind, parameters, case, content, [seed, index]))
+        parts = kind.list_accepted(parameters, build_case_trials(kind, parameters, case, content, [seed, index]))
         if parts is None or (seed == 1 and parts == drawn[0]):
             return 1.0
         drawn.append(parts)
-    return prod(chance_of_part(boxes_of(part)) for part in zip(*drawn, strict=True))
+    return prod(compute_chance_of_part(select_boxes(part)) for part in zip(*drawn, strict=True))
 
 
-def boxes_of(part: Sequence[Intervals]) -> Boxes:
+def select_boxes(part: Sequence[Intervals]) -> Boxes:
     """Returns the two coordinates with the widest spread relative to their tolerance.
 
     Leaving out the others can only raise the chance. Where the length of an answer is drawn too, only the coordinates
@@ -66,11 +73,11 @@ def boxes_of(part: Sequence[Intervals]) -> Boxes:
     """
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
-    ratios = [ratio(intervals) for intervals in boxes.swapaxes(0, 1)]
+    ratios = [compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)]
     return boxes[:, np.argsort(ratios)[-2:]]
 
 
-def ratio(intervals: NDArray[np.float64]) -> float:
+def compute_spread(intervals: NDArray[np.float64]) -> float:
     """Returns how many times wider the lower ends of finite intervals (draws, 2) are spread than an interval is."""
     finite = intervals[np.isfinite(intervals[:, 0])]
     if not len(finite):
@@ -79,7 +86,7 @@ def ratio(intervals: NDArray[np.float64]) -> float:
     return float(np.std(finite[:, 0])) / width if width else inf
 
 
-def chance_of_part(boxes: Boxes) -> float:
+def compute_chance_of_part(boxes: Boxes) -> float:
     """Returns an upper bound of the largest share of boxes that one point lies in.
 
     Where at least FEW draws share a point, their share is counted. Else the boxes are widened until FEW share one,
@@ -87,37 +94,40 @@ def chance_of_part(boxes: Boxes) -> float:
     without structure below the spacing of the draws. Where equal draws show that there is such structure, and where
     the share does not grow, nothing is carried back.
     """
-    found: list[tuple[float, int]] = []
+    counts: list[tuple[float, int]] = []
     widened = 1.0
-    while widened < WIDEST and (not found or found[-1][1] < MANY):
-        found.append((widened, deepest(boxes, widened)))
+    while widened < WIDEST and (not counts or counts[-1][1] < MANY):
+        counts.append((widened, count_deepest(boxes, widened)))
         widened *= GROWTH
-    few = next((one for one in found if one[1] >= FEW), found[-1])
-    share = upper_bound(few[1], len(boxes))
+    few = next((one for one in counts if one[1] >= FEW), counts[-1])
+    share = compute_upper_bound(few[1], len(boxes))
     if few[0] == 1:
         return share
     equal = int(np.max(np.unique(boxes, axis=0, return_counts=True)[1]))
-    if equal > 1 or found[-1][1] < MANY:
-        return upper_bound(max(equal, found[0][1]), len(boxes))
-    dimensions = log(found[-1][1] / few[1]) / log(found[-1][0] / few[0])
+    if equal > 1 or counts[-1][1] < MANY:
+        return compute_upper_bound(max(equal, counts[0][1]), len(boxes))
+    dimensions = log(counts[-1][1] / few[1]) / log(counts[-1][0] / few[0])
     return float(share / few[0] ** min(dimensions, boxes.shape[1]))
 
 
-def deepest(boxes: Boxes, widened: float) -> int:
+def count_deepest(boxes: Boxes, widened: float) -> int:
     """Returns the largest number of boxes that share a point, after each box is widened about its centre."""
     lows, highs = boxes[..., 0], boxes[..., 1]
     with np.errstate(invalid="ignore"):
         shift = np.nan_to_num((highs - lows) * (widened - 1) / 2)
-    held = [holds(low, high).astype(np.float32) for low, high in zip((lows - shift).T, (highs + shift).T, strict=True)]
+    held = [
+        find_overlaps(low, high).astype(np.float32)
+        for low, high in zip((lows - shift).T, (highs + shift).T, strict=True)
+    ]
     together = held[0].T @ held[-1] if len(held) > 1 else held[0].sum(axis=0)
     return int(np.max(together))
 
 
-def holds(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.bool_]:
+def find_overlaps(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Returns [i, k]: whether interval i holds the lower end of interval k; the most crowded point is such an end."""
     return np.asarray((lows[:, None] <= lows) & (lows <= highs[:, None]))
 
 
-def upper_bound(hits: int, draws: int) -> float:
+def compute_upper_bound(hits: int, draws: int) -> float:
     """Returns the upper confidence bound of a share."""
     return 1.0 if hits >= draws else float(special.betaincinv(hits + 1, draws - hits, CONFIDENCE))

@@ -2,21 +2,24 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+
+from grader.domain.numbers import Points, Positive, Range, Value, WholeRange
+
+SIZING = {"replicate", "composite", "flexcomp", "size", "lengthrange", "hfield", "mesh", "texture"}
+"""Elements of which drawn numbers might make a model that is too large to compile."""
+
+CASES_MAX = 50
+"""Most cases of an exercise: each is a run in the jail, and a finding that a learner reads."""
 
 
 class Strict(BaseModel):
     """Frozen; an unknown key is an error. Keys that begin with `x-` are removed before validation."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-Range = tuple[float, float]
-Value = float | Range
-"""A number, or a range from which each submission's seed draws one."""
 
 
 class Number(Strict):
@@ -41,7 +44,7 @@ class Case(Strict):
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str | None = None
     hidden: bool = False
-    points: float = Field(default=1.0, gt=0)
+    points: Points = 1.0
     model: str | None = None
     xml: str | tuple[str, ...] | None = None
     set: dict[str, Value] = Field(default_factory=dict)
@@ -56,8 +59,8 @@ class ExerciseParameters(Strict):
 
     model: str | None = None
     numbers: dict[str, Number] = Field(default_factory=dict)
-    luck: float = Field(default=1e-6, gt=0, le=1)
-    cases: tuple[Case, ...] = Field(min_length=1)
+    luck: Positive = Field(default=1e-6, le=1)
+    cases: tuple[Case, ...] = Field(min_length=1, max_length=CASES_MAX)
 
 
 class WrongParameter(ValueError):
@@ -71,28 +74,37 @@ class WrongParameter(ValueError):
 AnyCase = TypeVar("AnyCase", bound=Case)
 
 
-def known_keys(model: type[BaseModel]) -> set[str]:
+def list_keys(model: type[BaseModel]) -> set[str]:
     """Returns the keys of the parameters and of every part of them."""
     schema = model.model_json_schema()
     return {name for part in (schema, *schema.get("$defs", {}).values()) for name in part.get("properties", ())}
 
 
-def ends(case: AnyCase) -> tuple[AnyCase, ...]:
-    """Returns the case with every range at its lower end, and with every range at its upper end."""
-    sets = (
-        {name: value[end] if isinstance(value, tuple) else value for name, value in case.set.items()} for end in (0, 1)
-    )
-    return tuple(case.model_copy(update={"set": values}) for values in sets)
+def list_ends(case: AnyCase) -> tuple[AnyCase, ...]:
+    """Returns the case with every range at its lower end, and with every range at its upper end; one if they agree."""
+    low, high = (take_end(case, end) for end in (0, 1))
+    return (low,) if low == high else (low, high)
 
 
-def drawn(value: Value, rng: np.random.Generator) -> float:
+def take_end(part: Any, end: int) -> Any:
+    """Returns a part of the parameters with this end in place of every range, at any depth."""
+    if isinstance(part, Range | WholeRange):
+        return part[end]
+    if isinstance(part, BaseModel):
+        return part.model_copy(update={name: take_end(value, end) for name, value in part})
+    if isinstance(part, dict):
+        return {name: take_end(value, end) for name, value in part.items()}
+    return tuple(take_end(value, end) for value in part) if isinstance(part, tuple) else part
+
+
+def draw_number(value: Value, rng: np.random.Generator) -> float:
     """Returns a number unchanged, or one drawn from its range and rounded to four figures."""
     if not isinstance(value, tuple):
         return value
     return float(f"{rng.uniform(*value):.4g}")
 
 
-def with_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:
+def write_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:
     """Writes `values` into the MJCF text `xml`.
 
     Raises:
@@ -105,17 +117,20 @@ def with_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, f
         raise ValueError(f"the model is not XML: {error}") from error
     for name, value in values.items():
         number = numbers[name]
-        found = elements(root, name, number)
+        found = find_elements(root, name, number)
         if not found:
             raise WrongParameter(
                 f"numbers.{name}.element", f"the model has no element {number.element}: correct the path"
             )
+        if fixed := next((element.tag for element in found if element.tag in SIZING), None):
+            why = f"a number may not change a <{fixed}>, which decides how large the model is: write a case for each"
+            raise WrongParameter(f"numbers.{name}.element", why)
         for element in found:
             element.set(number.attribute, number.text.format(repr(float(value))))
     return ET.tostring(root, encoding="unicode")
 
 
-def elements(root: ET.Element, name: str, number: Number) -> list[ET.Element]:
+def find_elements(root: ET.Element, name: str, number: Number) -> list[ET.Element]:
     """Returns the elements that hold a number. Raises WrongParameter where `element` is not a path."""
     try:
         return root.findall(f".//{number.element}")

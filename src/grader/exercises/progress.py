@@ -27,7 +27,7 @@ class Progress:
         self._cases, self._at, self._tell = len(cases), 1, tell
         tell(1, self._cases)
 
-    def heard(self, name: str) -> None:
+    def follow(self, name: str) -> None:
         """A result of this name has arrived: the last trial of a case submits its own when it ends."""
         found = OF_TRIAL.match(name)
         ended = self._ends.get(int(found[1]), 0) if found else 0

@@ -49,10 +49,10 @@ def note(name: str, info: Mapping[str, Any] | None = None, numbers: Any = ()) ->
         return False
     text = json.dumps(info).encode() if info else b""
     values = numbers if type(numbers) is bytes else np.asarray(numbers, dtype="<f8").tobytes()
-    return keep(note_of(name, text, values))
+    return keep(encode_note(name, text, values))
 
 
-def note_of(name: str, text: bytes, values: bytes) -> bytes:
+def encode_note(name: str, text: bytes, values: bytes) -> bytes:
     """Returns the bytes of a note."""
     label, count = name.encode("ascii"), len(values) // 8
     return b"".join(
@@ -60,7 +60,7 @@ def note_of(name: str, text: bytes, values: bytes) -> bytes:
     )
 
 
-NOTHING = note_of("returned", b'{"type": "NoneType"}', b"")
+NOTHING = encode_note("returned", b'{"type": "NoneType"}', b"")
 """The note of a function that returned None, as the functions of some kinds do in every step."""
 
 

@@ -21,16 +21,15 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from grader.domain.misread import misread, without_remarks
-from grader.domain.quiz import CodeQuestion, ModelXml
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError, NotFound
 from grader.exercises import catching, harness, recorder
-from grader.exercises.crashes import clear, hidden_slip
+from grader.exercises.crashes import explain_error, explain_hidden_slip
 from grader.exercises.kind import (
     Content,
     DrawnCase,
-    Judged,
+    JudgedTrial,
     Judgement,
     Kind,
     LazyAnswer,
@@ -42,12 +41,14 @@ from grader.exercises.parameters import (
     Case,
     ExerciseParameters,
     WrongParameter,
-    drawn,
-    ends,
-    known_keys,
-    with_numbers,
+    draw_number,
+    list_ends,
+    list_keys,
+    write_numbers,
 )
 from grader.exercises.trace import NO_TRACE, is_line, read_traces
+from grader.questions import ModelXml, Question
+from grader.questions.kinds.script import ScriptQuestion
 
 TRACES = {False: "traces", True: "hidden_traces"}
 """The names of the results that hold the traces of the visible and of the hidden trials."""
@@ -56,7 +57,7 @@ GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
 
 NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
-NUMBERS_TOLD, FIGURES_TOLD = 12, 2
+NUMBERS_MAX, FIGURES_MAX = 12, 2
 """Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
 
 STEPPED = (
@@ -75,33 +76,33 @@ ALL_TYPES = [one.__name__ for one in vars(types).values() if isinstance(one, typ
 OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
 
 
-def no_text(path: str) -> str:
+def refuse_text(path: str) -> str:
     """Raises NotFound: there is no content folder to read from."""
     raise NotFound(f"{path} cannot be read: there is no content folder here")
 
 
 AnyKind = Kind[Any, Any, Any]
 AnyTrial = Trial[Any]
-AnyJudged = Judged[Any, Any]
+AnyJudged = JudgedTrial[Any, Any]
 
 
 @cache
-def installed_kinds() -> Mapping[str, AnyKind]:
+def load_kinds() -> Mapping[str, AnyKind]:
     """Returns every installed kind by its name.
 
     Raises GraderError if two packages claim one name, or if a kind cannot be loaded.
     """
-    found: dict[str, AnyKind] = {}
+    kinds: dict[str, AnyKind] = {}
     for point in entry_points(group=GROUP):
-        if point.name in found:
+        if point.name in kinds:
             raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: uninstall one of them")
         try:
-            found[point.name] = point.load()()
+            kinds[point.name] = point.load()()
         except Exception as error:  # code of another package: anything may be raised
             package = point.dist.name if point.dist else "its package"
             why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
             raise GraderError(f"the exercise kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
-    return found
+    return kinds
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,9 @@ class Plan:
     parameters: ExerciseParameters
     trials: tuple[AnyTrial, ...]
 
-    def job(self, source: str, limits: Limits) -> Job:
+    def build_job(self, source: str, limits: Limits) -> Job:
         """Returns the job of the jail for a script."""
-        watch = f"watch_exceptions({code_of(getsource(catching))})\n" if "except" in source else ""
+        watch = f"watch_exceptions({embed_code(getsource(catching))})\n" if "except" in source else ""
         return Job(
             source,
             f"{self.driver}{watch}",
@@ -131,85 +132,105 @@ class Plan:
         )
 
 
-def check_exercise(question: CodeQuestion, model_xml: ModelXml, where: str, text_of: TextOf = no_text) -> list[Fault]:
-    """Returns every fault of the question's `check`, each once; `where` is the quiz file's name."""
-    kind = installed_kinds().get(question.check.kind)
+def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text) -> list[Fault]:
+    """Returns every fault of an exercise's `check`, each once, and none of any other question.
+
+    `where` is the quiz file's name.
+    """
+    if not isinstance(question, ScriptQuestion):
+        return []
+    kind = load_kinds().get(question.check.kind)
     if kind is None:
-        known = ", ".join(sorted(installed_kinds()))
+        known = ", ".join(sorted(load_kinds()))
         why = f"no kind of exercise is called {question.check.kind!r}; use {known}, or install the package that has it"
         return [Fault(where, f"{question.id}.check.kind", why)]
     try:
         parameters = read_parameters(kind, question)
     except ValidationError as error:
-        found = misread_parameters(kind, question, error)
+        found = explain_misread_parameters(kind, question, error)
     else:
-        found = wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
+        found = find_wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
     return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
 
 
-def misread_parameters(kind: AnyKind, question: CodeQuestion, error: ValidationError) -> Iterator[tuple[str, str]]:
+def explain_misread_parameters(
+    kind: AnyKind, question: ScriptQuestion, error: ValidationError
+) -> Iterator[tuple[str, str]]:
     """Yields key and reason of every parameter that pydantic refused."""
-    known = known_keys(kind.parameters)
+    known = list_keys(kind.parameters)
     for place, why in misread(error, question.check.parameters, lambda _: known):
         yield ".".join(map(str, place)), why
 
 
-def read_parameters(kind: AnyKind, question: CodeQuestion) -> ExerciseParameters:
+def read_parameters(kind: AnyKind, question: ScriptQuestion) -> ExerciseParameters:
     """Returns the check's parameters. Raises pydantic.ValidationError."""
-    parameters: ExerciseParameters = kind.parameters.model_validate(without_remarks(question.check.parameters))
+    text = json.dumps(without_remarks(question.check.parameters))
+    parameters: ExerciseParameters = kind.parameters.model_validate_json(text, strict=True)
     return parameters
 
 
-def wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
-    """Builds the trials at both ends of every range; yields key and reason of every parameter that cannot work."""
+def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
+    """Rehearses the trials of every case; yields key and reason of every parameter that cannot work."""
     ids = [case.id for case in parameters.cases]
     trials: list[AnyTrial] = []
     for index, case in enumerate(parameters.cases):
         key = f"cases.{index}"
         if case.id in ids[:index]:
             yield f"{key}.id", f"{case.id} is used twice; give each case its own id"
-        if unknown := list(unknown_numbers(parameters, case, key)):
+        if unknown := list(find_unknown_numbers(parameters, case, key)):
             yield from unknown
             continue
         try:
-            for end in ends(case):
-                made = case_trials(kind, parameters, end, content, [0, index])
-                for trial in made:
-                    kind.rehearse(parameters, trial)
-            trials.extend(made)
+            trials.extend(rehearse_case(kind, parameters, case, content, index))
         except (ValueError, KeyError, GraderError) as error:
             yield getattr(error, "key", key), str(error.args[0])
     if {trial.case.id for trial in trials if trial.case} == {*ids}:
         try:
-            for trial in kind.further_trials(parameters, trials):
+            for trial in kind.build_further_trials(parameters, trials):
                 kind.rehearse(parameters, trial)
         except (ValueError, KeyError) as error:
             yield getattr(error, "key", ""), str(error.args[0])
 
 
-def unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Iterator[tuple[str, str]]:
+def rehearse_case(
+    kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int
+) -> Sequence[AnyTrial]:
+    """Builds and rehearses the trials of a case at both ends of its ranges and for a draw; returns those of the last.
+
+    Raises ValueError, KeyError or GraderError where a trial cannot be built or judged.
+    """
+    ends = [end for end in list_ends(case) if end != case]
+    trials: Sequence[AnyTrial] = ()
+    for one in (*ends, case):
+        trials = build_case_trials(kind, parameters, one, content, [0, index])
+        for trial in trials:
+            kind.rehearse(parameters, trial)
+    return trials
+
+
+def find_unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Iterator[tuple[str, str]]:
     """Yields key and reason of every number that a case sets and `numbers` does not define."""
     known = ", ".join(parameters.numbers) or "none"
     for name in case.set.keys() - parameters.numbers.keys():
         yield f"{key}.set.{name}", f"no number has this name; `numbers` has {known}"
 
 
-def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int, text_of: TextOf = no_text) -> Plan:
+def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text_of: TextOf = refuse_text) -> Plan:
     """Returns the inputs of the jail and the trials for the judge; `seed` draws the numbers of the cases."""
-    kind = installed_kinds()[question.check.kind]
+    kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
     content = Content(question.entry, model_xml, text_of)
     trials: list[AnyTrial] = []
     for index, case in enumerate(parameters.cases):
-        trials.extend(case_trials(kind, parameters, case, content, [seed, index]))
-    trials.extend(kind.further_trials(parameters, trials))
+        trials.extend(build_case_trials(kind, parameters, case, content, [seed, index]))
+    trials.extend(kind.build_further_trials(parameters, trials))
     inputs: dict[bool, list[dict[str, Any]]] = {False: [], True: []}
     for index, trial in enumerate(trials):
         entries = trial.entries or (question.entry,)
         one = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
         inputs[trial.hidden].append(one)
     return Plan(
-        driver=driver_of(kind),
+        driver=build_driver(kind),
         inputs={"trials": inputs[False], "more": bool(inputs[True])},
         hidden_inputs={"trials": inputs[True]} if inputs[True] else {},
         without_integrators=kind.without_integrators,
@@ -218,14 +239,14 @@ def plan_exercise(question: CodeQuestion, model_xml: ModelXml, seed: int, text_o
     )
 
 
-def driver_of(kind: AnyKind) -> str:
+def build_driver(kind: AnyKind) -> str:
     """Returns the driver of the jail: the harness, which loads the recorder and the kind's own driver."""
-    harness_code, recorder_code, kind_code = map(code_of, (getsource(harness), getsource(recorder), kind.driver))
+    harness_code, recorder_code, kind_code = map(embed_code, (getsource(harness), getsource(recorder), kind.driver))
     return f"import base64, marshal\nexec({harness_code})\nload({recorder_code}, {kind_code})\n"
 
 
 @cache
-def code_of(source: str) -> str:
+def embed_code(source: str) -> str:
     """Returns an expression for the code object of a source.
 
     The jail runs the interpreter of this process, and compiling these sources there would cost every run milliseconds.
@@ -236,21 +257,21 @@ def code_of(source: str) -> str:
     return f"marshal.loads(base64.b64decode({base64.b64encode(code).decode()!r}))"
 
 
-def lazy_answers(
-    question: CodeQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = no_text
+def write_lazy_answers(
+    question: ScriptQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = refuse_text
 ) -> list[LazyAnswer]:
     """Returns scripts that do not solve the exercise, with the points that each may earn at most.
 
     The starter may earn none. A script that answers every model alike may earn the points of the visible trials.
     """
-    kind, plan = installed_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
+    kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
-    alike = kind.lazy_answers(question, plan.parameters, plan.trials)
+    alike = kind.write_lazy_answers(question, plan.parameters, plan.trials)
     found = [LazyAnswer(name, source, share * question.points) for name, source in alike.items()]
     return found if starter is None else [LazyAnswer("the starter", starter, 0.0), *found]
 
 
-def case_trials(
+def build_case_trials(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
 ) -> Sequence[AnyTrial]:
     """Returns the trials of one case, hidden with it, which share its points.
@@ -258,17 +279,17 @@ def case_trials(
     Raises WrongParameter, ValueError, KeyError and GraderError.
     """
     rng = np.random.default_rng(seed)
-    numbers = {name: drawn(value, rng) for name, value in case.set.items()}
-    written = model_of(parameters, case, content.model_xml)
+    numbers = {name: draw_number(value, rng) for name, value in case.set.items()}
+    written = read_model(parameters, case, content.model_xml)
     if not written and kind.needs_model:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
-    xml = with_numbers(written, parameters.numbers, numbers) if written else ""
-    made = kind.trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    xml = write_numbers(written, parameters.numbers, numbers) if written else ""
+    made = kind.build_trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
     shares = sum(trial.points for trial in made)
     return [replace(trial, case=case, hidden=case.hidden, points=case.points * trial.points / shares) for trial in made]
 
 
-def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str:
+def read_model(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str:
     """Returns the MJCF text of a case's own model, or of the exercise's; empty if there is neither."""
     if case.model is not None and case.xml is not None:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text), not both")
@@ -284,43 +305,43 @@ def model_of(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) ->
         raise WrongParameter("model", str(error)) from error
 
 
-def prepare_exercise(question: CodeQuestion, plan: Plan) -> None:
+def prepare_exercise(question: ScriptQuestion, plan: Plan) -> None:
     """Computes and caches what judging needs, whatever the script does: to be called while it runs."""
-    kind = installed_kinds()[question.check.kind]
+    kind = load_kinds()[question.check.kind]
     for trial in plan.trials:
         kind.prepare(plan.parameters, trial)
 
 
-def judge_exercise(question: CodeQuestion, plan: Plan, report: RunReport) -> Verdict:
+def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport) -> Verdict:
     """Returns the verdict on a script; one that did not return gets the status of that name, with the reason."""
     if report.stepped:
-        return failed(question, Status.FORBIDDEN, STEPPED)
+        return build_failure(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
-        return failed(question, Status(report.status.value), clear(report.reason))
-    kind = installed_kinds()[question.check.kind]
+        return build_failure(question, Status(report.status.value), explain_error(report.reason))
+    kind = load_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}
-    results = [results_of(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
-    known = {False: None, True: known_words(kind.driver)}
+    results = [select_results(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
+    known = {False: None, True: list_known_words(kind.driver)}
     held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
     raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
-    judged = settled(
+    judged = settle(
         [
-            Judged(trial, why or kind.judge(plan.parameters, trial, part), False, trace)
+            JudgedTrial(trial, why or kind.judge(plan.parameters, trial, part), False, trace)
             for trial, part, why, trace in zip(plan.trials, results, raised, traces, strict=True)
         ]
     )
-    titles = titles_of(plan)
-    findings = findings_of(question, titles, judged)
+    titles = build_titles(plan)
+    findings = build_findings(question, titles, judged)
     if all(raised):
-        return failed(question, Status.CRASHED, f"{titles[0]}: {message_of(judged[0])}", findings)
+        return build_failure(question, Status.CRASHED, f"{titles[0]}: {choose_message(judged[0])}", findings)
     whole = [one for one, why in zip(judged, raised, strict=True) if not why]
-    diagnosis, direction = diagnosis_of(kind, plan, judged, whole)
+    diagnosis, direction = diagnose(kind, plan, judged, whole)
     verdict = verdict_of(
         findings,
         diagnosis=diagnosis,
         direction=direction,
-        evidence=kind.pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
+        evidence=kind.build_pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
@@ -335,22 +356,22 @@ def tells_numbers(sentence: str) -> bool:
     A script that makes up its trace chooses the numbers that a mistake's sentence takes from there.
     """
     figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
-    return len(figures) > NUMBERS_TOLD or any(len(one) > FIGURES_TOLD for one in figures)
+    return len(figures) > NUMBERS_MAX or any(len(one) > FIGURES_MAX for one in figures)
 
 
 @cache
-def known_words(driver: str) -> frozenset[str]:
+def list_known_words(driver: str) -> frozenset[str]:
     """Returns the words that a driver's notes may hold without telling anything that only the script knows."""
     public = (*map(dir, (builtins, np, mujoco, mujoco.MjModel, mujoco.MjData, mujoco.MjOption)), ALL_TYPES)
     return frozenset().union(re.findall(r"\w+", driver), *public)
 
 
-def failed(question: CodeQuestion, status: Status, why: str, findings: tuple[Finding, ...] = ()) -> Verdict:
+def build_failure(question: ScriptQuestion, status: Status, why: str, findings: tuple[Finding, ...] = ()) -> Verdict:
     """Returns a verdict without points."""
     return Verdict(status=status, points=0.0, max_points=question.points, findings=findings, diagnosis=why or None)
 
 
-def results_of(results: Results, index: int) -> dict[str, NDArray[np.generic]]:
+def select_results(results: Results, index: int) -> dict[str, NDArray[np.generic]]:
     """Returns the results of one trial under the driver's own names."""
     prefix = f"t{index}_"
     return {name.removeprefix(prefix): values for name, values in results.items() if name.startswith(prefix)}
@@ -371,10 +392,10 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
     if trial.hidden and not isinstance(vars(builtins).get(what), type):
         what = ""
     place = f", in line {line} of your script" if is_line(line) else ""
-    return Judgement(False, f"{clear(what or 'An exception', place)}.", None)
+    return Judgement(False, f"{explain_error(what or 'An exception', place)}.", None)
 
 
-def settled(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
+def settle(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
     """Decides which trials count: those that passed and need no other, or need one that passed and needs none."""
     firm = {one.trial.id for one in judged if one.judgement.passed and not one.judgement.needs}
     return [
@@ -383,7 +404,7 @@ def settled(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
     ]
 
 
-def titles_of(plan: Plan) -> list[str]:
+def build_titles(plan: Plan) -> list[str]:
     """Returns the title of each trial: that of its case, or a number if the case is hidden, and its own."""
     cases = plan.parameters.cases
     hidden = [case.id for case in cases if case.hidden]
@@ -395,10 +416,10 @@ def titles_of(plan: Plan) -> list[str]:
     ]
 
 
-def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
+def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
     """Returns one finding for each trial, and one that asks for a review if a judgement does."""
     scale = question.points / sum(one.trial.points for one in judged)
-    findings = [finding_of(one, title, one.trial.points * scale) for title, one in zip(titles, judged, strict=True)]
+    findings = [build_finding(one, title, one.trial.points * scale) for title, one in zip(titles, judged, strict=True)]
     reviews = dict.fromkeys(one.judgement.review for one in judged if one.judgement.review)
     if reviews:
         message = " ".join(reviews)
@@ -416,7 +437,7 @@ def findings_of(question: CodeQuestion, titles: Sequence[str], judged: Sequence[
     return tuple(findings)
 
 
-def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
+def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
     """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values.
 
     The detail may say how far the result is off, so the direction leaves it out.
@@ -428,20 +449,20 @@ def finding_of(judged: AnyJudged, title: str, points: float) -> Finding:
         passed=judged.counts,
         points=points if judged.counts else 0.0,
         max_points=points,
-        message=" ".join(filter(None, (message_of(judged), shown.detail))),
-        direction=message_of(judged),
+        message=" ".join(filter(None, (choose_message(judged), shown.detail))),
+        direction=choose_message(judged),
         measured=shown.measured,
         expected=shown.expected,
     )
 
 
-def message_of(judged: AnyJudged) -> str:
+def choose_message(judged: AnyJudged) -> str:
     """Returns the message of the finding: `unmet` where the trial passed but does not count."""
     judgement = judged.judgement
     return judgement.unmet if judgement.passed and not judged.counts else judgement.message
 
 
-def diagnosis_of(
+def diagnose(
     kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]
 ) -> tuple[str | None, str | None]:
     """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding.
@@ -453,15 +474,17 @@ def diagnosis_of(
     if wrong is None:
         return None, None
     first = judged[wrong]
-    message = f"{titles_of(plan)[wrong]}: {message_of(first)}"
+    message = f"{build_titles(plan)[wrong]}: {choose_message(first)}"
     if first not in whole:
         message = f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
         return message, message
-    slip = hidden_slip([one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden])
+    slip = explain_hidden_slip(
+        [one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden]
+    )
     if slip is not None:
         return slip, slip
     hint = first.trial.case.hint if first.trial.case else None
-    mistake = kind.mistake(plan.parameters, whole)
+    mistake = kind.name_mistake(plan.parameters, whole)
     if first.trial.hidden and mistake and tells_numbers(mistake):
         mistake = None
     return mistake or hint or message, hint or message if kind.mistakes_tell_size or not mistake else mistake

@@ -39,7 +39,7 @@ class Note:
 
 
 @dataclass(frozen=True)
-class Returned:
+class ReturnedValue:
     """A value that a function returned.
 
     `type` is the name of its class, `text` that of a string. `shape` is that of an array or the length of a list or
@@ -54,7 +54,7 @@ class Returned:
 
 
 @dataclass(frozen=True)
-class Handled:
+class HandledException:
     """An exception that the `except` clause in line `clause` caught: class, line where it was raised, and how often.
 
     `message` is empty in a hidden trial. The clause may have raised it again.
@@ -74,24 +74,24 @@ class Trace:
     notes: tuple[Note, ...] = ()
     cut: bool = False
 
-    def of(self, name: str) -> list[Note]:
+    def list_notes(self, name: str) -> list[Note]:
         """Returns the notes of one name, in order."""
         return [note for note in self.notes if note.name == name]
 
     @property
-    def returned(self) -> list[Returned]:
+    def returned_values(self) -> list[ReturnedValue]:
         """The first values that the student's functions returned."""
-        return [read_returned(note) for note in self.of("returned")]
+        return [read_returned(note) for note in self.list_notes("returned")]
 
     @property
-    def handled(self) -> list[Handled]:
+    def handled_exceptions(self) -> list[HandledException]:
         """The exceptions that `except` clauses caught; notes that cannot be read are left out."""
-        return [one for note in self.of("handled") if (one := read_handled(note.info))]
+        return [one for note in self.list_notes("handled") if (one := read_handled(note.info))]
 
     @property
-    def printed(self) -> str | None:
+    def printed_text(self) -> str | None:
         """The beginning of what was printed, empty in a hidden trial; None if nothing was."""
-        said = next((note.info.get("text") for note in self.of("printed")), None)
+        said = next((note.info.get("text") for note in self.list_notes("printed")), None)
         return said if isinstance(said, str) else None
 
 
@@ -104,15 +104,15 @@ def read_traces(values: "NDArray[np.generic] | None", known: Container[str] | No
     `grader.exercises.harness` writes the result. `known` is given for hidden trials: a text with a word that is not
     among these is emptied, as the script may have made it of the numbers of a hidden case.
     """
-    found: dict[int, Trace] = {}
+    traces: dict[int, Trace] = {}
     if values is None or values.dtype != np.uint8 or values.ndim != 1:
-        return found
+        return traces
     at = 0
     while at + 8 <= min(len(values), ALL_BYTES_MAX):
         index, size = struct.unpack("<II", values[at : at + 8].tobytes())
-        found[index] = read_trace(values[at + 8 : at + 8 + size], known)
+        traces[index] = read_trace(values[at + 8 : at + 8 + size], known)
         at += 8 + size
-    return found
+    return traces
 
 
 def read_trace(values: "NDArray[np.generic] | None", known: Container[str] | None = None) -> Trace:
@@ -125,18 +125,18 @@ def read_trace(values: "NDArray[np.generic] | None", known: Container[str] | Non
     whole = len(values) <= BYTES_MAX
     try:
         for note in read_notes(raw):
-            notes.append(note if known is None else replace(note, info=in_known_words(note.info, known)))
+            notes.append(note if known is None else replace(note, info=drop_unknown_words(note.info, known)))
     except (ValueError, struct.error, RecursionError):
         whole = False
     return Trace(tuple(note for note in notes if note.name != "cut"), not whole or any(n.name == "cut" for n in notes))
 
 
-def in_known_words(value: Any, known: Container[str]) -> Any:
+def drop_unknown_words(value: Any, known: Container[str]) -> Any:
     """Returns JSON in which each text with an unknown word is empty; numbers of one digit are known."""
     if isinstance(value, dict):
-        return {key: in_known_words(one, known) for key, one in value.items()}
+        return {key: drop_unknown_words(one, known) for key, one in value.items()}
     if isinstance(value, list):
-        return [in_known_words(one, known) for one in value]
+        return [drop_unknown_words(one, known) for one in value]
     if isinstance(value, str):
         words = re.findall(r"\w+", value)
         return value if len(words) <= WORDS_MAX and all(len(w) == 1 or w in known for w in words) else ""
@@ -168,33 +168,33 @@ def read_notes(raw: bytes) -> Iterator[Note]:
         raise ValueError("there are too many notes")
 
 
-def read_returned(note: Note) -> Returned:
+def read_returned(note: Note) -> ReturnedValue:
     """Returns what a note says of a returned value."""
     shape, items = (note.info.get(key) for key in ("shape", "items"))
-    return Returned(
-        type=text_in(note.info, "type"),
-        text=text_in(note.info, "text"),
+    return ReturnedValue(
+        type=get_text(note.info, "type"),
+        text=get_text(note.info, "text"),
         shape=tuple(n for n in shape if is_count(n)) if isinstance(shape, list) else (),
         items=tuple(one for one in items if isinstance(one, str)) if isinstance(items, list) else (),
         numbers=tuple(note.numbers.tolist()),
     )
 
 
-def read_handled(info: Mapping[str, Any]) -> Handled | None:
+def read_handled(info: Mapping[str, Any]) -> HandledException | None:
     """Returns what a note says of a handled exception; None if a line or the count is no number."""
     line, clause, times = (info.get(key) for key in ("line", "clause", "times"))
     if not (is_line(line) and is_line(clause) and is_count(times)):
         return None
-    return Handled(text_in(info, "type"), line, clause, times, text_in(info, "message"))
+    return HandledException(get_text(info, "type"), line, clause, times, get_text(info, "message"))
 
 
-def text_in(info: Mapping[str, Any], key: str) -> str:
+def get_text(info: Mapping[str, Any], key: str) -> str:
     """Returns a text; empty if there is none."""
     found = info.get(key)
     return found if isinstance(found, str) else ""
 
 
-def list_in(info: Mapping[str, Any], key: str) -> list[Any]:
+def get_list(info: Mapping[str, Any], key: str) -> list[Any]:
     """Returns a list; an empty one if there is none."""
     found = info.get(key)
     return found if isinstance(found, list) else []

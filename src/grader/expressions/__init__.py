@@ -1,4 +1,6 @@
-"""The small JavaScript that authors write in labs and answer keys: compiled once, run with a budget.
+"""Compiles and runs the small JavaScript that authors write in labs and answer keys.
+
+A text is compiled once, and each run has a budget:
 
     program = compile_program("data.ctrl[0] = -ctx.kp * data.qpos[0]", "statement", "q3.sim.controller")
     control = program.bind(Machine(model, data))
@@ -10,19 +12,28 @@ list, and nothing else. Loops, calls, texts and arrays are bounded. Everything o
 `values` and `texts` convert what programs give and take, `fields` lists what they reach.
 """
 
-from grader.expressions import fields as fields
-from grader.expressions import texts as texts
-from grader.expressions import values as values
-from grader.expressions.fields import DATA_RESULTS as DATA_RESULTS
-from grader.expressions.fields import DATA_STATE as DATA_STATE
-from grader.expressions.machine import Machine as Machine
-from grader.expressions.program import Program as Program
-from grader.expressions.program import Run as Run
-from grader.expressions.program import compile_program as compile_program
-from grader.expressions.syntax import ProgramKind as ProgramKind
-from grader.expressions.values import UNDEFINED as UNDEFINED
-from grader.expressions.values import Trouble as Trouble
-from grader.expressions.values import Value as Value
-from grader.expressions.values import Vector as Vector
-from grader.expressions.values import to_boolean as to_boolean
-from grader.expressions.values import to_number as to_number
+from grader.expressions import fields, texts, values
+from grader.expressions.fields import DATA_RESULTS, DATA_STATE
+from grader.expressions.machine import Machine
+from grader.expressions.program import Program, Run, compile_program
+from grader.expressions.syntax import ProgramKind
+from grader.expressions.values import UNDEFINED, RunError, Value, Vector, to_boolean, to_number
+
+__all__ = [
+    "DATA_RESULTS",
+    "DATA_STATE",
+    "UNDEFINED",
+    "Machine",
+    "Program",
+    "ProgramKind",
+    "Run",
+    "RunError",
+    "Value",
+    "Vector",
+    "compile_program",
+    "fields",
+    "texts",
+    "to_boolean",
+    "to_number",
+    "values",
+]

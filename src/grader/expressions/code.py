@@ -27,7 +27,7 @@ OWN_NAME = re.compile(r"[a-z][0-9]+|run|make|given|machine|budget|ctx|error|fail
 UNPLACED = 1
 """The line number of code whose errors belong to the place that called it."""
 
-PAY = "budget[0] += 1\nif budget[0] > budget[1]: exhausted()"
+PAY = "budget[0] += 1\nif budget[0] > budget[1]: raise_exhausted()"
 """Use up one tick of the budget, and fail where none is left."""
 
 Part = ast.expr | str | list[ast.expr] | list[ast.stmt]
@@ -55,20 +55,20 @@ class Term:
         return Kind.ANY if self.kind is Kind.ELEMENT else self.kind
 
 
-def join(one: Kind, other: Kind) -> Kind:
+def join_kinds(one: Kind, other: Kind) -> Kind:
     """What is known of a value that may be either."""
     return one if one is other else Kind.ANY
 
 
-def lines(template: str, **parts: Part) -> list[ast.stmt]:
-    """The statements of a template. Where a list fills a place, its nodes stand there side by side."""
-    filled: list[ast.stmt] = _filled(_parsed(template).body, parts)
+def build_statements(template: str, **parts: Part) -> list[ast.stmt]:
+    """Returns the statements of a template. Where a list fills a place, its nodes stand there side by side."""
+    filled: list[ast.stmt] = _fill(_parsed(template).body, parts)
     return filled
 
 
-def code(template: str, **parts: Part) -> ast.expr:
-    """The expression of a template."""
-    (statement,) = lines(template, **parts)
+def build_expression(template: str, **parts: Part) -> ast.expr:
+    """Returns the expression of a template."""
+    (statement,) = build_statements(template, **parts)
     assert isinstance(statement, ast.Expr), template
     return statement.value
 
@@ -76,39 +76,39 @@ def code(template: str, **parts: Part) -> ast.expr:
 _parsed = functools.lru_cache(maxsize=256)(ast.parse)
 
 
-def _filled(node: Any, parts: Mapping[str, Part]) -> Any:
-    """A copy of a node, or of a list of them, without positions."""
+def _fill(node: Any, parts: Mapping[str, Part]) -> Any:
+    """Returns a copy of a node, or of a list of them, without positions."""
     if isinstance(node, list):
-        made = [_filled(child, parts) for child in node]
+        made = [_fill(child, parts) for child in node]
         return [one for child in made for one in (child if isinstance(child, list) else [child])]
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Name):
-        inner = _filled(node.value, parts)
+        inner = _fill(node.value, parts)
         return inner if isinstance(inner, list) else ast.Expr(inner)
     if isinstance(node, ast.Name):
         part = parts.get(node.id, node.id)
         return ast.Name(part, node.ctx) if isinstance(part, str) else part
     if isinstance(node, ast.AST):
-        return type(node)(**{field: _filled(value, parts) for field, value in ast.iter_fields(node)})
+        return type(node)(**{field: _fill(value, parts) for field, value in ast.iter_fields(node)})
     return node
 
 
-def name(identifier: str) -> ast.expr:
-    """A variable that is read."""
+def build_name(identifier: str) -> ast.expr:
+    """Returns a variable that is read."""
     return ast.Name(identifier, ast.Load())
 
 
-def constant(value: float | bool | str | None) -> Term:
-    """A value that is known when compiling."""
+def build_constant(value: float | bool | str | None) -> Term:
+    """Returns a value that is known when compiling."""
     kind = Kind.NUMBER if isinstance(value, float) else Kind.BOOLEAN if isinstance(value, bool) else Kind.ANY
     return Term(ast.Constant(value), kind)
 
 
-def in_turn(*values: ast.expr) -> ast.expr:
+def build_sequence(*values: ast.expr) -> ast.expr:
     """Code that evaluates all the values, and gives the last."""
-    return values[0] if len(values) == 1 else code("(VALUES,)[-1]", VALUES=list(values))
+    return values[0] if len(values) == 1 else build_expression("(VALUES,)[-1]", VALUES=list(values))
 
 
-def finish(node: ast.AST, line: int = UNPLACED) -> None:
+def finish_code(node: ast.AST, line: int = UNPLACED) -> None:
     """Give every node its line number, and check that nothing but our own nodes and names is there."""
     assert isinstance(node, ALLOWED), type(node)
     identifier = getattr(node, "id", None) or getattr(node, "arg", None)
@@ -118,4 +118,4 @@ def finish(node: ast.AST, line: int = UNPLACED) -> None:
         node.lineno = node.end_lineno = line
         node.col_offset = node.end_col_offset = 0
     for child in ast.iter_child_nodes(node):
-        finish(child, line)
+        finish_code(child, line)

@@ -7,18 +7,18 @@ Source: https://mujoco.readthedocs.io/en/stable/APIreference/APItypes.html (mjMo
 """
 
 
-def names(text: str) -> frozenset[str]:
-    """The words of a text."""
+def split_names(text: str) -> frozenset[str]:
+    """Returns the words of a text."""
     return frozenset(text.split())
 
 
-MODEL_SIZES = names("""
+MODEL_SIZES = split_names("""
     nq nv nu na nbody njnt ngeom nsite ncam nlight nmesh ntendon neq npair nexclude nsensor nsensordata nkey nmocap
     nuserdata nnumeric
 """)
 """Whole numbers that a compiled model never changes."""
 
-MODEL_PARAMETERS = names("""
+MODEL_PARAMETERS = split_names("""
     qpos0 qpos_spring body_pos body_quat body_ipos body_iquat body_mass body_inertia body_gravcomp jnt_pos jnt_axis
     jnt_stiffness jnt_range jnt_margin jnt_limited jnt_solref jnt_solimp jnt_actfrcrange dof_damping dof_armature
     dof_frictionloss dof_solref dof_solimp geom_pos geom_quat geom_size geom_friction geom_margin geom_gap geom_solmix
@@ -32,7 +32,7 @@ MODEL_PARAMETERS = names("""
 """)
 """Arrays of the model that may be written."""
 
-MODEL_FIXED = names("""
+MODEL_FIXED = split_names("""
     body_parentid body_rootid body_weldid body_mocapid body_jntnum body_jntadr body_dofnum body_dofadr body_geomnum
     body_geomadr body_subtreemass body_invweight0 jnt_type jnt_qposadr jnt_dofadr jnt_bodyid dof_bodyid dof_jntid
     dof_parentid dof_M0 dof_invweight0 geom_type geom_bodyid geom_condim geom_priority geom_rbound geom_aabb site_type
@@ -42,12 +42,12 @@ MODEL_FIXED = names("""
 """)
 """Arrays of the model that can only be read."""
 
-DATA_STATE = names("""
+DATA_STATE = split_names("""
     qpos qvel act ctrl qfrc_applied xfrc_applied eq_active mocap_pos mocap_quat qacc_warmstart userdata
 """)
 """Arrays of the data that may be written."""
 
-DATA_RESULTS = names("""
+DATA_RESULTS = split_names("""
     qacc qacc_smooth act_dot energy sensordata xpos xquat xmat xipos ximat xanchor xaxis geom_xpos geom_xmat site_xpos
     site_xmat cam_xpos cam_xmat light_xpos subtree_com subtree_linvel subtree_angmom cvel cacc cfrc_int cfrc_ext cdof
     cinert ten_length ten_velocity actuator_length actuator_velocity actuator_force qfrc_bias qfrc_passive qfrc_spring
@@ -55,28 +55,28 @@ DATA_RESULTS = names("""
 """)
 """Arrays of the data that can only be read."""
 
-DATA_COUNTS = names("ncon nefc ne nf nl nisland")
+DATA_COUNTS = split_names("ncon nefc ne nf nl nisland")
 """Whole numbers of the data, which change in a run."""
 
-CTX_FORBIDDEN = names("""
+CTX_FORBIDDEN = split_names("""
     constructor prototype toString valueOf hasOwnProperty isPrototypeOf propertyIsEnumerable toLocaleString caller
     callee arguments
 """)
 """Names of `ctx` that mean something else in JavaScript; so do those that begin with two underscores."""
 
-OPTION_VECTORS = names("gravity wind magnetic o_solref o_solimp o_friction")
+OPTION_VECTORS = split_names("gravity wind magnetic o_solref o_solimp o_friction")
 """Arrays of model.opt, which may be written."""
 
 OPTION_SCALARS: dict[str, tuple[float, float]] = {
     "timestep": (1e-6, 10),
     "integrator": (0, 4),
     "cone": (0, 1),
-    **dict.fromkeys(names("jacobian solver"), (0, 2)),
-    **dict.fromkeys(names("iterations ls_iterations noslip_iterations ccd_iterations"), (0, 1000)),
-    **dict.fromkeys(names("tolerance ls_tolerance noslip_tolerance ccd_tolerance"), (0, 1)),
+    **dict.fromkeys(split_names("jacobian solver"), (0, 2)),
+    **dict.fromkeys(split_names("iterations ls_iterations noslip_iterations ccd_iterations"), (0, 1000)),
+    **dict.fromkeys(split_names("tolerance ls_tolerance noslip_tolerance ccd_tolerance"), (0, 1)),
     "impratio": (1e-6, 1e6),
-    **dict.fromkeys(names("density viscosity"), (0, 1e6)),
+    **dict.fromkeys(split_names("density viscosity"), (0, 1e6)),
     "o_margin": (-1e3, 1e3),
-    **dict.fromkeys(names("disableflags enableflags disableactuator"), (0, 2**31 - 1)),
+    **dict.fromkeys(split_names("disableflags enableflags disableactuator"), (0, 2**31 - 1)),
 }
 """Name: smallest and largest value that may be written; beyond some of them MuJoCo aborts or a step never ends."""

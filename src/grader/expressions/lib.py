@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from grader.expressions import values
 from grader.expressions.machine import Machine
-from grader.expressions.mathematics import Numeric, largest, smallest
-from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
+from grader.expressions.mathematics import Numeric, find_largest, find_smallest
+from grader.expressions.values import UNDEFINED, Record, RunError, Value, Vector
 
 
-def _identity(m: Machine, kind: str, name: Value) -> int:
-    """The index of a named object. Raises Trouble where the model has none of that name."""
+def _find_id(m: Machine, kind: str, name: Value) -> int:
+    """Returns the index of a named object. Raises RunError where the model has none of that name."""
     text = values.from_units(values.to_string(name))
     found: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
     if found < 0:
-        raise Trouble(f"the model has no {kind} named {text!r}")
+        raise RunError(f"the model has no {kind} named {text!r}")
     return found
 
 
-def _named(m: Machine, kind: str, name: Value) -> Any:
+def _view(m: Machine, kind: str, name: Value) -> Any:
     """MuJoCo's view of a named object's fields, such as `.xpos` of a body."""
-    return getattr(m.data, kind)(_identity(m, kind, name))
+    return getattr(m.data, kind)(_find_id(m, kind, name))
 
 
 def _one_or_all(row: NDArray[np.float64]) -> Value:
@@ -40,36 +40,36 @@ def _energy(m: Machine) -> Value:
 
 def _body_velocity(m: Machine, name: Value) -> Value:
     result = np.zeros(6)
-    mujoco.mj_objectVelocity(m.model, m.data, mujoco.mjtObj.mjOBJ_BODY, _identity(m, "body", name), result, 0)
+    mujoco.mj_objectVelocity(m.model, m.data, mujoco.mjtObj.mjOBJ_BODY, _find_id(m, "body", name), result, 0)
     return [*map(float, result[3:])]
 
 
-def _touching(m: Machine, geom: Value) -> list[int]:
-    """The contacts of a geom (by name or number), or all of them."""
+def _find_contacts(m: Machine, geom: Value) -> list[int]:
+    """Returns the contacts of a geom (by name or number), or all of them."""
     wanted: int | None = None
     if isinstance(geom, float):
         wanted = int(geom) if geom.is_integer() else -1
     elif geom is not UNDEFINED and geom is not None:
-        wanted = _identity(m, "geom", geom)
+        wanted = _find_id(m, "geom", geom)
     pairs: Any = m.data.contact.geom
     return [i for i in range(m.data.ncon) if wanted is None or wanted in pairs[i]]
 
 
 def _normal_force(m: Machine, geom: Value) -> Value:
     force, total = np.zeros(6), 0.0
-    for i in _touching(m, geom):
+    for i in _find_contacts(m, geom):
         mujoco.mj_contactForce(m.model, m.data, i, force)
         total += float(force[0])
     return total
 
 
 def _contact_pairs(m: Machine) -> Value:
-    """The geoms of every contact; one without a name is called by its body."""
+    """Returns the geoms of every contact; one without a name is called by its body."""
 
     def name(geom: int) -> str:
         body = int(m.model.geom_bodyid[geom])
         named = mujoco.mj_id2name(m.model, mujoco.mjtObj.mjOBJ_GEOM, geom)
-        return values.in_units(named or mujoco.mj_id2name(m.model, mujoco.mjtObj.mjOBJ_BODY, body) or "")
+        return values.to_units(named or mujoco.mj_id2name(m.model, mujoco.mjtObj.mjOBJ_BODY, body) or "")
 
     return [" / ".join(map(name, pair)) for pair in m.data.contact.geom.tolist()]
 
@@ -91,7 +91,7 @@ def _rows_of_jacobian(m: Machine, name: Value, columns: Value) -> NDArray[np.flo
     site = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_SITE, text)
     body = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_BODY, text)
     if site < 0 and body < 0:
-        raise Trouble(f"the model has no site or body named {text!r}")
+        raise RunError(f"the model has no site or body named {text!r}")
     _pay_for(m, 6)
     rows = np.zeros((6, m.model.nv))
     if site >= 0:
@@ -121,21 +121,21 @@ def _singular_values(m: Machine, name: Value, options: Value) -> Value:
 
 def _array(value: Value) -> list[float]:
     if isinstance(value, list | Vector):
-        return [values.to_number(x) for x in values.items_of(value)]
-    raise Trouble("an array is needed here")
+        return [values.to_number(x) for x in values.list_items(value)]
+    raise RunError("an array is needed here")
 
 
 def _dot(m: Machine, a: Value, b: Value) -> Value:
     left, right = _array(a), _array(b)
     if len(left) != len(right):
-        raise Trouble("two arrays of one length are needed here")
+        raise RunError("two arrays of one length are needed here")
     return float(sum(x * y for x, y in zip(left, right, strict=True)))
 
 
 def _cross(m: Machine, a: Value, b: Value) -> Value:
     left, right = _array(a), _array(b)
     if not len(left) == len(right) == 3:
-        raise Trouble("two arrays of three numbers are needed here")
+        raise RunError("two arrays of three numbers are needed here")
     return [*map(float, np.cross(left, right))]
 
 
@@ -143,23 +143,23 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     # {total, kinetic, potential} [J], of the start of the last step, as MuJoCo computes it
     "energy": _energy,
     # world position [x, y, z] [m]
-    "bodyPos": lambda m, name: _named(m, "body", name).xpos.tolist(),
-    "sitePos": lambda m, name: _named(m, "site", name).xpos.tolist(),
-    "geomPos": lambda m, name: _named(m, "geom", name).xpos.tolist(),
+    "bodyPos": lambda m, name: _view(m, "body", name).xpos.tolist(),
+    "sitePos": lambda m, name: _view(m, "site", name).xpos.tolist(),
+    "geomPos": lambda m, name: _view(m, "geom", name).xpos.tolist(),
     # linear velocity of the body's centre of mass [x, y, z] [m/s]
     "bodyVel": _body_velocity,
     # a joint's position and velocity, a sensor's reading: a number where there is one, else an array
-    "qpos": lambda m, name: _one_or_all(_named(m, "joint", name).qpos),
-    "qvel": lambda m, name: _one_or_all(_named(m, "joint", name).qvel),
-    "sensor": lambda m, name: _one_or_all(_named(m, "sensor", name).data),
+    "qpos": lambda m, name: _one_or_all(_view(m, "joint", name).qpos),
+    "qvel": lambda m, name: _one_or_all(_view(m, "joint", name).qvel),
+    "sensor": lambda m, name: _one_or_all(_view(m, "sensor", name).data),
     # sum of the normal contact forces [N], and number of contacts; of one geom where it is given
     "normalForce": _normal_force,
-    "contacts": lambda m, geom: float(len(_touching(m, geom))),
+    "contacts": lambda m, geom: float(len(_find_contacts(m, geom))),
     # the geoms of every contact, as "floor / ball"
     "contactPairs": _contact_pairs,
     # the number of a body, of a joint
-    "bodyId": lambda m, name: float(_identity(m, "body", name)),
-    "jointId": lambda m, name: float(_identity(m, "joint", name)),
+    "bodyId": lambda m, name: float(_find_id(m, "body", name)),
+    "jointId": lambda m, name: float(_find_id(m, "joint", name)),
     # the inertia at the present qpos, (nv, nv), as rows
     "massMatrix": _mass_matrix,
     # of a site or body: 3 rows of translation, 3 of rotation, (6, nv) or as many columns as are asked for; and its
@@ -178,7 +178,7 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
 NUMERIC: dict[str, Numeric] = {
     "deg": lambda x: x * 180 / math.pi,
     "rad": lambda x: x * math.pi / 180,
-    "clamp": lambda x, low, high: smallest(largest(x, low), high),
+    "clamp": lambda x, low, high: find_smallest(find_largest(x, low), high),
 }
 """Functions of numbers alone: radians to degrees, degrees to radians, x within low..high."""
 

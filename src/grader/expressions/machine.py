@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import mujoco
 
-from grader.expressions.values import UNDEFINED, Trouble, Value, Vector
+from grader.expressions.values import UNDEFINED, RunError, Value, Vector
 
 TICKS_PER_EVALUATION = 100_000
 TICKS_PER_RUN = 3_000_000
@@ -31,19 +31,19 @@ class Machine:
         self.bound: dict[object, Any] = {}
 
     def tick(self, count: int = 1) -> bool:
-        """Use up part of the budget; always true. Raises Trouble where none is left."""
+        """Use up part of the budget; always true. Raises RunError where none is left."""
         self.budget[0] += count
         if self.budget[0] > self.budget[1]:
-            exhausted()
+            raise_exhausted()
         return True
 
 
-def exhausted() -> NoReturn:
+def raise_exhausted() -> NoReturn:
     """Raise the error of a budget that is used up."""
-    raise Trouble("it takes too many steps: does a loop never end?")
+    raise RunError("it takes too many steps: does a loop never end?")
 
 
-def arity(function: Callable[..., Value]) -> int | None:
+def count_arguments(function: Callable[..., Value]) -> int | None:
     """How many arguments a function takes; None where it takes any number."""
     kinds = [parameter.kind for parameter in inspect.signature(function).parameters.values()]
     return (
@@ -51,16 +51,16 @@ def arity(function: Callable[..., Value]) -> int | None:
     )
 
 
-def lenient(function: Callable[..., Value]) -> Callable[..., Value]:
-    """The function as JavaScript calls it: missing arguments are undefined, further ones are ignored."""
-    count, defaults = arity(function), function.__defaults__ or ()
+def make_lenient(function: Callable[..., Value]) -> Callable[..., Value]:
+    """Returns the function as JavaScript calls it: missing arguments are undefined, further ones are ignored."""
+    count, defaults = count_arguments(function), function.__defaults__ or ()
     if count is None:
         return function
     needed = count - len(defaults)
     return wraps(function)(lambda *args: function(*args[:count], *[UNDEFINED] * (needed - len(args))))
 
 
-def callback_of(function: Callable[..., Value]) -> tuple[int, bool] | None:
+def find_callback(function: Callable[..., Value]) -> tuple[int, bool] | None:
     """Which of an author's arguments is itself a function, if one is, and whether it may not be missing.
 
     It is the parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author.

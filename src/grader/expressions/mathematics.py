@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from grader.expressions.fields import names
+from grader.expressions.fields import split_names
 from grader.expressions.values import power
 
 Numeric = Callable[..., float]
@@ -34,10 +34,10 @@ CONSTANTS = {
 }
 
 
-def _total(function: Callable[[float], float], poles: Mapping[float, float] = MappingProxyType({})) -> Numeric:
+def _make_total(function: Callable[[float], float], poles: Mapping[float, float] = MappingProxyType({})) -> Numeric:
     """The function with its values at `poles`, NaN elsewhere outside its domain, and infinities for what overflows."""
 
-    def called(x: float) -> float:
+    def call(x: float) -> float:
         try:
             return function(x)
         except ValueError:
@@ -45,15 +45,15 @@ def _total(function: Callable[[float], float], poles: Mapping[float, float] = Ma
         except OverflowError:
             return math.copysign(math.inf, x)
 
-    return called
+    return call
 
 
-def _rounded(function: Callable[[float], int]) -> Numeric:
+def _make_rounding(function: Callable[[float], int]) -> Numeric:
     """Rounding that keeps the sign of zero, infinities and NaN."""
     return lambda x: math.copysign(float(function(x)), x) if math.isfinite(x) else x
 
 
-def _half_up(x: float) -> int:
+def _round_half_up(x: float) -> int:
     below = math.floor(x)
     return below + 1 if x - below >= 0.5 else below
 
@@ -63,7 +63,7 @@ def _fround(x: float) -> float:
         return float(np.float32(x))
 
 
-def largest(*numbers: float) -> float:
+def find_largest(*numbers: float) -> float:
     """`Math.max`: NaN if any is NaN; 0 is larger than -0."""
     best = -math.inf
     for x in numbers:
@@ -74,25 +74,28 @@ def largest(*numbers: float) -> float:
     return best
 
 
-def smallest(*numbers: float) -> float:
+def find_smallest(*numbers: float) -> float:
     """`Math.min`: NaN if any is NaN; -0 is smaller than 0."""
-    return -largest(*[-x for x in numbers])
+    return -find_largest(*[-x for x in numbers])
 
 
 FUNCTIONS: dict[str, Numeric] = {
-    **{name: _total(getattr(math, name)) for name in names("sqrt exp expm1 sin cos tan asin acos sinh acosh")},
-    **{name: _total(getattr(math, name), {0.0: -math.inf}) for name in names("log log2 log10")},
-    **{name: _rounded(getattr(math, name)) for name in names("floor ceil trunc")},
-    **{name: getattr(math, name) for name in names("cbrt atan tanh asinh atan2")},
+    **{
+        name: _make_total(getattr(math, name))
+        for name in split_names("sqrt exp expm1 sin cos tan asin acos sinh acosh")
+    },
+    **{name: _make_total(getattr(math, name), {0.0: -math.inf}) for name in split_names("log log2 log10")},
+    **{name: _make_rounding(getattr(math, name)) for name in split_names("floor ceil trunc")},
+    **{name: getattr(math, name) for name in split_names("cbrt atan tanh asinh atan2")},
     "abs": abs,
     "sign": lambda x: x if x == 0 or math.isnan(x) else math.copysign(1.0, x),
-    "round": _rounded(_half_up),
+    "round": _make_rounding(_round_half_up),
     "fround": _fround,
-    "log1p": _total(math.log1p, {-1.0: -math.inf}),
-    "cosh": lambda x: _total(math.cosh)(abs(x)),
-    "atanh": _total(math.atanh, {1.0: math.inf, -1.0: -math.inf}),
+    "log1p": _make_total(math.log1p, {-1.0: -math.inf}),
+    "cosh": lambda x: _make_total(math.cosh)(abs(x)),
+    "atanh": _make_total(math.atanh, {1.0: math.inf, -1.0: -math.inf}),
     "pow": power,
     "hypot": lambda *numbers: math.hypot(*numbers),  # noqa: PLW0108  the built-in has no signature
-    "max": largest,
-    "min": smallest,
+    "max": find_largest,
+    "min": find_smallest,
 }

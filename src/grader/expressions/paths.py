@@ -12,27 +12,27 @@ from grader.expressions import fields, mathematics
 from grader.expressions.machine import Machine
 from grader.expressions.runtime import FUNCTIONS
 from grader.expressions.scope import ROOTS
-from grader.expressions.syntax import Refused, field, text_of
-from grader.expressions.values import UNDEFINED, Trouble, Value, Vector, to_number, weight, write_index
+from grader.expressions.syntax import SyntaxRefused, get_field, read_text
+from grader.expressions.values import UNDEFINED, RunError, Value, Vector, measure_weight, to_number, write_index
 
 ENUMS = {
     name: getattr(mujoco, name).__members__
-    for name in fields.names("""
+    for name in fields.split_names("""
         mjtObj mjtJoint mjtGeom mjtIntegrator mjtSolver mjtCone mjtJacobian mjtDisableBit mjtEnableBit mjtTrn mjtEq
         mjtSensor mjtWarning
     """)
 }
 
 
-def path_of(node: Node) -> str | None:
-    """A name such as `model.opt.timestep` that begins at a root; None for anything else."""
+def find_path(node: Node) -> str | None:
+    """Returns a name such as `model.opt.timestep` that begins at a root; None for anything else."""
     names: list[str] = []
     while node.type == "member_expression" and node.child_by_field_name("optional_chain") is None:
-        names.append(text_of(field(node, "property")))
-        node = field(node, "object")
-    if node.type != "identifier" or text_of(node) not in ROOTS:
+        names.append(read_text(get_field(node, "property")))
+        node = get_field(node, "object")
+    if node.type != "identifier" or read_text(node) not in ROOTS:
         return None
-    return ".".join((text_of(node), *reversed(names)))
+    return ".".join((read_text(node), *reversed(names)))
 
 
 WRITABLE: dict[str | None, bool] = {
@@ -59,12 +59,12 @@ CONSTANTS: dict[str, float] = {
 
 
 def ctx_name(node: Node, path: str) -> str:
-    """The name of a ctx value, if the path is one. Raises Refused for those that mean something else in JavaScript."""
+    """Returns the name of a ctx value, if the path is one. Raises SyntaxRefused for JavaScript's own."""
     owner, _, name = path.rpartition(".")
     if owner != "ctx":
         return ""
     if name.startswith("__") or name in fields.CTX_FORBIDDEN:
-        raise Refused(node, f"{path} is not available")
+        raise SyntaxRefused(node, f"{path} is not available")
     return name
 
 
@@ -74,16 +74,16 @@ _BLANK = Machine(_EMPTY, mujoco.MjData(_EMPTY))
 
 def holds_floats(path: str) -> bool:
     """Whether the elements of the array at an allowed path are floats."""
-    return not _vector(_BLANK, path).whole
+    return not _bind_vector(_BLANK, path).whole
 
 
-def _scalar(m: Machine, path: str) -> Callable[[], float]:
+def _bind_scalar(m: Machine, path: str) -> Callable[[], float]:
     owner, _, name = path.rpartition(".")
     source = attrgetter(owner)(m)
     return lambda: float(getattr(source, name))
 
 
-def _write_scalar(m: Machine, path: str) -> Callable[[Value], Value]:
+def _bind_scalar_writer(m: Machine, path: str) -> Callable[[Value], Value]:
     """Writes the time, or an option within the range that MuJoCo survives; whole numbers where the option is one."""
     owner, _, name = path.rpartition(".")
     target, limits = attrgetter(owner)(m), fields.OPTION_SCALARS.get(name)
@@ -92,15 +92,15 @@ def _write_scalar(m: Machine, path: str) -> Callable[[Value], Value]:
     def write(value: Value) -> Value:
         number = to_number(value)
         if limits is not None and not limits[0] <= number <= limits[1]:
-            raise Trouble(f"{path} must be from {limits[0]:g} to {limits[1]:g}")
+            raise RunError(f"{path} must be from {limits[0]:g} to {limits[1]:g}")
         setattr(target, name, convert(number))
         return value
 
     return write
 
 
-def _vector(m: Machine, path: str) -> Vector:
-    """The field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
+def _bind_vector(m: Machine, path: str) -> Vector:
+    """Returns the field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
     found = m.vectors.get(path)
     if found is None:
         array: Any = attrgetter(path)(m)
@@ -108,35 +108,35 @@ def _vector(m: Machine, path: str) -> Vector:
     return found
 
 
-def _positions(m: Machine, path: str) -> dict[float, int]:
-    """The index in Python of each index in JavaScript."""
-    return {float(i): i for i in range(len(_vector(m, path)))}
+def _bind_positions(m: Machine, path: str) -> dict[float, int]:
+    """Returns the index in Python of each index in JavaScript."""
+    return {float(i): i for i in range(len(_bind_vector(m, path)))}
 
 
-def _write(m: Machine, path: str) -> Callable[[Value, Value], Value]:
+def _bind_writer(m: Machine, path: str) -> Callable[[Value, Value], Value]:
     """Writes an element of a field; what is no float, or not in range, takes the general way."""
-    vector, positions = _vector(m, path), _positions(m, path) if holds_floats(path) else {}
+    vector, positions = _bind_vector(m, path), _bind_positions(m, path) if holds_floats(path) else {}
     view = vector.view
 
     def write(index: Value, value: Value) -> Value:
         if type(index) is type(value) is float and index in positions:
             view[positions[index]] = value
             return value
-        m.tick(weight(value))
+        m.tick(measure_weight(value))
         return write_index(vector, index, value)
 
     return write
 
 
 BINDERS: dict[str, Callable[[Machine, str], object]] = {
-    "vector": _vector,
-    "view": lambda m, path: _vector(m, path).view,
-    "size": lambda m, path: float(len(_vector(m, path))),
-    "positions": _positions,
-    "write": _write,
-    "count": lambda m, path: _scalar(m, path)(),
-    "scalar": _scalar,
-    "write scalar": _write_scalar,
+    "vector": _bind_vector,
+    "view": lambda m, path: _bind_vector(m, path).view,
+    "size": lambda m, path: float(len(_bind_vector(m, path))),
+    "positions": _bind_positions,
+    "write": _bind_writer,
+    "count": lambda m, path: _bind_scalar(m, path)(),
+    "scalar": _bind_scalar,
+    "write scalar": _bind_scalar_writer,
     "function": lambda m, path: FUNCTIONS[path],
     "numeric": lambda m, path: FUNCTIONS[path].numeric,
     "callback": lambda m, path: partial(FUNCTIONS[path].call, m),

@@ -6,26 +6,26 @@ from typing import Any
 import mujoco
 
 from grader.errors import ContentError, Fault, LabError
-from grader.expressions.code import UNPLACED, Kind, finish
+from grader.expressions.code import UNPLACED, Kind, finish_code
 from grader.expressions.machine import Machine
 from grader.expressions.paths import BINDERS
 from grader.expressions.runtime import NAMES
 from grader.expressions.scope import Frame, Scope
 from grader.expressions.statements import Compiler
-from grader.expressions.syntax import START, ProgramKind, Refused, Source
-from grader.expressions.values import UNDEFINED, Trouble, Value
+from grader.expressions.syntax import START, ProgramKind, Source, SyntaxRefused
+from grader.expressions.values import UNDEFINED, RunError, Value
 
 FILE = "<expression>"
 PASSES_MAX = 4
 """After so many attempts to learn what is known of the variables, nothing is taken to be known."""
 
-FAILURES = (Trouble, mujoco.FatalError, RecursionError)
+FAILURES = (RunError, mujoco.FatalError, RecursionError)
 
 Run = Callable[..., Value]
 
 
 class Program:
-    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. Raises Refused."""
+    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. Raises SyntaxRefused."""
 
     def __init__(self, source: Source, where: str) -> None:
         self.source, self.where = source, where
@@ -34,17 +34,17 @@ class Program:
         for attempt in range(PASSES_MAX + 1):
             compiler = Compiler(kinds if attempt < PASSES_MAX else None)
             module = compiler.program(Scope(Frame()), tree)
-            if kinds == compiler.found:
+            if kinds == compiler.variable_kinds:
                 break
-            kinds = compiler.found
-        finish(module)
+            kinds = compiler.variable_kinds
+        finish_code(module)
         space: dict[str, Any] = {"__builtins__": {}, **NAMES}
         exec(compile(module, FILE, "exec"), space)  # noqa: S102  nodes and names of our own only, see code.finish
         self.make = space["make"]
         self.needs, self.places = tuple(compiler.needs), compiler.places
 
     def bind(self, machine: Machine) -> Run:
-        """The function `(value=undefined) -> value` that evaluates the program on this machine.
+        """Returns the function `(value=undefined) -> value` that evaluates the program on this machine.
 
         A statement gives undefined, or what it returns. The function raises LabError with line and column.
         """
@@ -60,7 +60,7 @@ class Program:
         return self.bind(machine)(value)
 
     def _failed(self, error: Exception) -> LabError:
-        """The error as it leaves the program, with the innermost place that its traceback names."""
+        """Returns the error as it leaves the program, with the innermost place that its traceback names."""
         point, trace = START, error.__traceback__
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == FILE and trace.tb_lineno > UNPLACED:
@@ -82,5 +82,5 @@ def compile_program(text: str, kind: ProgramKind, where: str) -> Program:
     source = Source(text, kind)
     try:
         return Program(source, where)
-    except Refused as refused:
+    except SyntaxRefused as refused:
         raise ContentError([Fault("", where, source.placed(refused.point, str(refused)))]) from refused

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 
 from grader.expressions import lib, mathematics, values
-from grader.expressions.fields import CTX_FORBIDDEN, names
-from grader.expressions.machine import Machine, arity, exhausted, lenient
+from grader.expressions.fields import CTX_FORBIDDEN, split_names
+from grader.expressions.machine import Machine, count_arguments, make_lenient, raise_exhausted
 from grader.expressions.mathematics import Numeric
 from grader.expressions.methods import call_method
-from grader.expressions.values import UNDEFINED, Record, Trouble, Value, Vector
+from grader.expressions.values import UNDEFINED, Record, RunError, Value, Vector
 from grader.numerics.scene import FULL_STATE
 
 
@@ -32,7 +32,7 @@ class Function:
 
 
 def _of_numbers(numeric: Numeric) -> Function:
-    count = arity(numeric)
+    count = count_arguments(numeric)
 
     def call(_: Machine, *args: Value) -> Value:
         numbers = [values.to_number(arg) for arg in args[:count]]
@@ -42,7 +42,7 @@ def _of_numbers(numeric: Numeric) -> Function:
 
 
 def _of_machine(function: Callable[..., Value], *takes: str, cost: int = 1) -> Function:
-    return Function(lenient(function), takes, cost)
+    return Function(make_lenient(function), takes, cost)
 
 
 def _of_value(function: Callable[[Value], Value], default: Value = UNDEFINED) -> Function:
@@ -50,44 +50,44 @@ def _of_value(function: Callable[[Value], Value], default: Value = UNDEFINED) ->
 
 
 def _parse_float(value: Value) -> float:
-    """The longest prefix that is a number."""
+    """Returns the longest prefix that is a number."""
     found = values.DECIMAL.match(values.to_string(value).lstrip(values.WHITESPACE))
     return float(found.group().replace("Infinity", "inf")) if found else math.nan
 
 
 def _array_from(m: Machine, source: Value, f: Callable[..., Value] | None = None) -> Value:
     if not isinstance(source, list | Vector | str):
-        raise Trouble("Array.from needs an array")
-    m.tick(1 + values.weight(source))
-    items = list(source if isinstance(source, str) else values.items_of(source))
+        raise RunError("Array.from needs an array")
+    m.tick(1 + values.measure_weight(source))
+    items = list(source if isinstance(source, str) else values.list_items(source))
     if f is not None and not callable(f):
-        raise Trouble("Array.from needs a function here, such as x => 2 * x")
+        raise RunError("Array.from needs a function here, such as x => 2 * x")
     return items if f is None else [f(x, float(i)) for i, x in enumerate(items)]
 
 
-def _joined(m: Machine, *pieces: Value) -> Value:
-    return values.bounded("".join(map(values.to_string, pieces)))
+def _join(m: Machine, *pieces: Value) -> Value:
+    return values.check_length("".join(map(values.to_string, pieces)))
 
 
 def _new_array(m: Machine, size: Value) -> Value:
-    return [UNDEFINED] * _size(m, size if isinstance(size, float) and size.is_integer() else -1)
+    return [UNDEFINED] * _pay_for_size(m, size if isinstance(size, float) and size.is_integer() else -1)
 
 
 def _new_typed_array(m: Machine, source: Value = 0.0) -> Value:
     if isinstance(source, list | Vector):
-        return Vector(np.zeros(0)).like(values.bounded(values.items_of(source)))
-    return Vector(np.zeros(_size(m, values.to_index(source))))
+        return Vector(np.zeros(0)).like(values.check_length(values.list_items(source)))
+    return Vector(np.zeros(_pay_for_size(m, values.to_index(source))))
 
 
-def _size(m: Machine, size: float) -> int:
-    """The size of a new array, which is paid for."""
+def _pay_for_size(m: Machine, size: float) -> int:
+    """Returns the size of a new array, which is paid for."""
     if not 0 <= size <= values.LENGTH_MAX:
-        raise Trouble(f"a new array has from 0 to {values.LENGTH_MAX} elements")
+        raise RunError(f"a new array has from 0 to {values.LENGTH_MAX} elements")
     m.tick(1 + int(size) // 16)
     return int(size)
 
 
-PHYSICS = names("""
+PHYSICS = split_names("""
     mj_resetData mj_forward mj_step mj_step1 mj_step2 mj_inverse mj_kinematics mj_comPos mj_comVel
     mj_fwdPosition mj_fwdVelocity mj_fwdActuation mj_fwdAcceleration mj_fwdConstraint mj_energyPos mj_energyVel
     mj_subtreeVel mj_rnePostConstraint mj_camlight mj_collision mj_sensorPos mj_sensorVel mj_sensorAcc
@@ -95,7 +95,7 @@ PHYSICS = names("""
 """Functions of MuJoCo that take the model and the data and nothing else."""
 
 
-def _physics(call: Callable[..., Value]) -> Callable[..., Value]:
+def _wrap_physics(call: Callable[..., Value]) -> Callable[..., Value]:
     return lambda m: call(m.model, m.data) or UNDEFINED  # it gives nothing
 
 
@@ -111,7 +111,7 @@ def _set_const(m: Machine) -> Value:
 def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
     key = values.to_index(number)
     if not 0 <= key < m.model.nkey:
-        raise Trouble(f"the model has no keyframe {key}")
+        raise RunError(f"the model has no keyframe {key}")
     mujoco.mj_resetDataKeyframe(m.model, m.data, key)
     return UNDEFINED
 
@@ -119,7 +119,7 @@ def _reset_keyframe(m: Machine, number: Value = 0.0) -> Value:
 def _set_total_mass(m: Machine, value: Value) -> Value:
     mass = values.to_number(value)
     if not 0 < mass < 1e9:
-        raise Trouble("the total mass must be positive")
+        raise RunError("the total mass must be positive")
     mujoco.mj_setTotalmass(m.model, mass)
     return UNDEFINED
 
@@ -129,11 +129,11 @@ def _name_to_id(m: Machine, kind: Value, name: Value) -> Value:
 
 
 def _id_to_name(m: Machine, kind: Value, number: Value) -> Value:
-    return values.in_units(mujoco.mj_id2name(m.model, values.to_int32(kind), values.to_int32(number)) or "")
+    return values.to_units(mujoco.mj_id2name(m.model, values.to_int32(kind), values.to_int32(number)) or "")
 
 
-def _no_effect(m: Machine) -> Value:
-    """The page plays and pauses what was recorded: a program has nothing to start or stop."""
+def _do_nothing(m: Machine) -> Value:
+    """Does nothing: the page plays and pauses what was recorded."""
     return UNDEFINED
 
 
@@ -142,15 +142,15 @@ FUNCTIONS: dict[str, Function] = {
     **{f"Math.{name}": _of_numbers(function) for name, function in mathematics.FUNCTIONS.items()},
     **{f"lib.{name}": _of_numbers(function) for name, function in lib.NUMERIC.items()},
     **{f"lib.{name}": _of_machine(function) for name, function in lib.FUNCTIONS.items()},
-    **{f"mj.{name}": _of_machine(_physics(getattr(mujoco, name)), *STATE, cost=10) for name in PHYSICS},
+    **{f"mj.{name}": _of_machine(_wrap_physics(getattr(mujoco, name)), *STATE, cost=10) for name in PHYSICS},
     "mj.mj_setConst": _of_machine(_set_const, *STATE, cost=10),
     "mj.mj_resetDataKeyframe": _of_machine(_reset_keyframe, *STATE, cost=10),
     "mj.mj_setTotalmass": _of_machine(_set_total_mass, "model", cost=10),
     "mj.mj_getTotalmass": _of_machine(lambda m: float(mujoco.mj_getTotalmass(m.model)), "model"),
     "mj.mj_name2id": _of_machine(_name_to_id, "model"),
     "mj.mj_id2name": _of_machine(_id_to_name, "model"),
-    **dict.fromkeys(("sim.play", "sim.pause"), _of_machine(_no_effect)),
-    "sim.forward": _of_machine(_physics(mujoco.mj_forward), cost=10),
+    **dict.fromkeys(("sim.play", "sim.pause"), _of_machine(_do_nothing)),
+    "sim.forward": _of_machine(_wrap_physics(mujoco.mj_forward), cost=10),
     "Number": _of_value(values.to_number, default=0.0),
     "String": _of_value(values.to_string, default=""),
     "Boolean": _of_value(values.to_boolean),
@@ -163,7 +163,7 @@ FUNCTIONS: dict[str, Function] = {
     "Array.isArray": _of_value(lambda v: isinstance(v, list)),
     "Array.from": _of_machine(_array_from),
     "Array.of": _of_machine(lambda m, *args: list(args)),
-    "`": _of_machine(_joined, cost=0),
+    "`": _of_machine(_join, cost=0),
     "new Array": _of_machine(_new_array, cost=0),
     "new Float64Array": _of_machine(_new_typed_array, cost=0),
 }
@@ -172,36 +172,36 @@ FUNCTIONS: dict[str, Function] = {
 
 def number(m: Machine, value: Value) -> float:
     """`Number(value)`, paid for by the length of the value."""
-    m.tick(values.weight(value))
+    m.tick(values.measure_weight(value))
     return values.to_number(value)
 
 
 def slow(m: Machine, operator: Any, left: Value, right: Value) -> Value:
-    """An operator on values that are not both numbers."""
-    m.tick(values.weight(left) + values.weight(right))
+    """Applies an operator to values that are not both numbers."""
+    m.tick(values.measure_weight(left) + values.measure_weight(right))
     result: Value = operator(left, right)
     return result
 
 
 def spread(m: Machine, value: Value) -> list[Value]:
-    """The elements of `...value`."""
-    m.tick(1 + values.weight(value))
+    """Returns the elements of `...value`."""
+    m.tick(1 + values.measure_weight(value))
     if isinstance(value, list | Vector):
-        return values.items_of(value)
-    raise Trouble("only an array can be spread out")
+        return values.list_items(value)
+    raise RunError("only an array can be spread out")
 
 
 def through(value: Value) -> Iterable[Value]:
     """What `for (const x of value)` goes through; elements that are added meanwhile are seen."""
     if isinstance(value, list | Vector):
         return value
-    raise Trouble("for ... of goes through an array")
+    raise RunError("for ... of goes through an array")
 
 
 def unpack(value: Value, count: int) -> list[Value]:
-    """The first elements of an array, undefined past its end."""
+    """Returns the first elements of an array, undefined past its end."""
     if not isinstance(value, list | Vector):
-        raise Trouble("only an array can be taken apart")
+        raise RunError("only an array can be taken apart")
     return [values.read_index(value, float(i)) for i in range(count)]
 
 
@@ -213,14 +213,14 @@ def put(container: Any, key: Any, value: Value) -> Value:
 
 def host(m: Machine, function: Function, args: list[Value]) -> Value:
     """Call a function of the host."""
-    m.tick(function.cost + sum(map(values.weight, args)))
+    m.tick(function.cost + sum(map(values.measure_weight, args)))
     return function.call(m, *args)
 
 
 def member(value: Value, name: str) -> Value:
     """`value.name` for the few names that values have: `length`, and the parts of a record."""
     if value is None or value is UNDEFINED:
-        raise Trouble(f"{values.to_string(value)} has no {name}")
+        raise RunError(f"{values.to_string(value)} has no {name}")
     if name == "length":
         return float(len(value)) if isinstance(value, str | list | Vector) else UNDEFINED
     return value.get(name, UNDEFINED) if isinstance(value, Record) else UNDEFINED
@@ -231,10 +231,10 @@ CTX_NAMES_MAX, CTX_NAME_MAX = 1000, 64
 
 
 def ctx_name(key: Value) -> str:
-    """The name that `ctx[key]` means. Raises Trouble for one that means something else in JavaScript."""
+    """Returns the name that `ctx[key]` means. Raises RunError for one that means something else in JavaScript."""
     name = values.to_string(key)
     if len(name) > CTX_NAME_MAX or name.startswith("__") or name in CTX_FORBIDDEN:
-        raise Trouble(f"ctx has no place named {name[:CTX_NAME_MAX]!r}")
+        raise RunError(f"ctx has no place named {name[:CTX_NAME_MAX]!r}")
     return name
 
 
@@ -247,7 +247,7 @@ def write_named(ctx: dict[str, Value], key: Value, value: Value) -> Value:
     """`ctx[key] = value`."""
     name = ctx_name(key)
     if name not in ctx and len(ctx) >= CTX_NAMES_MAX:
-        raise Trouble(f"ctx holds more than {CTX_NAMES_MAX} names")
+        raise RunError(f"ctx holds more than {CTX_NAMES_MAX} names")
     ctx[name] = value
     return value
 
@@ -265,11 +265,12 @@ NAMES: dict[str, object] = {
         function.__name__: function
         for function in (
             *(number, slow, spread, through, unpack, put, host, member),
-            *(values.read_index, values.write_index, exhausted, values.type_name, read_named, write_named, record),
+            *(values.read_index, values.write_index, values.type_name, read_named, write_named, record),
+            raise_exhausted,
         )
     },
     **{name: values.BINARY[operator] for operator, name in OPERATORS.items()},
-    "array": values.bounded,
+    "array": values.check_length,
     "method": call_method,
     "truth": values.to_boolean,
     "complement": lambda value: float(~values.to_int32(value)),

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 
 from tree_sitter import Node
 
-from grader.expressions.fields import names
+from grader.expressions.fields import split_names
 from grader.expressions.runtime import FUNCTIONS
-from grader.expressions.syntax import Refused, text_of
+from grader.expressions.syntax import SyntaxRefused, read_text
 
-ROOTS = names("model data mj lib sim Math ctx Number Array")
-HOSTS = ROOTS | names("undefined NaN Infinity value Float64Array") | {path.split(".")[0] for path in FUNCTIONS}
-RESERVED = names("""
+ROOTS = split_names("model data mj lib sim Math ctx Number Array")
+HOSTS = ROOTS | split_names("undefined NaN Infinity value Float64Array") | {path.split(".")[0] for path in FUNCTIONS}
+RESERVED = split_names("""
     break case catch class const continue debugger default delete do else enum export extends false finally for
     function if import in instanceof new null return super switch this throw true try typeof var void while with
     yield let static implements interface package private protected public await eval arguments async of get set
@@ -52,35 +52,35 @@ class Scope:
     in_loop: bool = False
 
     def inner(self, *, in_loop: bool = False) -> "Scope":
-        """A block inside this one."""
+        """Returns a block inside this one."""
         return Scope(self.frame, self, self.counter, in_loop=in_loop or self.in_loop)
 
     def function(self) -> "Scope":
-        """The scope of a function inside this one."""
+        """Returns the scope of a function inside this one."""
         return Scope(Frame(), self, self.counter)
 
     def declare(self, node: Node, kind: str, ready: bool = False) -> Binding:
-        """Give a name of this block a variable. Raises Refused for names that are taken."""
-        name = text_of(node)
+        """Give a name of this block a variable. Raises SyntaxRefused for names that are taken."""
+        name = read_text(node)
         if name in HOSTS or name in RESERVED or not name.isascii():
-            raise Refused(node, f"{name} cannot be the name of a variable")
+            raise SyntaxRefused(node, f"{name} cannot be the name of a variable")
         known = self.names.get(name)
         if known is not None and not (kind == known.kind == "var"):
-            raise Refused(node, f"{name} is declared twice")
+            raise SyntaxRefused(node, f"{name} is declared twice")
         if known is None:
             known = self.names[name] = Binding(kind, f"v{self.counter[0]}", self.frame, ready)
             self.counter[0] += 1
         return known
 
     def find(self, node: Node) -> Binding:
-        """The binding of a name that is used. Raises Refused where it is unknown, or declared further down."""
-        name = text_of(node)
+        """The binding of a name that is used. Raises SyntaxRefused where it is unknown, or declared further down."""
+        name = read_text(node)
         scope: Scope | None = self
         while scope is not None:
             binding = scope.names.get(name)
             if binding is not None:
                 if not binding.ready:
-                    raise Refused(node, f"{name} is used before it is declared")
+                    raise SyntaxRefused(node, f"{name} is used before it is declared")
                 return binding
             scope = scope.outer
-        raise Refused(node, f"{name} is not known here")
+        raise SyntaxRefused(node, f"{name} is not known here")

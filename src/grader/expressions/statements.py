@@ -4,10 +4,10 @@ import ast
 
 from tree_sitter import Node
 
-from grader.expressions.code import PAY, Kind, Term, code, lines, name
+from grader.expressions.code import PAY, Kind, Term, build_expression, build_name, build_statements
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
 from grader.expressions.scope import Binding, Scope
-from grader.expressions.syntax import FUNCTIONS, Refused, field, parts, text_of
+from grader.expressions.syntax import FUNCTIONS, SyntaxRefused, get_field, list_parts, read_text
 from grader.expressions.terms import Terms
 
 Statements = list[ast.stmt]
@@ -52,27 +52,27 @@ class Compiler(Terms):
     def program(self, scope: Scope, tree: Node) -> ast.Module:
         """A module with one function, `make`, which takes what a machine binds and gives the function that runs."""
         body = self.body(scope, tree) if tree.type == "program" else self._result(scope, tree)
-        begin = lines(BEGIN) if _pays(body) else []
-        module = ast.Module(lines(MAKE, BODY=[*begin, *body]), [])
+        begin = build_statements(BEGIN) if _uses_budget(body) else []
+        module = ast.Module(build_statements(MAKE, BODY=[*begin, *body]), [])
         (make,) = module.body
         assert isinstance(make, ast.FunctionDef)
         make.args.args += [ast.arg(bound) for bound in self.needs.values()]
         return module
 
     def _result(self, scope: Scope, node: Node) -> Statements:
-        """The body of a function that gives an expression."""
+        """Returns the body of a function that gives an expression."""
         result = ast.Return(self.value_of(scope, node))
         return [*scope.frame.functions, result]
 
     def body(self, scope: Scope, node: Node) -> Statements:
-        """The block of a function, or a whole program."""
-        bindings = [scope.declare(variable, "var", ready=True) for variable in _variables(node)]
-        begin = [self.declared(scope, binding, Term(name("undefined"))) for binding in bindings]
-        block = self.block(scope, parts(node))
-        return [*begin, *scope.frame.functions, *block, ast.Return(name("undefined"))]
+        """Returns the block of a function, or a whole program."""
+        bindings = [scope.declare(variable, "var", ready=True) for variable in _list_variables(node)]
+        begin = [self.declared(scope, binding, Term(build_name("undefined"))) for binding in bindings]
+        block = self.block(scope, list_parts(node))
+        return [*begin, *scope.frame.functions, *block, ast.Return(build_name("undefined"))]
 
     def declared(self, scope: Scope, binding: Binding, term: Term) -> ast.stmt:
-        """A variable with its first value."""
+        """Returns a variable with its first value."""
         self.stored(scope, binding, term)
         binding.ready = True
         return ast.Assign([ast.Name(binding.name, ast.Store())], term.code)
@@ -81,94 +81,94 @@ class Compiler(Terms):
         """Statements of one block; its names are declared first, so that none is used too early."""
         for node in nodes:
             if node.type == "lexical_declaration":
-                for variable in _declared(node):
-                    scope.declare(variable, text_of(node.children[0]))
+                for variable in _list_declared(node):
+                    scope.declare(variable, read_text(node.children[0]))
         return [statement for node in nodes for statement in self.statement(scope, node)]
 
     def statement(self, scope: Scope, node: Node) -> Statements:
-        """The code of one statement. Raises Refused for what the language does not have."""
+        """Returns the code of one statement. Raises SyntaxRefused for what the language does not have."""
         made: Statements = self.compiled("_statement", scope, node)
         return made
 
     def _governed(self, scope: Scope, node: Node) -> Statements:
-        """The statement that an `if` or a loop governs, which cannot be a declaration."""
+        """Returns the statement that an `if` or a loop governs, which cannot be a declaration."""
         if node.type == "lexical_declaration":
-            raise Refused(node, "a declaration needs a block here")
+            raise SyntaxRefused(node, "a declaration needs a block here")
         return self.statement(scope, node)
 
     def _statement_expression_statement(self, scope: Scope, node: Node) -> Statements:
-        return self._effect(scope, parts(node)[0])
+        return self._effect(scope, list_parts(node)[0])
 
     def _effect(self, scope: Scope, node: Node) -> Statements:
-        """A statement, or an expression whose value is not used."""
+        """Returns a statement, or an expression whose value is not used."""
         if node.type.endswith(("_statement", "_declaration")):
             return self.block(scope, [node])
         term = self.update(scope, node, False) if node.type == "update_expression" else self.term(scope, node)
         return [ast.Expr(term.code)]
 
     def _statement_statement_block(self, scope: Scope, node: Node) -> Statements:
-        return self.block(scope.inner(), parts(node))
+        return self.block(scope.inner(), list_parts(node))
 
     _statement_empty_statement = _statement_statement_block
 
     def _statement_lexical_declaration(self, scope: Scope, node: Node) -> Statements:
-        kind = text_of(node.children[0])
-        return [made for part in parts(node) for made in self._declarator(scope, part, kind)]
+        kind = read_text(node.children[0])
+        return [made for part in list_parts(node) for made in self._declarator(scope, part, kind)]
 
     _statement_variable_declaration = _statement_lexical_declaration
 
     def _declarator(self, scope: Scope, node: Node, kind: str) -> Statements:
-        variable, value = field(node, "name"), node.child_by_field_name("value")
+        variable, value = get_field(node, "name"), node.child_by_field_name("value")
         if variable.type == "array_pattern" and value is not None:
             return self._unpack(scope, variable, value)
         if value is not None and value.type in FUNCTIONS:
             if kind != "const":
-                raise Refused(node, "declare a function with const")
-            binding = scope.names[text_of(variable)]
+                raise SyntaxRefused(node, "declare a function with const")
+            binding = scope.names[read_text(variable)]
             binding.name = self.arrow(scope, value)
             binding.kind, binding.ready = "function", True
             return []
         if value is None and (kind == "const" or variable.type == "array_pattern"):
-            raise Refused(node, f"{text_of(variable)} needs a value")
+            raise SyntaxRefused(node, f"{read_text(variable)} needs a value")
         if value is None and kind == "var":
             return []
-        term = Term(name("undefined")) if value is None else self.term(scope, value)
+        term = Term(build_name("undefined")) if value is None else self.term(scope, value)
         return [self.declared(scope, self._binding(scope, variable), term)]
 
     def _binding(self, scope: Scope, variable: Node) -> Binding:
-        """The variable that a declaration names; `var` has declared it for the whole function."""
-        return scope.names.get(text_of(variable)) or scope.find(variable)
+        """Returns the variable that a declaration names; `var` has declared it for the whole function."""
+        return scope.names.get(read_text(variable)) or scope.find(variable)
 
     def _unpack(self, scope: Scope, pattern: Node, value: Node) -> Statements:
         """`const [x, y] = array`."""
-        variables, kept = parts(pattern), self.temporary()
+        variables, kept = list_parts(pattern), self.temporary()
         text = f"(KEPT := unpack(VALUE, {len(variables)}))"
         unpacked = self.located(value, text, KEPT=kept, VALUE=self.value_of(scope, value))
-        elements = [Term(code(f"KEPT[{i}]", KEPT=kept)) for i in range(len(variables))]
+        elements = [Term(build_expression(f"KEPT[{i}]", KEPT=kept)) for i in range(len(variables))]
         bindings = [self._binding(scope, variable) for variable in variables]
         return [ast.Expr(unpacked.code), *map(self.declared, [scope] * len(variables), bindings, elements)]
 
     def _statement_if_statement(self, scope: Scope, node: Node) -> Statements:
-        test = self.truth(self.term(scope, field(node, "condition")))
-        body = self._governed(scope, field(node, "consequence"))
+        test = self.truth(self.term(scope, get_field(node, "condition")))
+        body = self._governed(scope, get_field(node, "consequence"))
         otherwise = node.child_by_field_name("alternative")
-        orelse = [] if otherwise is None else self._governed(scope, parts(otherwise)[0])
+        orelse = [] if otherwise is None else self._governed(scope, list_parts(otherwise)[0])
         return [ast.If(test, body or [ast.Pass()], orelse)]
 
     def _statement_return_statement(self, scope: Scope, node: Node) -> Statements:
-        values = parts(node)
-        return [ast.Return(self.value_of(scope, values[0]) if values else name("undefined"))]
+        values = list_parts(node)
+        return [ast.Return(self.value_of(scope, values[0]) if values else build_name("undefined"))]
 
     # Loops
 
     def _turn(self, scope: Scope, node: Node) -> Statements:
-        """The body of a loop, with a tick before each turn, so that it ends."""
+        """Returns the body of a loop, with a tick before each turn, so that it ends."""
         if self.loops >= LOOPS_MAX:
-            raise Refused(node, f"loops nested more than {LOOPS_MAX} deep")
+            raise SyntaxRefused(node, f"loops nested more than {LOOPS_MAX} deep")
         self.loops += 1
-        body = self._governed(scope, field(node, "body"))
+        body = self._governed(scope, get_field(node, "body"))
         self.loops -= 1
-        ticking = lines(PAY)
+        ticking = build_statements(PAY)
         for statement in ticking:
             self.at(node, statement)
         return [*ticking, *body]
@@ -183,46 +183,46 @@ class Compiler(Terms):
             test = self.truth(self.term(inside, condition))
         after = [] if update is None else self._effect(inside, update)
         if node.type == "do_statement":
-            test, after = ast.Constant(True), lines("if not TEST: break", TEST=test)
+            test, after = ast.Constant(True), build_statements("if not TEST: break", TEST=test)
         body = self._turn(inside, node)
         if not after:
             return [*begin, ast.While(test, body, [])]
-        return [*begin, *lines(REPEATED, BEGUN=self.temporary(), TEST=test, AFTER=after, BODY=body)]
+        return [*begin, *build_statements(REPEATED, BEGUN=self.temporary(), TEST=test, AFTER=after, BODY=body)]
 
     _statement_while_statement = _statement_do_statement = _statement_for_statement
 
     def _statement_for_in_statement(self, scope: Scope, node: Node) -> Statements:
-        kind, variable = node.child_by_field_name("kind"), field(node, "left")
-        if text_of(field(node, "operator")) != "of" or kind is None or variable.type != "identifier":
-            raise Refused(node, "write for (const x of array)")
-        entry, word = self.temporary(), text_of(kind)
-        items = self.located(node, "through(V)", V=self.value_of(scope, field(node, "right")))
+        kind, variable = node.child_by_field_name("kind"), get_field(node, "left")
+        if read_text(get_field(node, "operator")) != "of" or kind is None or variable.type != "identifier":
+            raise SyntaxRefused(node, "write for (const x of array)")
+        entry, word = self.temporary(), read_text(kind)
+        items = self.located(node, "through(V)", V=self.value_of(scope, get_field(node, "right")))
         inside = scope.inner(in_loop=True)
         binding = scope.find(variable) if word == "var" else inside.declare(variable, word, ready=True)
-        bound = self.declared(inside, binding, Term(name(entry)))
+        bound = self.declared(inside, binding, Term(build_name(entry)))
         body = [bound, *self._turn(inside, node)]
-        return lines("for ENTRY in ITEMS: BODY", ENTRY=entry, ITEMS=items.code, BODY=body)
+        return build_statements("for ENTRY in ITEMS: BODY", ENTRY=entry, ITEMS=items.code, BODY=body)
 
     def _statement_break_statement(self, scope: Scope, node: Node) -> Statements:
-        word = text_of(node.children[0])
+        word = read_text(node.children[0])
         if not scope.in_loop or node.child_by_field_name("label") is not None:
-            raise Refused(node, f"{word} stands alone, inside a loop")
-        return lines(word)
+            raise SyntaxRefused(node, f"{word} stands alone, inside a loop")
+        return build_statements(word)
 
     _statement_continue_statement = _statement_break_statement
 
     # Functions
 
     def arrow(self, scope: Scope, node: Node) -> str:
-        """The name of the Python function that a function of plain parameters becomes."""
+        """Returns the name of the Python function that a function of plain parameters becomes."""
         single = node.child_by_field_name("parameter")
-        names = [single] if single is not None else parts(field(node, "parameters"))
+        names = [single] if single is not None else list_parts(get_field(node, "parameters"))
         inside = scope.function()
         if any(variable.type != "identifier" for variable in names) or any(c.type == "async" for c in node.children):
-            raise Refused(node, "a function here has plain parameters only")
+            raise SyntaxRefused(node, "a function here has plain parameters only")
         parameters = [inside.declare(variable, "parameter", ready=True).name for variable in names]
-        self.found |= dict.fromkeys(parameters, Kind.ANY)
-        body = field(node, "body")
+        self.variable_kinds |= dict.fromkeys(parameters, Kind.ANY)
+        body = get_field(node, "body")
         loops, self.loops = self.loops, 0
         made = self.body(inside, body) if body.type == "statement_block" else self._result(inside, body)
         self.loops = loops
@@ -230,36 +230,36 @@ class Compiler(Terms):
         nonlocals = f"nonlocal {', '.join(outer)}" if outer else ""
         taken = "".join(f"{parameter}=undefined, " for parameter in parameters)
         text = f"def {identifier}({taken}*r0):\n {nonlocals}\n PAY\n BODY"
-        scope.frame.functions += lines(text, PAY=lines(PAY), BODY=made)
+        scope.frame.functions += build_statements(text, PAY=build_statements(PAY), BODY=made)
         return identifier
 
 
-def _pays(body: Statements) -> bool:
+def _uses_budget(body: Statements) -> bool:
     """Whether any code may use the budget: it names the budget or the machine."""
     names = (node.id for statement in body for node in ast.walk(statement) if isinstance(node, ast.Name))
     return any(identifier in ("budget", "machine") for identifier in names)
 
 
-def _declared(node: Node) -> list[Node]:
-    """The names that a declaration declares."""
+def _list_declared(node: Node) -> list[Node]:
+    """Returns the names that a declaration declares."""
     names: list[Node] = []
-    for declarator in parts(node):
-        variable = field(declarator, "name")
-        names += parts(variable) if variable.type == "array_pattern" else [variable]
+    for declarator in list_parts(node):
+        variable = get_field(declarator, "name")
+        names += list_parts(variable) if variable.type == "array_pattern" else [variable]
     for variable in names:
         if variable.type != "identifier":
-            raise Refused(variable.parent or variable, "only plain names can be inside [ ] here")
+            raise SyntaxRefused(variable.parent or variable, "only plain names can be inside [ ] here")
     return names
 
 
-def _variables(node: Node) -> list[Node]:
-    """The names declared with `var` anywhere in a function, which see them from its beginning."""
+def _list_variables(node: Node) -> list[Node]:
+    """Returns the names declared with `var` anywhere in a function, which see them from its beginning."""
     found: list[Node] = []
-    for child in parts(node):
+    for child in list_parts(node):
         if child.type == "variable_declaration":
-            found.extend(_declared(child))
+            found.extend(_list_declared(child))
         elif child.type == "for_in_statement" and child.children[2].type == "var":
-            found.append(field(child, "left"))
+            found.append(get_field(child, "left"))
         if child.type not in FUNCTIONS:
-            found.extend(_variables(child))
+            found.extend(_list_variables(child))
     return found

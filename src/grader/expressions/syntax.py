@@ -8,7 +8,7 @@ import tree_sitter
 import tree_sitter_javascript
 from tree_sitter import Node
 
-from grader.expressions.values import in_units, text_to_number
+from grader.expressions.values import text_to_number, to_units
 
 LANGUAGE = tree_sitter.Language(tree_sitter_javascript.language())
 TEXT_MAX = 10_000
@@ -18,7 +18,7 @@ START = (0, 0)
 ProgramKind = Literal["expression", "statement"]
 
 
-class Refused(Exception):
+class SyntaxRefused(Exception):
     """A text is not a program of this language; `point` is the row and column [bytes] in the parsed text, from 0."""
 
     def __init__(self, at: Node | tuple[int, int], why: str) -> None:
@@ -41,55 +41,55 @@ class Source:
         return f"line {min(row + 1, len(lines))}, column {len(ahead.decode(errors='replace')) + 1}: {why}"
 
     def tree(self) -> Node:
-        """The node of the expression, or of the list of statements. Raises Refused."""
+        """Returns the node of the expression, or of the list of statements. Raises SyntaxRefused."""
         if len(self.text) > TEXT_MAX:
-            raise Refused(START, f"longer than {TEXT_MAX} characters")
+            raise SyntaxRefused(START, f"longer than {TEXT_MAX} characters")
         try:
             raw = (f"({self.text}\n)" if self._shift else self.text).encode()
         except UnicodeEncodeError as error:
-            raise Refused((0, error.start), "half a character") from error
+            raise SyntaxRefused((0, error.start), "half a character") from error
         if self._shift and not self.text.strip():
-            raise Refused(START, "an expression is missing")
+            raise SyntaxRefused(START, "an expression is missing")
         root = tree_sitter.Parser(LANGUAGE).parse(raw).root_node
         if root.has_error:
-            raise Refused(_first_error(root), "this is no valid JavaScript")
+            raise SyntaxRefused(_find_error(root), "this is no valid JavaScript")
         _check_tree(root)
-        return _only_expression(root, len(raw)) if self._shift else root
+        return _find_expression(root, len(raw)) if self._shift else root
 
     @property
     def _shift(self) -> int:
         return 1 if self.kind == "expression" else 0
 
 
-def text_of(node: Node) -> str:
-    """The source text of a node."""
+def read_text(node: Node) -> str:
+    """Returns the source text of a node."""
     return (node.text or b"").decode()
 
 
-def parts(node: Node) -> list[Node]:
-    """The named children, without comments."""
+def list_parts(node: Node) -> list[Node]:
+    """Returns the named children, without comments."""
     return [child for child in node.named_children if child.type != "comment"]
 
 
-def field(node: Node, name: str) -> Node:
-    """A child that the grammar promises."""
+def get_field(node: Node, name: str) -> Node:
+    """Returns a child that the grammar promises."""
     child = node.child_by_field_name(name)
     assert child is not None, f"{node.type} without {name}"
     return child
 
 
-def _only_expression(root: Node, length: int) -> Node:
-    """The one expression inside the parentheses, which are the whole text. Raises Refused for none, or several."""
-    statements = parts(root)
-    inner = parts(statements[0]) if statements and statements[0].type == "expression_statement" else []
+def _find_expression(root: Node, length: int) -> Node:
+    """Returns the one expression inside the parentheses of the text. Raises SyntaxRefused for none, or several."""
+    statements = list_parts(root)
+    inner = list_parts(statements[0]) if statements and statements[0].type == "expression_statement" else []
     alone = len(statements) == len(inner) == 1 and inner[0].type == "parenthesized_expression"
     if not alone or inner[0].end_byte != length:
-        raise Refused(START, "one expression is needed here")
-    return parts(inner[0])[0]
+        raise SyntaxRefused(START, "one expression is needed here")
+    return list_parts(inner[0])[0]
 
 
-def _first_error(node: Node) -> Node:
-    """The first place that the grammar could not read."""
+def _find_error(node: Node) -> Node:
+    """Returns the first place that the grammar could not read."""
     while True:
         if node.is_error or node.is_missing:
             return node
@@ -110,13 +110,13 @@ def _check_tree(root: Node) -> None:
     while stack:
         node, depth = stack.pop()
         if depth > DEPTH_MAX:
-            raise Refused(node, f"nested more than {DEPTH_MAX} deep")
+            raise SyntaxRefused(node, f"nested more than {DEPTH_MAX} deep")
         if node.type == "binary_expression":
             _check_mixture(node)
         if node.type in LISTS:
             _check_holes(node)
         if node.type in OPERATIONS and any(child.type in ASSIGNMENTS for child in node.children):
-            raise Refused(node, "write parentheses around the assignment")
+            raise SyntaxRefused(node, "write parentheses around the assignment")
         stack.extend((child, depth + 1) for child in node.children)
 
 
@@ -125,27 +125,27 @@ def _check_holes(node: Node) -> None:
     before = "("
     for child in node.children:
         if child.type == "," and before in "([,":
-            raise Refused(child, "something is missing before this comma")
+            raise SyntaxRefused(child, "something is missing before this comma")
         before = child.type if child.type != "comment" else before
 
 
 def _check_mixture(node: Node) -> None:
     """`-a ** b` and `a ?? b || c` need parentheses. Source: ECMA-262, early errors."""
-    operator = text_of(field(node, "operator"))
-    left, right = field(node, "left"), field(node, "right")
+    operator = read_text(get_field(node, "operator"))
+    left, right = get_field(node, "left"), get_field(node, "right")
     if operator == "**" and left.type == "unary_expression":
-        raise Refused(node, "write parentheses around the base of **")
+        raise SyntaxRefused(node, "write parentheses around the base of **")
     for side in (left, right):
-        inner = text_of(field(side, "operator")) if side.type == "binary_expression" else ""
+        inner = read_text(get_field(side, "operator")) if side.type == "binary_expression" else ""
         if (operator == "??" and inner in ("||", "&&")) or (operator in ("||", "&&") and inner == "??"):
-            raise Refused(node, "write parentheses where ?? meets || or &&")
+            raise SyntaxRefused(node, "write parentheses where ?? meets || or &&")
 
 
-def number_of(node: Node) -> float:
-    """The value of a number literal."""
-    text = text_of(node)
+def read_number(node: Node) -> float:
+    """Returns the value of a number literal."""
+    text = read_text(node)
     if text.endswith("n") or re.match("0[0-9_]", text):
-        raise Refused(node, f"{text} is not a number that is understood here")
+        raise SyntaxRefused(node, f"{text} is not a number that is understood here")
     return text_to_number(text.replace("_", ""))
 
 
@@ -154,24 +154,24 @@ ESCAPED = re.compile(r"\\(?:\r\n|[\s\S])")
 SIMPLE_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "v": "\v", "0": "\0"}
 
 
-def string_of(node: Node) -> str:
-    """The value of a text literal, in UTF-16 code units."""
-    if LINE_END.search(ESCAPED.sub("", text_of(node))):
-        raise Refused(node, "a text in quotes ends on its line")
-    pieces = [escape_of(child) if child.type == "escape_sequence" else text_of(child) for child in parts(node)]
-    return in_units("".join(pieces))
+def read_string(node: Node) -> str:
+    """Returns the value of a text literal, in UTF-16 code units."""
+    if LINE_END.search(ESCAPED.sub("", read_text(node))):
+        raise SyntaxRefused(node, "a text in quotes ends on its line")
+    pieces = [read_escape(child) if child.type == "escape_sequence" else read_text(child) for child in list_parts(node)]
+    return to_units("".join(pieces))
 
 
-def escape_of(node: Node) -> str:
-    """The character that an escape sequence means."""
-    body = text_of(node)[1:]
+def read_escape(node: Node) -> str:
+    """Returns the character that an escape sequence means."""
+    body = read_text(node)[1:]
     if body in SIMPLE_ESCAPES:
         return SIMPLE_ESCAPES[body]
     if body[0] in "xu" and len(body) > 1:
         code = int(body[1:].strip("{}"), 16)
         if code > 0x10FFFF:
-            raise Refused(node, "no such character")
+            raise SyntaxRefused(node, "no such character")
         return chr(code)
     if body[0].isdigit() or body[0] in "xu":
-        raise Refused(node, "this escape is not understood here")
+        raise SyntaxRefused(node, "this escape is not understood here")
     return "" if body in ("\n", "\r\n", "\r", "\u2028", "\u2029") else body

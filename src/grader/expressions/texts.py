@@ -11,7 +11,7 @@ def number_to_string(number: float) -> str:
     """`String(number)`: the shortest digits that read back as the same number."""
     if not math.isfinite(number):
         return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
-    shortest = _rounded(number, None)
+    shortest = _round(number, None)
     return f"{shortest:f}" if -7 < shortest.adjusted() < 21 else f"{shortest:e}"
 
 
@@ -27,21 +27,21 @@ def to_exponential(number: float, places: int | None) -> str:
     if not math.isfinite(number):
         return number_to_string(number)
     if places is None:
-        return f"{_rounded(number, None):e}"
+        return f"{_round(number, None):e}"
     zero = Decimal(0).scaleb(-places)  # a Decimal keeps the places of a zero in its exponent
-    return f"{_rounded(number, places + 1) or zero:.{places}e}"
+    return f"{_round(number, places + 1) or zero:.{places}e}"
 
 
 def to_precision(number: float, count: int | None) -> str:
     """`number.toPrecision(count)`; None for as many digits as needed."""
     if count is None or not math.isfinite(number):
         return number_to_string(number)
-    rounded = _rounded(number, count)
+    rounded = _round(number, count)
     exponent = rounded.adjusted()
     return f"{rounded:.{count - 1 - exponent}f}" if -7 < exponent < count else f"{rounded:.{count - 1}e}"
 
 
-def _rounded(number: float, digits: int | None) -> Decimal:
+def _round(number: float, digits: int | None) -> Decimal:
     """The number with so many significant digits, halves away from zero; None for the shortest that reads back."""
     if digits is None:
         return EXACT.normalize(Decimal(repr(number or 0.0)))

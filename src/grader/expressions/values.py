@@ -18,7 +18,7 @@ from grader.expressions.texts import number_to_string
 LENGTH_MAX = 10_000
 
 
-class Trouble(Exception):
+class RunError(Exception):
     """Evaluating an expression failed. The source position is added when the error leaves the program."""
 
 
@@ -55,20 +55,20 @@ class Vector:
         return float(self.view[position])
 
     def __setitem__(self, position: int, value: "Value") -> None:
-        """Store a value as the array's type does. Raises Trouble where it cannot be changed."""
+        """Store a value as the array's type does. Raises RunError where it cannot be changed."""
         if not self.writable:
-            raise Trouble(f"{self.name or 'this array'} cannot be changed")
+            raise RunError(f"{self.name or 'this array'} cannot be changed")
         self.view[position] = element(self.view, to_number(value))
 
     def __iter__(self) -> Iterator[float]:
         return map(float, self.view)
 
     def part(self, places: slice) -> "Vector":
-        """A view of some elements, which shares their memory."""
+        """Returns a view of some elements, which shares their memory."""
         return Vector(np.asarray(self.view)[places], self.name, self.writable)
 
     def like(self, values: list["Value"]) -> "Vector":
-        """A new typed array of the same type."""
+        """Returns a new typed array of the same type."""
         made = Vector(np.empty(len(values), np.asarray(self.view).dtype))
         for i, value in enumerate(values):
             made[i] = value
@@ -86,27 +86,27 @@ Value = float | bool | str | None | Undefined | list[Any] | Vector | Record
 Sequence = TypeVar("Sequence", bound=str | list[Any])
 
 
-def items_of(array: Value) -> list[Any]:
-    """The elements of an array (the array itself) or of a typed array (a copy); none of anything else."""
+def list_items(array: Value) -> list[Any]:
+    """Returns the elements of an array (the array itself) or of a typed array (a copy); none of anything else."""
     return list(array) if isinstance(array, Vector) else array if isinstance(array, list) else []
 
 
 def element(view: "memoryview[Any]", number: float) -> float | int:
-    """A number as a typed array of this type stores it."""
+    """Returns a number as a typed array of this type stores it."""
     if view.format in ("d", "f"):
         return number
-    whole = wrapped(number, 8 * view.itemsize, view.format in ("b", "h", "i", "l", "q"))
+    whole = wrap_float(number, 8 * view.itemsize, view.format in ("b", "h", "i", "l", "q"))
     return bool(whole) if view.format == "?" else whole
 
 
-def wrapped(number: float, bits: int, signed: bool) -> int:
-    """The integer of so many bits that a number becomes; integers wrap. Source: ECMA-262, ToInt32 and kin."""
+def wrap_float(number: float, bits: int, signed: bool) -> int:
+    """Returns the integer of so many bits that a number becomes; integers wrap. Source: ECMA-262, ToInt32 and kin."""
     whole = math.trunc(number) % (1 << bits) if math.isfinite(number) else 0
     return whole - (1 << bits) if signed and whole >> (bits - 1) else whole
 
 
 def type_name(value: Value) -> str:
-    """The result of `typeof`."""
+    """Returns the result of `typeof`."""
     return {bool: "boolean", float: "number", str: "string", Undefined: "undefined"}.get(type(value), "object")
 
 
@@ -158,14 +158,14 @@ def to_string(value: Value) -> str:
     if isinstance(value, float):
         return number_to_string(value)
     if isinstance(value, list | Vector):
-        return join(items_of(value), ",", 0)
+        return join(list_items(value), ",", 0)
     return {Record: "[object Object]", Undefined: "undefined"}.get(type(value), "null")
 
 
 def join(items: list[Value], separator: str, depth: int) -> str:
     """`items.join(separator)`: null and undefined are empty. A list inside itself ends here with an error."""
     if depth > 20:
-        raise Trouble("an array that holds itself has no text")
+        raise RunError("an array that holds itself has no text")
     text = ""
     for i, item in enumerate(items):
         if i:
@@ -174,20 +174,20 @@ def join(items: list[Value], separator: str, depth: int) -> str:
             text += join(item, ",", depth + 1)
         elif item is not None and item is not UNDEFINED:
             text += to_string(item)
-        bounded(text)
+        check_length(text)
     return text
 
 
-def weight(value: Value) -> int:
-    """The cost of going through a whole value once, in ticks."""
+def measure_weight(value: Value) -> int:
+    """Returns the cost of going through a whole value once, in ticks."""
     return len(value) // 16 if isinstance(value, str | list | Vector) else 0
 
 
-def bounded(sequence: Sequence) -> Sequence:
-    """The text or array, unless it has grown past LENGTH_MAX."""
+def check_length(sequence: Sequence) -> Sequence:
+    """Returns the text or array, unless it has grown past LENGTH_MAX."""
     if len(sequence) > LENGTH_MAX:
         what, parts = ("a text", "characters") if isinstance(sequence, str) else ("an array", "elements")
-        raise Trouble(f"{what} grew past {LENGTH_MAX} {parts}")
+        raise RunError(f"{what} grew past {LENGTH_MAX} {parts}")
     return sequence
 
 
@@ -197,8 +197,8 @@ def to_primitive(value: Value) -> Value:
 
 
 def to_int32(value: Value) -> int:
-    """The signed 32-bit integer that bitwise operators work on."""
-    return wrapped(to_number(value), 32, signed=True)
+    """Returns the signed 32-bit integer that bitwise operators work on."""
+    return wrap_float(to_number(value), 32, signed=True)
 
 
 def to_index(value: Value, fallback: int = 0) -> int:
@@ -209,7 +209,7 @@ def to_index(value: Value, fallback: int = 0) -> int:
     return 0 if math.isnan(number) else int(max(-1e18, min(1e18, number)))
 
 
-def in_units(text: str) -> str:
+def to_units(text: str) -> str:
     """The text with one character per UTF-16 code unit, which is how JavaScript counts and how programs hold it."""
     if text.isascii():
         return text
@@ -218,24 +218,24 @@ def in_units(text: str) -> str:
 
 
 def from_units(text: str) -> str:
-    """The inverse of `in_units`: pairs of code units become one character, a lone half becomes U+FFFD."""
+    """Returns the inverse of `to_units`: pairs of code units become one character, a lone half becomes U+FFFD."""
     return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
 
 
-def _position(index: Value) -> int | None:
-    """The element that an index means; None for numbers that mean none, such as 0.5 or NaN."""
+def _read_position(index: Value) -> int | None:
+    """Returns the element that an index means; None for numbers that mean none, such as 0.5 or NaN."""
     if isinstance(index, str) and index.isascii() and index.isdigit() and str(int(index[:9])) == index:
         return int(index)
     if not isinstance(index, float):
-        raise Trouble(f"an element is named by a whole number, not by {to_string(index)[:40]}")
+        raise RunError(f"an element is named by a whole number, not by {to_string(index)[:40]}")
     return int(index) if index.is_integer() else None
 
 
 def read_index(value: Value, index: Value) -> Value:
     """`value[index]`: undefined out of range."""
     if value is None or value is UNDEFINED:
-        raise Trouble(f"{to_string(value)} has no elements")
-    position = _position(index)
+        raise RunError(f"{to_string(value)} has no elements")
+    position = _read_position(index)
     if position is None or not isinstance(value, str | list | Vector) or not 0 <= position < len(value):
         return UNDEFINED
     return value[position]
@@ -244,11 +244,11 @@ def read_index(value: Value, index: Value) -> Value:
 def write_index(value: Value, index: Value, new: Value) -> Value:
     """`value[index] = new`, as the array's type stores it; out of range is an error, where a browser ignores it."""
     if not isinstance(value, list | Vector):
-        raise Trouble(f"elements of {to_string(value)[:40]} cannot be assigned")
-    position = _position(index)
+        raise RunError(f"elements of {to_string(value)[:40]} cannot be assigned")
+    position = _read_position(index)
     if position is None or not 0 <= position < len(value):
         name = (isinstance(value, Vector) and value.name) or "the array"
-        raise Trouble(f"index {to_string(index)} is outside {name}, which has {len(value)} elements")
+        raise RunError(f"index {to_string(index)} is outside {name}, which has {len(value)} elements")
     value[position] = new
     return new
 
@@ -257,7 +257,7 @@ def add(left: Value, right: Value) -> Value:
     """`left + right`: text joins, everything else adds."""
     left, right = to_primitive(left), to_primitive(right)
     if isinstance(left, str) or isinstance(right, str):
-        return bounded(to_string(left) + to_string(right))
+        return check_length(to_string(left) + to_string(right))
     return to_number(left) + to_number(right)
 
 
@@ -309,7 +309,7 @@ def loosely_equal(left: Value, right: Value) -> bool:
     return left == right if type(left) is type(right) else to_number(left) == to_number(right)
 
 
-def ordered(compare: Callable[[Any, Any], bool]) -> Callable[[Value, Value], bool]:
+def make_order(compare: Callable[[Any, Any], bool]) -> Callable[[Value, Value], bool]:
     """A comparison such as `left < right`: two texts by code unit, everything else as numbers; false with NaN."""
 
     def compared(left: Value, right: Value) -> bool:
@@ -330,10 +330,10 @@ BINARY: dict[str, Callable[[Any, Any], Value]] = {
     "!=": lambda a, b: not loosely_equal(a, b),
     "===": strictly_equal,
     "!==": lambda a, b: not strictly_equal(a, b),
-    "<": ordered(operator.lt),
-    "<=": ordered(operator.le),
-    ">": ordered(operator.gt),
-    ">=": ordered(operator.ge),
+    "<": make_order(operator.lt),
+    "<=": make_order(operator.le),
+    ">": make_order(operator.gt),
+    ">=": make_order(operator.ge),
     "&": lambda a, b: float(to_int32(a) & to_int32(b)),
     "|": lambda a, b: float(to_int32(a) | to_int32(b)),
     "^": lambda a, b: float(to_int32(a) ^ to_int32(b)),

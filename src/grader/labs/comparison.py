@@ -6,17 +6,16 @@ from typing import Any
 
 import mujoco
 
-from grader.domain.lab import IntegratorsLab
+from grader.domain.lab import SECONDS_MAX, IntegratorsLab
 from grader.errors import LabRefused
-from grader.labs.record import number_or_none, warnings_json
-from grader.numerics.drift import Drift, drift
+from grader.labs.record import to_number_or_none, warnings_to_json
+from grader.numerics.accuracy.drift import Drift, measure_drift
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
 
 SAMPLES = 400
 STEPS_MAX = 200_000
 TIMESTEP_MIN_S, TIMESTEP_MAX_S = 1e-4, 0.1
-SECONDS_MAX = 60.0
 
 
 @dataclass(frozen=True)
@@ -41,12 +40,12 @@ class IntegratorsRun:
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""
         setting = {name: getattr(self, name) for name in ("model", "key", "timestep", "seconds", "energy")}
-        return setting | {"keys": list(self.keys), "integrators": list(map(_drift, self.runs))}
+        return setting | {"keys": list(self.keys), "integrators": list(map(_drift_to_json, self.runs))}
 
 
-def _drift(run: Drift) -> dict[str, Any]:
+def _drift_to_json(run: Drift) -> dict[str, Any]:
     """Plain JSON; an error that is not finite is null."""
-    errors = [number_or_none(error) for error in run.energy_error]
+    errors = [to_number_or_none(error) for error in run.energy_error]
     return {
         "name": run.integrator,
         "times": run.time_s.round(6).tolist(),
@@ -54,7 +53,7 @@ def _drift(run: Drift) -> dict[str, Any]:
         "final_error_percent": errors[-1],
         "cost_us_per_step": round(run.cost_us, 3),
         "steps": run.steps,
-        "warnings": warnings_json(run.warnings),
+        "warnings": warnings_to_json(run.warnings),
     }
 
 
@@ -77,12 +76,12 @@ def run_integrators(
     model, seconds = model or lab.model, lab.seconds if seconds is None else seconds
     check_setting(lab, model, timestep, seconds)
     scene = Scene.from_xml(xml)
-    keys = scene.names_of(mujoco.mjtObj.mjOBJ_KEY)
+    keys = scene.list_names(mujoco.mjtObj.mjOBJ_KEY)
     key = lab.key if key is None and model == lab.model else key
-    index = None if key is None or key == "" else scene.id_of(mujoco.mjtObj.mjOBJ_KEY, key)
+    index = None if key is None or key == "" else scene.find_id(mujoco.mjtObj.mjOBJ_KEY, key)
     scene = scene if index is None else scene.at(key=index)
     steps = round(seconds / timestep)
-    runs = tuple(drift(scene, one, timestep, steps, SAMPLES) for one in INTEGRATORS)
+    runs = tuple(measure_drift(scene, one, timestep, steps, SAMPLES) for one in INTEGRATORS)
     return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, runs)
 
 

@@ -3,7 +3,7 @@
 import functools
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from grader.domain.lab import Button, LabConfig, Select, Slider
@@ -48,7 +48,7 @@ class _Compiler:
             self.faults.append(Fault("", f"{self.where}.{place}", why))
 
     def program(self, place: str, text: str, kind: ProgramKind = "expression") -> Program:
-        """The program of a text; one that does nothing where the text has a fault."""
+        """Returns the program of a text; one that does nothing where the text has a fault."""
         try:
             return compile_program(text, kind, f"{self.where}.{place}")
         except ContentError as error:
@@ -92,30 +92,38 @@ class _Compiler:
         return {"trail.expr": text} if isinstance(text, str) else {}
 
     def reference_line(self, place: str, line: Any) -> Program | None:
-        """A line at a height that an expression gives: a text, or an object with `expr`."""
+        """Returns a line at a height that an expression gives: a text, or an object with `expr`."""
         if isinstance(line, dict):
             line, place = line.get("expr"), f"{place}.expr"
         return self.program(place, line) if isinstance(line, str) else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Lab:
-    """A lab as the cache compares it: by its text, since a config holds what has no hash."""
+    """A lab as the cache compares it: by its identity, since a config holds what has no hash, and is long as a text.
 
-    text: str
-    config: LabConfig = field(compare=False)
+    The cache keeps the config, so that no other can take its place in memory.
+    """
+
+    config: LabConfig
+
+    def __hash__(self) -> int:
+        return id(self.config)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Lab) and self.config is other.config
 
 
-def lab_programs(config: LabConfig, where: str = "lab") -> LabPrograms:
-    """The programs of a lab, from memory where the same config was compiled before.
+def compile_lab(config: LabConfig, where: str = "lab") -> LabPrograms:
+    """Returns the programs of a lab, from memory where the same config was compiled before.
 
     Raises ContentError with the faults of all of them; keys begin with `where`, reasons with line and column.
     """
-    return _compiled(_Lab(repr(config), config), where)
+    return _compile(_Lab(config), where)
 
 
 @functools.lru_cache(maxsize=COMPILED_MAX)
-def _compiled(lab: _Lab, where: str) -> LabPrograms:
+def _compile(lab: _Lab, where: str) -> LabPrograms:
     config, c = lab.config, _Compiler(where)
     controls = [(f"controls.{i}", control) for i, control in enumerate(config.controls)]
     made = LabPrograms(

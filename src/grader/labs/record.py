@@ -9,9 +9,9 @@ import numpy as np
 
 from grader.domain.lab import LabConfig, Plot, Readout
 from grader.errors import LabError
-from grader.expressions import UNDEFINED, Trouble, Value, texts, values
-from grader.numerics.drawing import Floats, quaternions
-from grader.numerics.stepping import Raised
+from grader.expressions import UNDEFINED, RunError, Value, texts, values
+from grader.numerics.drawing import Floats, to_quaternions
+from grader.numerics.stepping import MujocoWarning
 
 DIGITS_DEFAULT = 3
 POSITION_DIGITS = 5
@@ -52,7 +52,7 @@ class LabRun:
     poses: list[tuple[Floats, Floats]] = field(default_factory=list)
     rows: list[list[Value]] = field(default_factory=list)
     reference_lines: list[list[Any]] = field(default_factory=list)
-    warnings: list[Raised] = field(default_factory=list)
+    warnings: list[MujocoWarning] = field(default_factory=list)
     failed: dict[int, tuple[LabError, int]] = field(default_factory=dict)
     overlays: dict[str, list[list[list[float]]]] = field(default_factory=dict)
     limit: Limit | None = None
@@ -71,7 +71,7 @@ class LabRun:
         """The values of the readouts."""
         return list(zip(*self.rows, strict=True))[: len(self.config.readouts)]
 
-    def never_gave(self, index: int) -> bool:
+    def always_failed(self, index: int) -> bool:
         """Whether what is shown failed in every frame; a reference line is computed once, at the end."""
         _, times = self.failed.get(index, (None, 0))
         return times == (len(self.times) if index < len(self.rows[0]) else 1)
@@ -82,74 +82,75 @@ class LabRun:
         positions, matrices = (np.array(each) for each in zip(*self.poses, strict=True))
         return {
             "seconds": self.seconds,
-            "duration": number_or_none(self.duration_s),
+            "duration": to_number_or_none(self.duration_s),
             "steps": self.steps,
             "controls": self.controls,
-            "times": _rounded(np.array(self.times), NUMBER_DIGITS),
+            "times": _round(np.array(self.times), NUMBER_DIGITS),
             "geoms": self.geoms,
-            "frames": _rounded(np.dstack([positions, quaternions(matrices)]), POSITION_DIGITS),
+            "frames": _round(np.dstack([positions, to_quaternions(matrices)]), POSITION_DIGITS),
             "overlays": {
-                name: [_rounded(np.array(one), POSITION_DIGITS) for one in frames]
+                name: [_round(np.array(one), POSITION_DIGITS) for one in frames]
                 for name, frames in self.overlays.items()
             },
             "readouts": [
-                _readout(readout, next(columns), i in self.failed) for i, readout in enumerate(self.config.readouts)
+                _readout_to_json(readout, next(columns), i in self.failed)
+                for i, readout in enumerate(self.config.readouts)
             ],
             "plots": [
-                _plot(plot, [next(columns) for _ in plot.traces], lines)
+                _plot_to_json(plot, [next(columns) for _ in plot.traces], lines)
                 for plot, lines in zip(self.config.plots, self.reference_lines, strict=True)
             ],
-            "trail": next((list(map(_point, column)) for column in columns), None),
-            "warnings": warnings_json(self.warnings),
+            "trail": next((list(map(_to_point, column)) for column in columns), None),
+            "warnings": warnings_to_json(self.warnings),
             "stable": self.stable,
             "limit": None if self.limit is None else asdict(self.limit),
             "timing_ms": {name: round(ms, 3) for name, ms in self.timing_ms.items()},
         }
 
 
-def _readout(readout: Readout, column: Column, failed: bool) -> dict[str, Any]:
-    shown = [DASH if failed and value is UNDEFINED else readout_text(value, readout.digits) for value in column]
-    numbers = [number_or_none(value) for value in column]
+def _readout_to_json(readout: Readout, column: Column, failed: bool) -> dict[str, Any]:
+    shown = [DASH if failed and value is UNDEFINED else format_readout(value, readout.digits) for value in column]
+    numbers = [to_number_or_none(value) for value in column]
     final = {"text": shown[-1], "value": numbers[-1]}
     return {"label": readout.label, "unit": readout.unit, "texts": shown, "values": numbers, "final": final}
 
 
-def _plot(plot: Plot, traces: list[Column], lines: list[Any]) -> dict[str, Any]:
+def _plot_to_json(plot: Plot, traces: list[Column], lines: list[Any]) -> dict[str, Any]:
     shown = plot.model_dump(mode="json", include={"xlabel", "ylabel", "height", "window", "ymin", "ymax"})
     drawn = [
-        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(number_or_none, column))}
+        {"label": trace.label, "dash": trace.dash, "color": trace.color, "values": list(map(to_number_or_none, column))}
         for trace, column in zip(plot.traces, traces, strict=True)
     ]
     return {**shown, "refLines": lines, "traces": drawn}
 
 
-def readout_text(value: Value, digits: int | None) -> str:
+def format_readout(value: Value, digits: int | None) -> str:
     """As the page shows it: a number with its digits, anything else as JavaScript would write it."""
     if type(value) is float:
         return texts.to_fixed(value, DIGITS_DEFAULT if digits is None else digits)
     try:
         return values.from_units(values.to_string(value))
-    except Trouble:
+    except RunError:
         return "?"
 
 
-def number_or_none(value: Value) -> float | None:
-    """A number as JSON has it, to NUMBER_DIGITS digits; None for everything else."""
+def to_number_or_none(value: Value) -> float | None:
+    """Returns a number as JSON has it, to NUMBER_DIGITS digits; None for everything else."""
     if isinstance(value, bool):
         return float(value)
     return float(f"{value:.{NUMBER_DIGITS}g}") if isinstance(value, float) and isfinite(value) else None
 
 
-def warnings_json(warnings: Iterable[Raised]) -> list[dict[str, Any]]:
+def warnings_to_json(warnings: Iterable[MujocoWarning]) -> list[dict[str, Any]]:
     """Plain JSON."""
-    return [{"kind": one.kind, "time": number_or_none(one.time_s)} for one in warnings]
+    return [{"kind": one.kind, "time": to_number_or_none(one.time_s)} for one in warnings]
 
 
-def _point(value: Value) -> list[float | None]:
-    return [number_or_none(x) for x in value[:3]] if isinstance(value, list) else [None] * 3
+def _to_point(value: Value) -> list[float | None]:
+    return [to_number_or_none(x) for x in value[:3]] if isinstance(value, list) else [None] * 3
 
 
-def _rounded(array: Floats, digits: int) -> Any:
+def _round(array: Floats, digits: int) -> Any:
     """Nested lists; NaN and infinities become null."""
     rounded = np.round(array, digits) + 0.0
     if np.all(np.isfinite(rounded)):

@@ -10,23 +10,24 @@ from math import ceil, isfinite
 import mujoco
 import numpy as np
 
-from grader.domain.lab import LabConfig, OptionValue, Select, Slider
+from grader.domain.lab import SECONDS_MAX, LabConfig, OptionValue, Select, Slider
 from grader.errors import LabError, LabRefused
 from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, to_boolean
-from grader.labs.controls import Given, as_value, chosen_values
-from grader.labs.programs import LabPrograms, lab_programs
+from grader.labs.controls import Wish, choose_values, to_value
+from grader.labs.programs import LabPrograms, compile_lab
 from grader.labs.record import LabRun
-from grader.numerics.drawing import drawn_geoms, overlays_of
+from grader.numerics.drawing import list_drawn_geoms, list_overlays
 from grader.numerics.scene import FULL_STATE, Scene
-from grader.numerics.stepping import raised
+from grader.numerics.stepping import take_warnings
 from grader.numerics.workspace import Workspace
 
 SECONDS_TO_WATCH, SECONDS_OF_A_PLOT, SECONDS_TO_READ = 3.0, 5.0, 10.0
 """The length of a run of which the author says nothing: a bare scene, a plot, something to read or to set."""
 
-SECONDS_MAX = 60.0
 EVENTS_MAX = 1000
 STEPS_MAX = 200_000
+CPU_S_MAX = 20.0
+"""Most CPU time of a run [s]: ten times what the most steps of the lesson's models take with a controller."""
 FRAMES_PER_SECOND = 60
 CLOSE_UP_FRAMES = 120
 WARNINGS_MAX = 100
@@ -54,7 +55,7 @@ class Variant:
 SAME = Variant()
 
 
-class Running:
+class LabSimulation:
     """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state.
 
     It begins with the keyframe, the controls, `setup`, and the controls with `init` once more.
@@ -71,19 +72,19 @@ class Running:
         self.shown: list[Run] = [program.bind(self.machine) for program in programs.shown]
         self.presses: deque[tuple[float, Program]] = deque()
         self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
-        self.overlays = overlays_of(config.over_the_scene)
+        self.overlays = list_overlays(config.over_the_scene)
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
         self._set(values, lambda _: True)
         programs.setup.run(self.machine)
         self._set(values, lambda control: control.init)
         self._forward()
-        drawn = drawn_geoms(self.model)
+        drawn = list_drawn_geoms(self.model)
         self.geoms, self.record.geoms = list(drawn), list(drawn.values())
 
     def _set(self, values: Mapping[str, OptionValue], wanted: Callable[[Slider | Select], bool]) -> None:
         for control, programs in self.programs.setters:
             for program in programs if wanted(control) else ():
-                program.run(self.machine, as_value(values[control.label]))
+                program.run(self.machine, to_value(values[control.label]))
 
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
@@ -110,9 +111,13 @@ class Running:
     def go(self, duration: float) -> None:
         """Step to the end, keeping about 60 frames a second."""
         each_step = self.programs.controller is not None or self.programs.stop is not None
+        last = time.thread_time() + CPU_S_MAX
         self._press()
         self._keep_frame()
         while self.elapsed < duration * (1 - 1e-9):
+            if time.thread_time() > last:
+                cure = "take fewer seconds, a larger timestep or a smaller model"
+                raise LabRefused(f"{duration:g} s take more than {CPU_S_MAX:g} s of computing: {cure}.")
             h = float(self.model.opt.timestep)
             frame = 1 if self.every_step else max(1, round(self._frame_s() / h))
             moment = self.presses[0][0] if self.presses else duration
@@ -127,7 +132,7 @@ class Running:
                 return
 
     def _frame_s(self) -> float:
-        """The time between two frames [s]."""
+        """Returns the time between two frames [s]."""
         ordinary = 1 / FRAMES_PER_SECOND
         return min(ordinary, self.close_up_s / CLOSE_UP_FRAMES) if self.elapsed < self.close_up_s else ordinary
 
@@ -168,7 +173,7 @@ class Running:
 
     def _note_warnings(self) -> None:
         """Record what MuJoCo warned of."""
-        self.record.warnings += raised(self.counts, self.elapsed)
+        self.record.warnings += take_warnings(self.counts, self.elapsed)
         del self.record.warnings[WARNINGS_MAX:]
 
     def _keep_frame(self) -> None:
@@ -183,7 +188,7 @@ class Running:
     def _value(self, index: int, run: Run) -> Value:
         """What is shown; undefined where it cannot be computed, which does not end the run."""
         try:
-            return _kept(run())
+            return _copy_value(run())
         except LabError as error:
             first, times = self.record.failed.get(index, (error, 0))
             self.record.failed[index] = (first, times + 1)
@@ -197,25 +202,25 @@ class Running:
                 line
                 if program is None
                 else (line if isinstance(line, dict) else {})
-                | {"y": _height(self._value(next(lines), program.bind(self.machine)))}
+                | {"y": _measure_height(self._value(next(lines), program.bind(self.machine)))}
                 for line, program in zip(plot.refLines, programs, strict=True)
             ]
             self.record.reference_lines.append(drawn)
 
 
-def _height(value: Value) -> float | None:
+def _measure_height(value: Value) -> float | None:
     return value if isinstance(value, float) and isfinite(value) else None
 
 
-def _kept(value: Value) -> Value:
-    """A value that later steps do not change."""
+def _copy_value(value: Value) -> Value:
+    """Returns a value that later steps do not change."""
     return list(value) if isinstance(value, list | Vector) else value
 
 
 def run_lab(
     config: LabConfig,
     xml: str,
-    controls: Mapping[str, Given] | None = None,
+    controls: Mapping[str, Wish] | None = None,
     events: Sequence[Event] = (),
     seconds: float | None = None,
     *,
@@ -226,17 +231,17 @@ def run_lab(
 
     Order: the keyframe, every control's value, `setup`, the controls with `init` once more. `controller` runs before
     every step. When MuJoCo resets a state that diverged, the run goes on from there, as in a browser, and the warning
-    is recorded. Lasts `seconds`, else as `length_s` says. What is shown and fails is undefined, and noted in `failed`.
-    `where` names the lab in errors.
+    is recorded. Lasts `seconds`, else as `choose_length_s` says. What is shown and fails is undefined, and noted in
+    `failed`. `where` names the lab in errors.
 
     Raises LabRefused for control values, events or lengths that are not allowed, LabError where another expression
     fails, ContentError where one cannot be compiled, ValueError where MuJoCo cannot compile the model.
     """
     began = time.perf_counter()
-    programs, values = lab_programs(config, where), chosen_values(config, controls or {})
-    duration = _duration(config, seconds)
-    presses = _presses(programs, events, duration)
-    running = Running(programs, config, xml, values)
+    programs, values = compile_lab(config, where), choose_values(config, controls or {})
+    duration = _choose_duration(config, seconds)
+    presses = _sort_presses(programs, events, duration)
+    running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
     running.vary(variant)
     prepared = time.perf_counter()
@@ -247,22 +252,22 @@ def run_lab(
     return running.record
 
 
-def lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Given] | None = None) -> Scene:
-    """The scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
-    data = (running := Running(lab_programs(config), config, xml, chosen_values(config, controls or {}))).data
-    return Scene.of_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
+def build_lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None) -> Scene:
+    """Returns the scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
+    data = (running := LabSimulation(compile_lab(config), config, xml, choose_values(config, controls or {}))).data
+    return Scene.from_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
 
 
-def _duration(config: LabConfig, seconds: float | None) -> float:
+def _choose_duration(config: LabConfig, seconds: float | None) -> float:
     """How long the lab runs [s]."""
     if seconds is not None:
         if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
             raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
         return seconds
-    return length_s(config)
+    return choose_length_s(config)
 
 
-def length_s(config: LabConfig) -> float:
+def choose_length_s(config: LabConfig) -> float:
     """How long the lab runs where the caller does not say [s].
 
     Its `seconds`, else `stopAt`, else the widest plot, else 10 s with something to read or to set, and 3 s without.
@@ -276,8 +281,8 @@ def length_s(config: LabConfig) -> float:
     return min(max(windows, default=otherwise), SECONDS_MAX)
 
 
-def _presses(programs: LabPrograms, events: Sequence[Event], duration: float) -> deque[tuple[float, Program]]:
-    """The button presses in order of time."""
+def _sort_presses(programs: LabPrograms, events: Sequence[Event], duration: float) -> deque[tuple[float, Program]]:
+    """Returns the button presses in order of time."""
     if len(events) > EVENTS_MAX:
         raise LabRefused(f"At most {EVENTS_MAX} button presses fit into one run.")
     presses = []

@@ -1,17 +1,21 @@
 """Checks a lab when content is loaded: its programs are compiled, and it is tried."""
 
 from collections.abc import Callable
+from time import thread_time
 from typing import Any
 
 from grader.domain.lab import IntegratorsLab, LabConfig
 from grader.errors import ContentError, Fault, LabError, LabRefused
 from grader.labs.comparison import check_setting, run_integrators
-from grader.labs.controls import Given, control_faults, extreme_values, settable
-from grader.labs.programs import lab_programs
+from grader.labs.controls import Wish, find_control_faults, list_extremes, list_settable
+from grader.labs.programs import compile_lab
 from grader.labs.record import LabRun
 from grader.labs.runs import Event, run_lab
 
 SECONDS_AT_EXTREMES = 0.2
+
+CPU_S_MAX = 60.0
+"""Most CPU time of all trials of a lab [s]."""
 
 
 def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
@@ -20,45 +24,49 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
     Its programs are compiled; then it is run whole with the author's values, briefly at both ends of every slider and
     with every option, and each button is pressed, so that what can only fail in a run fails when content is loaded.
     """
-    faults = list(control_faults(config, where))
+    faults = list(find_control_faults(config, where))
     try:
-        programs = lab_programs(config, where)
+        programs = compile_lab(config, where)
     except ContentError as error:
         return [*faults, *error.faults]
     if faults:
         return faults
     runs: list[LabRun] = []
 
-    def tried(*settings: Any, setting: str = "") -> list[Fault]:
-        return _tried(
+    def try_run(*settings: Any, setting: str = "") -> list[Fault]:
+        return _try(
             lambda: runs.append(run_lab(config, xml, *settings, where=where)),
             where,
             refused=".seconds",
             setting=setting,
         )
 
-    whole = tried()
+    last = thread_time() + CPU_S_MAX
+    whole = try_run()
     if whole:
         return whole
-    trials: list[tuple[str, dict[str, Given], list[Event]]] = [
+    trials: list[tuple[str, dict[str, Wish], list[Event]]] = [
         (f"{control.label} = {value}", {control.label: value}, [])
-        for control in settable(config)
-        for value in extreme_values(control)
+        for control in list_settable(config)
+        for value in list_extremes(control)
     ]
     trials += [(f"{label} pressed", {}, [(0.0, label)]) for label in programs.buttons]
     for setting, controls, events in trials:
-        found = tried(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
+        if thread_time() > last:
+            why = f"the runs at the ends of all controls take more than {CPU_S_MAX:g} s of computing"
+            return [*faults, Fault("", f"{where}.controls", f"{why}: give fewer controls, or a smaller model")]
+        found = try_run(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
         faults += [fault for fault in found if fault not in faults]
-    return [*faults, *_never_shown(runs)]
+    return [*faults, *_find_never_shown(runs)]
 
 
-def _never_shown(runs: list[LabRun]) -> list[Fault]:
+def _find_never_shown(runs: list[LabRun]) -> list[Fault]:
     """What is shown in the lab and cannot be computed in any frame of any run."""
     first, *others = runs
     return [
         Fault("", error.key, error.why)
         for index, (error, _) in first.failed.items()
-        if all(run.never_gave(index) for run in (first, *others))
+        if all(run.always_failed(index) for run in (first, *others))
     ]
 
 
@@ -69,13 +77,13 @@ def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
         run_integrators(lab, xml, seconds=min(lab.seconds, 10 * lab.timestep))
         check_setting(lab, lab.model, lab.timestep, lab.seconds)
 
-    return _tried(run, where, refused=".timestep", model=".model")
+    return _try(run, where, refused=".timestep", model=".model")
 
 
-def _tried(
+def _try(
     run: Callable[[], object], where: str, *, refused: str = "", model: str = ".xml", setting: str = ""
 ) -> list[Fault]:
-    """The first thing that goes wrong in a run, if anything does; `refused` and `model` complete the key."""
+    """Returns the first thing that goes wrong in a run, if anything does; `refused` and `model` complete the key."""
     try:
         run()
     except LabError as error:

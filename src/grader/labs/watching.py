@@ -6,10 +6,10 @@ from dataclasses import replace
 import mujoco
 
 from grader.domain.lab import LabConfig, Slider
-from grader.labs.controls import Given
+from grader.labs.controls import Wish
 from grader.labs.record import LabRun, Limit
-from grader.labs.runs import Event, Variant, lab_scene, run_lab
-from grader.numerics.linear import spectral_limit
+from grader.labs.runs import Event, Variant, build_lab_scene, run_lab
+from grader.numerics.stability.linear import find_spectral_limit
 
 SHORT_S = 0.5
 """A first warning before this time is a short event."""
@@ -30,7 +30,7 @@ TIMESTEP = "model.opt.timestep"
 def watch_lab(
     config: LabConfig,
     xml: str,
-    controls: Mapping[str, Given] | None = None,
+    controls: Mapping[str, Wish] | None = None,
     events: Sequence[Event] = (),
     seconds: float | None = None,
 ) -> LabRun:
@@ -42,10 +42,10 @@ def watch_lab(
     if run.warnings and run.warnings[0].time_s < SHORT_S:
         close_up = Variant(close_up_s=AFTERWARDS * run.warnings[0].time_s)
         run = run_lab(config, xml, controls, events, seconds, variant=close_up)
-    return replace(run, limit=timestep_limit(config, xml, controls))
+    return replace(run, limit=find_timestep_limit(config, xml, controls))
 
 
-def timestep_limit(config: LabConfig, xml: str, controls: Mapping[str, Given] | None = None) -> Limit | None:
+def find_timestep_limit(config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None) -> Limit | None:
     """The linear stability limit under these controls, at the equilibrium, within the range of the timestep's slider.
 
     None if there is no such slider or no equilibrium, if a controller acts, which the linearisation does not know, or
@@ -55,11 +55,11 @@ def timestep_limit(config: LabConfig, xml: str, controls: Mapping[str, Given] | 
     if not sliders or config.controller is not None:
         return None
     slider = sliders[0]
-    scene = lab_scene(config, xml, controls)
+    scene = build_lab_scene(config, xml, controls)
     if not 0 < scene.model.nv <= DEGREES_OF_FREEDOM_MAX:
         return None
     try:
-        limit = spectral_limit(scene, low_s=slider.min, high_s=slider.max, width_s=LIMIT_WIDTH_S)
+        limit = find_spectral_limit(scene, low_s=slider.min, high_s=slider.max, width_s=LIMIT_WIDTH_S)
     except (ValueError, mujoco.FatalError):
         return None
     return None if limit == slider.min else Limit(slider.label, limit)

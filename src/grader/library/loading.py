@@ -8,7 +8,6 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
-from grader.domain.quiz import Quiz
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
@@ -17,14 +16,15 @@ from grader.library.mjcf import flattened, inline_faults, model_faults
 from grader.library.schema import named_parts, read_quiz
 from grader.library.semantics import (
     lab_warnings,
-    number_warnings,
     of_unknown_kind,
     prose_warnings,
+    question_warnings,
     read_starter,
     semantic_faults,
     unknown_models,
 )
 from grader.library.snapshot import Library, digest_of
+from grader.questions import Quiz, kind_of
 
 
 @dataclass
@@ -153,7 +153,7 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     loading.files[quiz.id] = file
     for key, part in named_parts(raw):
         loading.warnings.extend(prose_warnings(part, file, key))
-    loading.warnings.extend((*number_warnings(quiz, file), *lab_warnings(quiz, file)))
+    loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))
 
 
 def _model_files(models: Mapping[str, str]) -> dict[str, str]:
@@ -163,5 +163,5 @@ def _model_files(models: Mapping[str, str]) -> dict[str, str]:
 
 def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:
     """The starters of a quiz, by path."""
-    wanted = {getattr(question, "starter", None) for question in quiz.questions}
+    wanted = {kind_of(question).starter(question) for question in quiz.questions}
     return {name: text for name, text in loading.starters.items() if name in wanted}

@@ -1,6 +1,7 @@
 """Checks models: each compiles, and refers to no other file but models to attach, which become part of it."""
 
 import ctypes
+import re
 import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ import mujoco
 
 from grader.errors import Fault
 from grader.library.json_text import dotted
+from grader.library.model_cost import explain_cost
 from grader.numerics.process import prepare
 
 CURES = {
@@ -39,8 +41,15 @@ def _outside_files(xml: str) -> Iterator[tuple[str, str]]:
             yield named, f"refers to {' and '.join(map(repr, names)) or 'another file'}: {cure}"
 
 
+DECLARATION = re.compile(r"<!(?!--|\[CDATA\[)")
+"""A document type or another declaration. MuJoCo's parser ends it at the first `>`, where XML may go on: it would read
+elements, such as an include, that no parser of XML sees."""
+
+
 def _other_file_faults(xml: str, file: str, key: str) -> list[Fault]:
     """Faults of an MJCF text that is not XML, or refers to other files."""
+    if DECLARATION.search(xml):
+        return [Fault(file, key, "does not compile: a model has no <!DOCTYPE ...> and no other <!...>: remove it")]
     try:
         found = [f"<{element}> {why}" for element, why in _outside_files(xml)]
     except ET.ParseError as error:
@@ -52,6 +61,8 @@ def model_faults(xml: str, file: str) -> list[Fault]:
     """Faults of a model: other files, or MuJoCo's own message if it does not compile."""
     if faults := _other_file_faults(xml, file, "model"):
         return faults
+    if why := explain_cost(xml):
+        return [Fault(file, "model", why)]
     prepare()
     try:
         mujoco.MjModel.from_xml_string(xml)
@@ -103,13 +114,15 @@ def flattened(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | 
         for name, text in {"": xml, **attached}.items()
         for fault in _other_file_faults(_without_models(text), file, "model")
     ]
-    return others or _one_text(xml, file, {name: text.encode() for name, text in attached.items()})
+    return others or _one_text(xml, file, attached)
 
 
-def _one_text(xml: str, file: str, attached: dict[str, bytes]) -> str | list[Fault]:
+def _one_text(xml: str, file: str, attached: dict[str, str]) -> str | list[Fault]:
+    if why := explain_cost(xml, attached):
+        return [Fault(file, "model", why)]
     prepare()
     try:
-        spec = mujoco.MjSpec.from_string(xml, include=attached)
+        spec = mujoco.MjSpec.from_string(xml, include={name: text.encode() for name, text in attached.items()})
         spec.compile()
         with _writing:
             return _written(spec)
@@ -161,6 +174,12 @@ def inline_faults(raw: Any, file: str, key: str) -> Iterator[Fault]:
     for name, item in items:
         lines = item if isinstance(item, list) else [item]
         if name == "xml" and all(isinstance(line, str) for line in lines):
-            yield from _other_file_faults("\n".join(lines), file, dotted(key, name))
+            yield from _inline_faults("\n".join(lines), file, dotted(key, name))
         elif not str(name).startswith("x-"):
             yield from inline_faults(item, file, dotted(key, name))
+
+
+def _inline_faults(xml: str, file: str, key: str) -> list[Fault]:
+    """Faults of one model inside a quiz; whether it compiles is found where it is used."""
+    faults = _other_file_faults(xml, file, key)
+    return faults or [Fault(file, key, f"the model {why}") for why in (explain_cost(xml),) if why]

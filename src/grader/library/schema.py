@@ -3,7 +3,8 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import cache
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
@@ -23,38 +24,20 @@ from grader.domain.lab import (
 )
 from grader.domain.misread import misread, without_remarks
 from grader.domain.policy import Late, Policy
-from grader.domain.quiz import (
-    ChoiceQuestion,
-    CodeQuestion,
-    NumericQuestion,
-    OpenQuestion,
-    PredictQuestion,
-    Question,
-    Quiz,
-)
-from grader.domain.rubric import RubricItem, SecondMarking
-from grader.domain.run import Limits
+from grader.domain.rubric import SecondMarking
 from grader.errors import Fault
 from grader.library.json_text import JsonObject, dotted
+from grader.questions import Question, Quiz, installed_kinds, question_adapter
 
 QUIZ = TypeAdapter[Quiz](Quiz)
-QUESTION = TypeAdapter[Question](Question)
 LAB = TypeAdapter[Lab](Lab)
 
 Part = TypeVar("Part")
 
 PARTS: Mapping[str, type[BaseModel]] = {
-    "mcq": ChoiceQuestion,
-    "debug": ChoiceQuestion,
-    "predict": PredictQuestion,
-    "numeric": NumericQuestion,
-    "open": OpenQuestion,
-    "code": CodeQuestion,
     "options": verify.ByOptions,
-    "limits": Limits,
     "policy": Policy,
     "late": Late,
-    "rubric": RubricItem,
     "second_marking": SecondMarking,
     "simlab": SimLab,
     "integrators": IntegratorsLab,
@@ -73,13 +56,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "measurement": verify.ByMeasurement,
     "expression": verify.ByExpression,
 }
-"""The class of a part, by the last step of pydantic's location of it."""
-
-CHOICES = {
-    "kind": "mcq, debug, predict, numeric, open or code; simlab or integrators for a lab",
-    "by": "options, outcome, stage, threshold, measurement or expression",
-}
-"""The values of the key that selects the class of a part."""
+"""The class of a part beside the questions, by the last step of pydantic's location of it."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +72,7 @@ class ParsedQuiz:
 def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
     """Validate a quiz, naming questions by position, and collect every fault of its keys and values."""
     quizzes, faults = validate(QUIZ, [("", _without_lists(raw))], file)
-    questions, question_faults = validate(QUESTION, _named_questions(raw), file)
+    questions, question_faults = validate(question_adapter(), _named_questions(raw), file)
     labs, lab_faults = validate(LAB, _named_labs(raw), file)
     faults += [*question_faults, *lab_faults, *_list_faults(raw, file), *_repeated_ids(raw, file)]
     parts = {"questions": tuple(questions), "labs": tuple(labs)}
@@ -158,7 +135,7 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
-            for place, why in misread(error, item, _known_keys, CHOICES):
+            for place, why in misread(error, item, _known_keys, _choices()):
                 where = dotted(key, *place)
                 faults.setdefault(where, Fault(file, where, why))
     return parts, list(faults.values())
@@ -166,5 +143,36 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
 
 def _known_keys(steps: Sequence[str]) -> Iterable[str]:
     """The keys of the part that holds a key, by the names in pydantic's location of the key."""
-    part = PARTS[steps[-2]] if len(steps) > 1 and steps[-2] in PARTS else Quiz
+    part = _parts().get(steps[-2], Quiz) if len(steps) > 1 else Quiz
     return part.model_fields
+
+
+@cache
+def _parts() -> Mapping[str, type[BaseModel]]:
+    """The class of every part: those of questions by the names of their kinds, and what is in these by its key."""
+    questions = {name: kind.question for name, kind in installed_kinds().items()}
+    inside = {
+        key: part
+        for question in questions.values()
+        for key, field in question.model_fields.items()
+        for part in _models_in(field.annotation)
+    }
+    return {**inside, **questions, **PARTS}
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models that a type names, at any depth."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models_in(part)
+
+
+@cache
+def _choices() -> Mapping[str, str]:
+    """The values of the key that selects the class of a part."""
+    *kinds, last = installed_kinds()
+    return {
+        "kind": f"{', '.join(kinds)} or {last}; simlab or integrators for a lab",
+        "by": "options, outcome, stage, threshold, measurement or expression",
+    }

@@ -9,20 +9,24 @@ from difflib import get_close_matches
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from grader.answers import known_unit
 from grader.domain.lab import OVERLAYS, IntegratorsLab, Lab, LabConfig, UnknownLab
-from grader.domain.quiz import CodeQuestion, NumericQuestion, OpenQuestion, PredictQuestion, Question, Quiz
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault, NotFound
 from grader.exercises import TextOf, check_exercise
 from grader.labs import check_integrators, check_lab
 from grader.library.files import read_text
 from grader.library.json_text import dotted
+from grader.questions import ModelXml, Question, Quiz, kind_of
 
 PROSE = ("q", "title", "options", "explain", "reference", "note")
 """Keys of texts that are shown with TeX between dollar signs."""
 
 LAB_KINDS = ("simlab", "integrators")
+
+PROSE_LISTS = re.compile(r"(?:^|\.)(?:options|items|extra|pairs\.[0-9]+)$")
+"""Where a list of such texts stands."""
+
+LABELS = re.compile(r"(?:^|\.)fields\.[0-9]+\.label$")
 
 DOLLAR = re.compile(r"(?<!\\)\$")
 
@@ -98,25 +102,19 @@ def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
             yield Fault(file, at, "an odd number of $ signs: TeX stands between two; write \\$ for a dollar")
 
 
-def number_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
-    """Warnings for units and tolerances that accept fewer answers than their author may expect."""
+def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
+    """Yields what may surprise the authors of questions."""
     for question in quiz.questions:
-        if not isinstance(question, NumericQuestion):
-            continue
-        if question.unit and known_unit(question.unit) is None:
-            yield Fault(
-                file, dotted(question.id, "unit"), f"{question.unit!r} is not a known unit: nothing is converted"
-            )
-        if question.tolerance == 0 and question.tol is None:
-            yield Fault(file, dotted(question.id, "tol"), "2 % of 0 is 0: give tol, or only an exact 0 is right")
+        for key, why in kind_of(question).warnings(question):
+            yield Fault(file, dotted(question.id, key), why)
 
 
 def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
     """Yields a warning for every lab of an unknown kind, and for every overlay that is not drawn."""
     labs: dict[str, Lab | LabConfig] = {lab.id: lab for lab in quiz.labs}
     for question in quiz.questions:
-        if isinstance(question, PredictQuestion) and question.sim is not None:
-            labs[dotted(question.id, "sim")] = question.sim
+        if (simulation := kind_of(question).lab(question)) is not None:
+            labs[dotted(question.id, "sim")] = simulation
     for key, lab in labs.items():
         if isinstance(lab, UnknownLab):
             yield Fault(file, dotted(key, "kind"), unknown_kind(lab.kind))
@@ -138,7 +136,7 @@ def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
     for name, item in items:
         if not isinstance(item, str):
             yield from _prose(item, dotted(key, name))
-        elif name in PROSE or (isinstance(raw, list) and key.endswith("options")):
+        elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or LABELS.search(dotted(key, name)):
             yield dotted(key, name), item
 
 
@@ -147,11 +145,11 @@ def semantic_faults(
 ) -> Iterator[Fault]:
     """Yield faults of the questions and labs whose models are all in `models`, which compile."""
     for part in parts:
-        for fault in _part_faults(part, models, text_of, file):
+        for fault in _part_faults(part, models, text_of):
             yield replace(fault, file=file, why=" ".join(fault.why.split()))
 
 
-def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextOf, file: str) -> Iterator[Fault]:
+def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextOf) -> Iterator[Fault]:
     """Faults of one question or lab."""
 
     def model_xml(name: str) -> str:
@@ -159,15 +157,27 @@ def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextO
             raise NotFound(f"There is no model {name!r}.")
         return models[name]
 
-    if isinstance(part, CodeQuestion):
-        wanted = {name for _, name in named_models(dict(part.check.parameters), "")}
-        yield from check_exercise(part, model_xml, file, text_of) if wanted <= set(models) else ()
-    elif isinstance(part, PredictQuestion) and part.sim is not None:
-        yield from _lab_faults(part.sim, models, dotted(part.id, "sim"))
-    elif isinstance(part, LabConfig | IntegratorsLab):
+    if isinstance(part, LabConfig | IntegratorsLab):
         yield from _lab_faults(part, models, part.id)
-    if isinstance(part, CodeQuestion | OpenQuestion) and part.verify is not None:
-        yield Fault(file, dotted(part.id, "verify"), f"{part.kind} has no key to derive again: remove it")
+    elif isinstance(part, Question):
+        yield from _question_faults(part, models, model_xml, text_of)
+
+
+def _question_faults(
+    question: Question, models: Mapping[str, str], model_xml: ModelXml, text_of: TextOf
+) -> Iterator[Fault]:
+    """Faults of one question: those of its kind, its exercise and its lab."""
+    kind = kind_of(question)
+    for key, why in kind.faults(question):
+        yield Fault("", dotted(question.id, key), why)
+    if {name for _, name in named_models(question.model_dump(), "")} <= set(models):
+        yield from check_exercise(question, model_xml, "", text_of)
+    if (lab := kind.lab(question)) is not None:
+        yield from _lab_faults(lab, models, dotted(question.id, "sim"))
+    keys = kind.answer_keys(question)
+    if question.verify is not None and all(key.place for key in keys):
+        cure = f"move it to {' or '.join(key.place for key in keys)}" if keys else "remove it"
+        yield Fault("", dotted(question.id, "verify"), f"{question.kind} has no key to derive again: {cure}")
 
 
 def _lab_faults(lab: LabConfig | IntegratorsLab, models: Mapping[str, str], key: str) -> Iterator[Fault]:

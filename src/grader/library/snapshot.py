@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from grader.domain.quiz import CodeQuestion, Question, Quiz
 from grader.errors import Fault, NotFound
+from grader.questions import Question, Quiz, kind_of
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,8 @@ class Library:
 
     def starter(self, question: Question) -> str | None:
         """The script that a learner starts from, or None."""
-        if not isinstance(question, CodeQuestion) or question.starter is None:
-            return None
-        return self.starters[question.starter]
+        path = kind_of(question).starter(question)
+        return None if path is None else self.starters[path]
 
     def digest(self, quiz_id: str) -> str:
         """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files.

@@ -1,1 +1,4 @@
-"""Measures MuJoCo models: scenes, rollouts, thresholds, reference solutions. Does no I/O."""
+"""Measures MuJoCo models: scenes, rollouts, stability and accuracy.
+
+Every other room that simulates does so through this one. It performs no I/O.
+"""

@@ -16,16 +16,16 @@ DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 BOXED = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 
 
-def drawn_geoms(model: mujoco.MjModel) -> dict[int, dict[str, Any]]:
-    """The geoms that are shown, by index: those in a visible group that are not fully transparent.
+def list_drawn_geoms(model: mujoco.MjModel) -> dict[int, dict[str, Any]]:
+    """Returns the geoms that are shown, by index: those in a visible group that are not fully transparent.
 
     Each has its name, type, size and colour; a mesh or height field has the half sizes of its bounding box.
     """
-    colours = {geom: _rgba(model, geom) for geom in range(model.ngeom) if model.geom_group[geom] <= GROUP_MAX}
-    return {geom: _described(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
+    colours = {geom: _choose_colour(model, geom) for geom in range(model.ngeom) if model.geom_group[geom] <= GROUP_MAX}
+    return {geom: _describe_geom(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
 
 
-def _described(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> dict[str, Any]:
+def _describe_geom(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> dict[str, Any]:
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     size = model.geom_aabb[geom, 3:] if kind in BOXED else model.geom_size[geom]
     return {
@@ -36,26 +36,26 @@ def _described(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> d
     }
 
 
-def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
-    """A material colours a geom that has no colour of its own. Source: mjv_updateScene."""
+def _choose_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
+    """Returns the colour of a geom: its material's where it has none of its own. Source: mjv_updateScene."""
     material, own = int(model.geom_matid[geom]), model.geom_rgba[geom]
-    found: NDArray[np.float32] = (
+    colour: NDArray[np.float32] = (
         model.mat_rgba[material] if material >= 0 and bool(np.all(own == DEFAULT_RGBA)) else own
     )
-    return found
+    return colour
 
 
-Drawn = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]
+Draw = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]
 
 
-def overlays_of(names: Iterable[str]) -> list[tuple[str, Drawn]]:
+def list_overlays(names: Iterable[str]) -> list[tuple[str, Draw]]:
     """What draws each overlay of these names, without those that nobody draws; contacts and forces are one."""
     known = dict.fromkeys("contacts" if name == "forces" else name for name in names)
     return [(name, OVERLAYS[name]) for name in known if name in OVERLAYS]
 
 
-def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
-    """Of every contact that acts: the point [m], and the force on the second geom [N], in the world."""
+def _draw_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
+    """Returns, for every contact that acts, the point [m], and the force on the second geom [N], in the world."""
     force, rows = np.zeros(6), []
     for i in range(min(data.ncon, CONTACTS_MAX)):
         contact = data.contact[i]
@@ -64,9 +64,9 @@ def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
     return rows
 
 
-def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
-    """Of every camera: the point [m] and the quaternion, by which it looks along -z with +y up."""
-    turned = quaternions(data.cam_xmat[np.newaxis])[0] if model.ncam else np.empty((0, 4))
+def _draw_cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
+    """Returns, for every camera, the point [m] and the quaternion, by which it looks along -z with +y up."""
+    turned = to_quaternions(data.cam_xmat[np.newaxis])[0] if model.ncam else np.empty((0, 4))
     rows: list[list[float]] = np.hstack([data.cam_xpos, turned]).tolist()
     return rows
 
@@ -74,21 +74,21 @@ def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[list[float]]:
 CONTACTS_MAX = 50
 """How many contacts of a frame are drawn."""
 
-OVERLAYS: dict[str, Drawn] = {
+OVERLAYS: dict[str, Draw] = {
     "frames": lambda _, data: np.hstack([data.xpos[1:], data.xquat[1:]]).tolist(),
     "joints": lambda _, data: np.hstack([data.xanchor, data.xaxis]).tolist(),
-    "contacts": _contacts,
+    "contacts": _draw_contacts,
     "com": lambda _, data: data.xipos[1:].tolist(),
     "sites": lambda _, data: data.site_xpos.tolist(),
-    "cameras": _cameras,
+    "cameras": _draw_cameras,
 }
 """Rows: positions [m]; of frames and cameras with a quaternion, of joints with an axis, of contacts with a force."""
 
 
-def quaternions(matrices: Floats) -> Floats:
+def to_quaternions(matrices: Floats) -> Floats:
     """Unit quaternions (frames, geoms, 4), w first and not negative, of rotation matrices (frames, geoms, 9)."""
-    found = np.empty((*matrices.shape[:2], 4))
-    for quaternion, matrix in zip(found.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+    quats = np.empty((*matrices.shape[:2], 4))
+    for quaternion, matrix in zip(quats.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
         mujoco.mju_mat2Quat(quaternion, matrix)
-    result: Floats = np.where(found[..., :1] < 0, -found, found)
+    result: Floats = np.where(quats[..., :1] < 0, -quats, quats)
     return result

@@ -13,9 +13,9 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import NDArray
 
-from grader.numerics.needs import assert_proved, skippable
+from grader.numerics.needs import assert_proved, list_skippable_flags
 from grader.numerics.scene import Scene, Vector
-from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_by, advance_exactly, first_warning
+from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_exactly, find_first_warning, make_advance
 from grader.numerics.workspace import KEPT, Workspace
 
 
@@ -85,23 +85,23 @@ def simulate(
     bare = skip and keep and stepper is None
     workspace = scene.lend(timestep_s, integrator, skip=bare)  # not given back, and so discarded, after an exception
     if skip and keep and stepper is not None:
-        workspace.option.disableflags |= skippable(scene.needs, sensors_read=True)
-    count = _steps(workspace.timestep_s, seconds, steps)
-    wanted = _wanted(count, every, at_s, workspace.timestep_s)
-    advance = advance_exactly if controller is None and stepper is None else advance_by(controller, stepper)
-    written = _bytes_of(workspace.model) if stepper is not None and keep else b""
+        workspace.option.disableflags |= list_skippable_flags(scene.needs, sensors_read=True)
+    count = _count_steps(workspace.timestep_s, seconds, steps)
+    wanted = _choose_steps(count, every, at_s, workspace.timestep_s)
+    advance = advance_exactly if controller is None and stepper is None else make_advance(controller, stepper)
+    written = _save_model(workspace.model) if stepper is not None and keep else b""
     rollout = _record(workspace, scene.start_vector, wanted, advance)
-    if written and _bytes_of(workspace.model) != written:
+    if written and _save_model(workspace.model) != written:
         raise ValueError("a stepper may not write its model, which later runs use too")
     if keep and not skip and rollout.diverged_at_step is None:
         assert_proved(scene.needs, workspace.data)
     if keep:
-        scene.take_back(workspace, rollout.steps if bare else 0)
+        scene.return_workspace(workspace, rollout.steps if bare else 0)
     return rollout
 
 
-def _bytes_of(model: mujoco.MjModel) -> bytes:
-    """The whole content of a model; takes 4 us for the lesson's."""
+def _save_model(model: mujoco.MjModel) -> bytes:
+    """Returns the whole content of a model; takes 4 us for the lesson's."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
@@ -110,7 +110,7 @@ def _bytes_of(model: mujoco.MjModel) -> bytes:
 Advance = Callable[[Workspace, int], int]
 
 
-def _steps(timestep_s: float, seconds: float | None, steps: int | None) -> int:
+def _count_steps(timestep_s: float, seconds: float | None, steps: int | None) -> int:
     if (seconds is None) == (steps is None):
         raise ValueError("give either seconds or steps")
     if seconds is not None:
@@ -123,8 +123,10 @@ def _steps(timestep_s: float, seconds: float | None, steps: int | None) -> int:
     return int(steps)
 
 
-def _wanted(count: int, every: int, at_s: Sequence[float] | Vector | None, timestep_s: float) -> NDArray[np.int64]:
-    """The steps whose states are kept, ascending and unique."""
+def _choose_steps(
+    count: int, every: int, at_s: Sequence[float] | Vector | None, timestep_s: float
+) -> NDArray[np.int64]:
+    """Returns the steps whose states are kept, ascending and unique."""
     if at_s is None:
         if every < 1:
             raise ValueError("every must be 1 or more")
@@ -162,5 +164,5 @@ def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], adva
         workspace.integrator,
         done,
         done if diverged else None,
-        first_warning(workspace) if diverged else None,
+        find_first_warning(workspace) if diverged else None,
     )

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from grader.numerics import needs as proofs
 from grader.numerics.integrators import BY_CODE
 from grader.numerics.process import prepare
-from grader.numerics.visuals import without_visuals
-from grader.numerics.workspace import Stock, Workspace
+from grader.numerics.visuals import remove_visuals
+from grader.numerics.workspace import Workspace, WorkspacePool
 
 Vector = NDArray[np.float64]
 Values = Sequence[float] | Vector
@@ -43,7 +43,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model with an initial state; build it with `Scene.from_xml` or `Scene.of_model`.
+    """A model with an initial state; build it with `Scene.from_xml` or `Scene.from_model`.
 
     Every run begins at `start`; `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes
     mocap poses, equality switches and the warm start. `needs` are the parts of the engine that the model needs.
@@ -53,7 +53,7 @@ class Scene:
     start_vector: Vector
     start: State
     needs: tuple[proofs.Need, ...]
-    _stock: Stock = field(repr=False)
+    _stock: WorkspacePool = field(repr=False)
     digest: str = ""
 
     @staticmethod
@@ -62,20 +62,20 @@ class Scene:
 
         Raises ValueError if MuJoCo cannot compile the text, KeyError if there is no such keyframe.
         """
-        return _compiled(xml, key)
+        return _compile(xml, key)
 
     @staticmethod
-    def of_model(model: mujoco.MjModel, *, digest: str = "") -> "Scene":
+    def from_model(model: mujoco.MjModel, *, digest: str = "") -> "Scene":
         """Copy a model into a scene at `qpos0`."""
         prepare()
         model = copy.copy(model)
-        return _scene_of(model, proofs.prove(model), Stock(model), digest)
+        return _build_scene(model, proofs.prove_needs(model), WorkspacePool(model), digest)
 
     def changed(self, change: Callable[[mujoco.MjModel], object]) -> "Scene":
         """Copy the model, let `change` write the copy, and prove its needs again; the start is kept."""
         model = copy.copy(self.model)
         change(model)
-        return replace(self, model=model, needs=proofs.prove(model), digest="", _stock=Stock(model))
+        return replace(self, model=model, needs=proofs.prove_needs(model), digest="", _stock=WorkspacePool(model))
 
     def at(
         self,
@@ -87,25 +87,25 @@ class Scene:
         ctrl: Values | None = None,
         time_s: float | None = None,
     ) -> "Scene":
-        """The same model from another start; the given parts replace those of keyframe `key`, or of this start.
+        """Returns the same model from another start; the given parts replace those of keyframe `key`, or of this start.
 
         Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length.
         """
         with self.borrow() as workspace:
             data = workspace.data
             if key is not None:
-                mujoco.mj_resetDataKeyframe(self.model, data, self.id_of(mjtObj.mjOBJ_KEY, key))
+                mujoco.mj_resetDataKeyframe(self.model, data, self.find_id(mjtObj.mjOBJ_KEY, key))
             for name, values in (("qpos", qpos), ("qvel", qvel), ("act", act), ("ctrl", ctrl)):
                 if values is not None:
                     _write(getattr(data, name), values, name)
             if time_s is not None:
                 data.time = time_s
-            return replace(self, start_vector=_full_state(self.model, data), start=state_of(data))
+            return replace(self, start_vector=_read_full_state(self.model, data), start=copy_state(data))
 
     @cached_property
     def flags(self) -> int:
         """The disable bits that are proved to change nothing."""
-        return proofs.skippable(self.needs)
+        return proofs.list_skippable_flags(self.needs)
 
     @cached_property
     def options(self) -> tuple[float, int]:
@@ -134,14 +134,16 @@ class Scene:
         workspace.known = None
         yield workspace
         if keep:  # not reached after an exception: the workspace is then discarded
-            self.take_back(workspace, (workspace.data.time - self.start.time_s) / workspace.timestep_s if skip else 0)
+            self.return_workspace(
+                workspace, (workspace.data.time - self.start.time_s) / workspace.timestep_s if skip else 0
+            )
 
     def lend(self, timestep_s: float | None = None, integrator: int | None = None, *, skip: bool = False) -> Workspace:
-        """A workspace at the start, for one run that only steps it; faster than `borrow` by 1 us.
+        """Returns a workspace at the start, for one run that only steps it; faster than `borrow` by 1 us.
 
         Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
         """
-        timestep_s, integrator = checked_options(self.options, timestep_s, integrator)
+        timestep_s, integrator = resolve_options(self.options, timestep_s, integrator)
         workspace = self._stock.take(skip=skip)
         option = workspace.option
         option.timestep, option.integrator = timestep_s, integrator
@@ -152,20 +154,20 @@ class Scene:
         mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
         return workspace
 
-    def take_back(self, workspace: Workspace, steps: float) -> None:
+    def return_workspace(self, workspace: Workspace, steps: float) -> None:
         """Keep a workspace for later runs, unless its model was written or its run raised.
 
         `steps` is the number of steps that were taken with skipping on.
         """
         self._stock.give_back(workspace, steps)
 
-    def names_of(self, kind: mjtObj) -> tuple[str, ...]:
-        """The names of all objects of a kind, in order; the index for an object without a name."""
+    def list_names(self, kind: mjtObj) -> tuple[str, ...]:
+        """Returns the names of all objects of a kind, in order; the index for an object without a name."""
         return tuple(mujoco.mj_id2name(self.model, kind, i) or str(i) for i in range(self._count(kind)))
 
-    def id_of(self, kind: mjtObj, name: int | str) -> int:
+    def find_id(self, kind: mjtObj, name: int | str) -> int:
         """The index of an object by name; an index is checked and returned. Raises KeyError if there is none."""
-        names = self.names_of(kind)
+        names = self.list_names(kind)
         index = (names.index(name) if name in names else None) if isinstance(name, str) else name
         if index is None or not 0 <= index < len(names):
             known = ", ".join(sorted(names)) or "none"
@@ -182,16 +184,16 @@ class Scene:
         }
         return int(sizes[kind])
 
-    def qpos_of(self, joint: int | str) -> slice:
-        """The slice of qpos with the coordinates of a joint."""
-        index = self.id_of(mjtObj.mjOBJ_JOINT, joint)
+    def find_qpos(self, joint: int | str) -> slice:
+        """Returns the slice of qpos with the coordinates of a joint."""
+        index = self.find_id(mjtObj.mjOBJ_JOINT, joint)
         addresses = self.model.jnt_qposadr
         stop = addresses[index + 1] if index + 1 < len(addresses) else self.model.nq
         return slice(int(addresses[index]), int(stop))
 
 
-def checked_options(own: tuple[float, int], timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
-    """The given timestep [s] and integrator, or the model's own. Raises ValueError for invalid ones."""
+def resolve_options(own: tuple[float, int], timestep_s: float | None, integrator: int | None) -> tuple[float, int]:
+    """Returns the given timestep [s] and integrator, or the model's own. Raises ValueError for invalid ones."""
     timestep_s = own[0] if timestep_s is None else float(timestep_s)
     if not (isfinite(timestep_s) and timestep_s > 0):
         raise ValueError(f"the timestep must be positive and finite, not {timestep_s}")
@@ -201,40 +203,40 @@ def checked_options(own: tuple[float, int], timestep_s: float | None, integrator
     return timestep_s, integrator
 
 
-def state_of(data: mujoco.MjData) -> State:
-    """A frozen copy of the state in `data`."""
-    return State(float(data.time), *(frozen(values) for values in (data.qpos, data.qvel, data.act, data.ctrl)))
+def copy_state(data: mujoco.MjData) -> State:
+    """Returns a frozen copy of the state in `data`."""
+    return State(float(data.time), *(freeze(values) for values in (data.qpos, data.qvel, data.act, data.ctrl)))
 
 
-def frozen(values: Vector) -> Vector:
-    """A read-only copy."""
+def freeze(values: Vector) -> Vector:
+    """Returns a read-only copy."""
     values = np.array(values, dtype=np.float64)
     values.flags.writeable = False
     return values
 
 
 @lru_cache(maxsize=128)
-def _compiled(xml: str, key: int | str | None) -> Scene:
+def _compile(xml: str, key: int | str | None) -> Scene:
     prepare()
     if key is not None:
-        return _compiled(xml, None).at(key=key)
+        return _compile(xml, None).at(key=key)
     digest = hashlib.sha256(xml.encode()).hexdigest()
     model = mujoco.MjModel.from_xml_string(xml)
-    needs = proofs.prove(model)
-    return _scene_of(model, needs, Stock(model, lambda: without_visuals(xml, model, needs)), digest)
+    needs = proofs.prove_needs(model)
+    return _build_scene(model, needs, WorkspacePool(model, lambda: remove_visuals(xml, model, needs)), digest)
 
 
-def _scene_of(model: mujoco.MjModel, needs: tuple[proofs.Need, ...], stock: Stock, digest: str) -> Scene:
+def _build_scene(model: mujoco.MjModel, needs: tuple[proofs.Need, ...], stock: WorkspacePool, digest: str) -> Scene:
     workspace = stock.take(skip=False)  # kept for the first run: an MjData takes as long to make as a model
-    start_vector, start = _full_state(model, workspace.data), state_of(workspace.data)
+    start_vector, start = _read_full_state(model, workspace.data), copy_state(workspace.data)
     stock.give_back(workspace, 0)
     return Scene(model, start_vector, start, needs, stock, digest)
 
 
-def _full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:
+def _read_full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Vector:
     vector = np.empty(mujoco.mj_stateSize(model, FULL_STATE))
     mujoco.mj_getState(model, data, vector, FULL_STATE)
-    return frozen(vector)
+    return freeze(vector)
 
 
 def _write(target: Vector, values: Values, name: str) -> None:

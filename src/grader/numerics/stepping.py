@@ -28,7 +28,7 @@ STEPS_MAX = 20_000_000
 
 
 @dataclass(frozen=True)
-class Raised:
+class MujocoWarning:
     """A warning of MuJoCo: its kind, such as BADQACC, and the time [s] at which the step began."""
 
     kind: str
@@ -47,7 +47,7 @@ def advance_coarsely(workspace: Workspace, steps: int) -> int:
     done, chunk, time_s = 0, CHUNK, workspace.data.time
     while done < steps:
         chunk = min(chunk, steps - done)
-        before, time_s = time_s, _time_after(workspace, chunk)
+        before, time_s = time_s, _step_chunk(workspace, chunk)
         if not time_s > before:
             return done
         done += chunk
@@ -69,7 +69,7 @@ def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int
         if known is None or done - saved_at >= CHUNK_MAX:
             known, saved_at = workspace.saved, done
             mujoco.mj_getState(model, data, known, FULL_STATE)
-        before, time_s = time_s, _time_after(workspace, chunk)
+        before, time_s = time_s, _step_chunk(workspace, chunk)
         if not time_s > before:
             if chunk == 1:
                 return done
@@ -83,7 +83,7 @@ def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int
     return done
 
 
-def _time_after(workspace: Workspace, chunk: int) -> float:
+def _step_chunk(workspace: Workspace, chunk: int) -> float:
     """Take a chunk of steps; return the time [s] after it, NaN where MuJoCo warned.
 
     A full buffer raises a warning and may raise FatalError later in the same chunk; the warning then counts.
@@ -96,7 +96,7 @@ def _time_after(workspace: Workspace, chunk: int) -> float:
     return nan if any(workspace.warned) else workspace.data.time
 
 
-def advance_by(controller: Controller | None, stepper: Stepper | None) -> Callable[[Workspace, int], int]:
+def make_advance(controller: Controller | None, stepper: Stepper | None) -> Callable[[Workspace, int], int]:
     """Like `advance_exactly`, step by step, with a call before each step or another function in place of mj_step."""
 
     def advance(workspace: Workspace, steps: int) -> int:
@@ -105,7 +105,7 @@ def advance_by(controller: Controller | None, stepper: Stepper | None) -> Callab
     return advance
 
 
-def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
+def make_advance_until(kind: mjtWarning) -> Callable[[Workspace, int], int]:
     """Step through automatic resets until `kind` is counted, like a script that reads only this counter."""
 
     def advance(workspace: Workspace, steps: int) -> int:
@@ -119,21 +119,21 @@ def advance_counting(kind: mjtWarning) -> Callable[[Workspace, int], int]:
     return advance
 
 
-def first_warning(workspace: Workspace) -> mjtWarning | None:
-    """The first kind of warning with a count, in the order of mjtWarning; None if there is none."""
-    return next(_kinds(workspace.counts), None)
+def find_first_warning(workspace: Workspace) -> mjtWarning | None:
+    """Returns the first kind of warning with a count, in the order of mjtWarning; None if there is none."""
+    return next(_list_kinds(workspace.counts), None)
 
 
-def raised(counts: NDArray[np.int32], time_s: float) -> list[Raised]:
+def take_warnings(counts: NDArray[np.int32], time_s: float) -> list[MujocoWarning]:
     """What MuJoCo has counted since the last call; clears the counters, which it leaves at 1 after a reset."""
     if not counts.any():
         return []
-    kinds = list(_kinds(counts))
+    kinds = list(_list_kinds(counts))
     counts[:] = 0
-    return [Raised(kind.name.removeprefix("mjWARN_"), time_s) for kind in kinds]
+    return [MujocoWarning(kind.name.removeprefix("mjWARN_"), time_s) for kind in kinds]
 
 
-def _kinds(counts: NDArray[np.int32]) -> Iterator[mjtWarning]:
+def _list_kinds(counts: NDArray[np.int32]) -> Iterator[mjtWarning]:
     return (mjtWarning(int(kind)) for kind in np.flatnonzero(counts))
 
 

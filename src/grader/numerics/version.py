@@ -11,6 +11,6 @@ RK4_ORDER_ON_ROTATIONS = 2 if mujoco.mj_version() < 4_000_000 else 4
 """The order of MuJoCo's RK4 on free and ball joints: 4.0.0 corrects the velocities of the stages, 3.14.0 does not."""
 
 
-def version_of(text: str) -> tuple[int, ...]:
-    """The numbers of a version such as "4.0.0". Raises ValueError for any other text."""
+def parse_version(text: str) -> tuple[int, ...]:
+    """Returns the numbers of a version such as "4.0.0". Raises ValueError for any other text."""
     return tuple(int(part) for part in text.split("."))

@@ -21,23 +21,23 @@ _quiet = threading.Lock()
 """Python keeps the filters of warnings for all threads."""
 
 
-def without_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
+def remove_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
     """Compile an MJCF text without visuals; None if nothing can be removed, or the motion would change.
 
     `model` is the compiled text, and `needs` its needs. Takes about as long as compiling the text.
     """
     needed = {need.part for need in needs if need.needed}
-    if not visual_count(model) or needed & {"everything", "contacts", "fluid"}:
+    if not count_visuals(model) or needed & {"everything", "contacts", "fluid"}:
         return None
     for sites_too in (True, False):
-        bare = _stripped(xml, sites_too=sites_too)
-        if bare is not None and visual_count(bare) < visual_count(model) and moves_alike(model, bare):
+        bare = _strip(xml, sites_too=sites_too)
+        if bare is not None and count_visuals(bare) < count_visuals(model) and moves_alike(model, bare):
             return bare
     return None
 
 
-def visual_count(model: mujoco.MjModel) -> int:
-    """The number of geoms, sites, cameras, lights and sensors."""
+def count_visuals(model: mujoco.MjModel) -> int:
+    """Returns the number of geoms, sites, cameras, lights and sensors."""
     return int(model.ngeom + model.nsite + model.ncam + model.nlight + model.nsensor)
 
 
@@ -55,7 +55,7 @@ def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     return float(model.stat.meaninertia) == float(other.stat.meaninertia)
 
 
-def _stripped(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
+def _strip(xml: str, *, sites_too: bool) -> mujoco.MjModel | None:
     """Compile the text without visuals; None if a remaining element refers to one, or an included file is missing.
 
     MuJoCo's warnings, such as those of MuJoCo 4.0.0 of deprecated attributes, are those of the whole text, and dropped.

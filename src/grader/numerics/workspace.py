@@ -46,7 +46,7 @@ class Workspace:
         self.bare = bare
 
 
-class Stock:
+class WorkspacePool:
     """The free workspaces of a scene; thread-safe.
 
     Runs that skip parts get bare workspaces, of a model without visuals, after BARE_AFTER steps. `strip` compiles the

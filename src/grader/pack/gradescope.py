@@ -14,11 +14,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from grader.domain.quiz import CodeQuestion
 from grader.errors import Conflict, Unprocessable
 from grader.exercises import GROUP
 from grader.library import Library, load
 from grader.pack.wheel import constraints, entry, write_wheel
+from grader.questions.kinds.script import ScriptQuestion
 
 SCRIPTS = Path(__file__).parent / "scripts"
 KEY_BYTES = 32
@@ -51,7 +51,7 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
     script, and Conflict if there is something at `out`.
     """
     asked = library.question(quiz, question)
-    if not isinstance(asked, CodeQuestion):
+    if not isinstance(asked, ScriptQuestion):
         raise Unprocessable(f"{quiz} {question} is no exercise: Gradescope's autograder takes scripts.")
     if out.exists():
         raise Conflict(f"{out} is there already: name another place with --out, or remove it.")
@@ -73,7 +73,7 @@ def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
     return [*found, Packed("exercise.sh", said.encode())]
 
 
-def content(library: Library, quiz: str, question: CodeQuestion) -> list[Packed]:
+def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
     """A content folder with this question alone, and the models, which scripts may read.
 
     No other question, no explanation, no starter and no reference solution is in it.

@@ -37,7 +37,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.sql.functions import FunctionElement
 
-from grader.store.signals import announce
+from grader.store.engine.signals import announce
 from grader.store.tables import age_s
 
 GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune")
@@ -88,12 +88,12 @@ class Clock(FunctionElement[float]):
 
 
 @compiles(Clock, "sqlite")
-def _clock_of_sqlite(_element: Clock, _compiler: Any, **_kw: Any) -> str:
+def _sqlite_clock(_element: Clock, _compiler: Any, **_kw: Any) -> str:
     return "((julianday('now') - 2440587.5) * 86400.0)"
 
 
 @compiles(Clock, "postgresql")
-def _clock_of_postgresql(_element: Clock, _compiler: Any, **_kw: Any) -> str:
+def _postgresql_clock(_element: Clock, _compiler: Any, **_kw: Any) -> str:
     return "CAST(extract(epoch FROM clock_timestamp()) AS double precision)"
 
 
@@ -110,10 +110,10 @@ class Claim:
 
 def put(session: Session, topic: str, subject: str, share: str, delay_s: float = 0.0) -> None:
     """Adds a job, in the caller's transaction. Jobs of the same `share` take turns with those of the others."""
-    priority, place = TOPICS.index(topic), share_number(share)
+    priority, place = TOPICS.index(topic), hash_share(share)
     row = {"topic": topic, "subject": subject, "priority": priority, "share": place, "tries": 0}
     delay = {"delayed_at": Clock(), "due_at": Clock() + delay_s} if delay_s else {}
-    new = insert(JobRow).values(**row, round=_next_round(session, priority, place), **delay)
+    new = insert(JobRow).values(**row, round=_choose_round(session, priority, place), **delay)
     session.connection().execute(new)
     announce(session, NEWS, topic)
 
@@ -122,9 +122,9 @@ def put_all(session: Session, topic: str, subjects: Sequence[str], share: str) -
     """As `put`, for several jobs of one share, due at once; in three statements, however many they are."""
     if not subjects:
         return
-    priority, place = TOPICS.index(topic), share_number(share)
+    priority, place = TOPICS.index(topic), hash_share(share)
     row = {"topic": topic, "priority": priority, "share": place, "tries": 0}
-    first = _next_round(session, priority, place)
+    first = _choose_round(session, priority, place)
     rows = [{**row, "subject": subject, "round": first + number} for number, subject in enumerate(subjects)]
     session.connection().execute(insert(JobRow), rows)
     announce(session, NEWS, topic)
@@ -164,7 +164,9 @@ def finish(session: Session, claimed: Claim) -> bool:
 def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> bool:
     """Makes the job wait for another `delay_s` seconds. `tried` counts this try as failed. False as in `finish`."""
     tries = claimed.tries if tried else claimed.tries - 1
-    again = update(JobRow).where(_holds(claimed)).values(**_delayed(delay_s), tries=tries).returning(JobRow.id)
+    again = (
+        update(JobRow).where(_match_claim(claimed)).values(**_build_delay(delay_s), tries=tries).returning(JobRow.id)
+    )
     announce(session, NEWS, claimed.topic)
     return session.execute(again).first() is not None
 
@@ -184,8 +186,8 @@ def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
         announce(session, NEWS)
 
 
-def owned(session: Session) -> list[tuple[int, str]]:
-    """The owner and the lease of every job in progress."""
+def list_owned(session: Session) -> list[tuple[int, str]]:
+    """Returns the owner and the lease of every job in progress."""
     rows = session.execute(select(JobRow.owner, JobRow.lease).where(JobRow.owner.is_not(None)))
     return [(row.owner, row.lease) for row in rows]
 
@@ -193,17 +195,17 @@ def owned(session: Session) -> list[tuple[int, str]]:
 def release(session: Session, leases: list[str]) -> None:
     """Makes jobs in progress wait again, due at once; their claims end."""
     if leases:
-        released = update(JobRow).where(JobRow.lease.in_(leases)).values(**_delayed(0.0)).returning(JobRow.topic)
+        released = update(JobRow).where(JobRow.lease.in_(leases)).values(**_build_delay(0.0)).returning(JobRow.topic)
         for topic in set(session.scalars(released)):
             announce(session, NEWS, topic)
 
 
-def waiting(session: Session, topic: str = GRADE) -> int:
-    """The number of jobs of a topic that are not done; those in progress count."""
+def count_jobs(session: Session, topic: str = GRADE) -> int:
+    """Returns the number of jobs of a topic that are not done; those in progress count."""
     return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
 
 
-def ahead(session: Session, subject: str, topic: str = GRADE) -> int | None:
+def count_ahead(session: Session, subject: str, topic: str = GRADE) -> int | None:
     """How many waiting jobs of a topic are claimed before that of a subject; None if its job does not wait."""
     here = (WAITS, JobRow.topic == topic)
     row = session.execute(select(*ORDER).where(*here, JobRow.subject == subject)).first()
@@ -222,8 +224,8 @@ class TopicState:
     oldest_s: float | None = None
 
 
-def state(session: Session) -> dict[str, TopicState]:
-    """The state of the queue by topic. It reads the entries of waiting jobs in an index, and no table."""
+def read_state(session: Session) -> dict[str, TopicState]:
+    """Returns the state of the queue by topic. It reads the entries of waiting jobs in an index, and no table."""
     waits = select(JobRow.priority, func.count(), func.min(JobRow.id)).where(WAITS).group_by(JobRow.priority)
     runs = select(JobRow.topic, func.count()).where(JobRow.owner.is_not(None)).group_by(JobRow.topic)
     waiting = {TOPICS[priority]: (count, first) for priority, count, first in session.execute(waits)}
@@ -236,13 +238,13 @@ def state(session: Session) -> dict[str, TopicState]:
     }
 
 
-def share_number(share: str) -> int:
-    """A number of 63 bits for a share: both databases order numbers alike, and names by their collations."""
+def hash_share(share: str) -> int:
+    """Returns a number of 63 bits for a share: both databases order numbers alike, and names by their collations."""
     return int.from_bytes(hashlib.blake2b(share.encode(), digest_size=8).digest(), "big") >> 1
 
 
-def _next_round(session: Session, priority: int, place: int) -> int:
-    """The first round in which a job at `place` is behind the head of the queue and alone in its share.
+def _choose_round(session: Session, priority: int, place: int) -> int:
+    """Returns the first round in which a job at `place` is behind the head of the queue and alone in its share.
 
     Delayed jobs do not count: one that is tried again keeps its early place without holding back the head. If only
     such jobs are left, new ones join the last of their rounds.
@@ -257,9 +259,9 @@ def _next_round(session: Session, priority: int, place: int) -> int:
     return int(behind if after is None else max(behind, after))
 
 
-def _holds(claimed: Claim) -> Any:
+def _match_claim(claimed: Claim) -> Any:
     return and_(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease)
 
 
-def _delayed(delay_s: float) -> dict[str, Any]:
+def _build_delay(delay_s: float) -> dict[str, Any]:
     return {"owner": None, "lease": None, "delayed_at": Clock(), "due_at": Clock() + delay_s}

@@ -13,7 +13,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from grader.queue import jobs
-from grader.store.database import Database
+from grader.store.engine.database import Database
 
 LOCKS = 7_105_115
 """The first key of the advisory locks of owners; the number is arbitrary."""
@@ -34,8 +34,8 @@ WORKERS_ALIVE = text(
 )
 
 
-def workers_alive(session: Session) -> int:
-    """The number of owners on this PostgreSQL database and schema whose sessions live."""
+def count_workers(session: Session) -> int:
+    """Returns the number of owners on this PostgreSQL database and schema whose sessions live."""
     return session.scalar(WORKERS_ALIVE, {"live": LIVE}) or 0
 
 
@@ -51,12 +51,12 @@ class Owner(Protocol):
         """Ends the owner; jobs that it still has are released by another."""
 
 
-def owner_of(database: Database) -> Owner:
-    """A new owner on this database."""
-    return OnlyOwner(database) if database.is_sqlite else LockedOwner(database)
+def build_owner(database: Database) -> Owner:
+    """Returns a new owner on this database."""
+    return SqliteOwner(database) if database.is_sqlite else PostgresOwner(database)
 
 
-class OnlyOwner:
+class SqliteOwner:
     """The one process that works on a SQLite database."""
 
     def __init__(self, database: Database) -> None:
@@ -68,14 +68,14 @@ class OnlyOwner:
         """Releases, once, what an earlier process has left."""
         if not self._alone:
             with self._database.write() as session:
-                jobs.release(session, [lease for owner, lease in jobs.owned(session) if owner != self.id])
+                jobs.release(session, [lease for owner, lease in jobs.list_owned(session) if owner != self.id])
             self._alone = True
 
     def close(self) -> None:
         """Does nothing."""
 
 
-class LockedOwner:
+class PostgresOwner:
     """An owner on PostgreSQL, alive while it holds its advisory lock."""
 
     def __init__(self, database: Database) -> None:
@@ -90,9 +90,9 @@ class LockedOwner:
         """
         self._hold()
         with self._database.write() as session:
-            others = {owner for owner, _ in jobs.owned(session)} - {self.id}
+            others = {owner for owner, _ in jobs.list_owned(session)} - {self.id}
             ended = {owner for owner in others if self._has_ended(session, owner)}
-            jobs.release(session, [lease for owner, lease in jobs.owned(session) if owner in ended])
+            jobs.release(session, [lease for owner, lease in jobs.list_owned(session) if owner in ended])
 
     def close(self) -> None:
         """Ends the session, and with it the lock."""

@@ -14,8 +14,8 @@ from sqlalchemy.orm import Session
 from grader.metrics import JOBS_FAILED, RUNNING_S, WAITING_S
 from grader.queue import jobs
 from grader.queue.jobs import Claim
-from grader.queue.owners import Owner, owner_of, workers_alive
-from grader.store.database import AWAY, Database
+from grader.queue.owners import Owner, build_owner, count_workers
+from grader.store.engine.database import AWAY, Database
 from grader.store.tables import age_s
 
 LOOK_S = 1.0
@@ -34,7 +34,7 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobOutcome:
     """What a job came to: `store` is called in the transaction that ends the job. `again`: another try may help."""
 
     store: Callable[[Session], None]
@@ -47,10 +47,10 @@ class Task(Protocol):
     def start(self, session: Session, subject: str) -> Any:
         """Records that the job is in progress. Returns what `run` needs; None if nothing is left to be done."""
 
-    def run(self, started: Any) -> Outcome:
+    def run(self, started: Any) -> JobOutcome:
         """Does the job, outside any transaction. Raising counts as a fault of ours, which is worth another try."""
 
-    def give_up(self, started: Any) -> Outcome:
+    def give_up(self, started: Any) -> JobOutcome:
         """What to store after the last try failed. Must not raise."""
 
     def put_back(self, session: Session, subject: str) -> None:
@@ -65,7 +65,7 @@ class Schedule(Protocol):
         """The number of tries."""
 
     def pause_after(self, tried: int) -> float | None:
-        """The pause after `tried` failures [s]; None when no try is left."""
+        """Returns the pause after `tried` failures [s]; None when no try is left."""
 
 
 class News:
@@ -110,7 +110,7 @@ class Worker:
     _listening: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
-        self.owner = owner_of(self.database)
+        self.owner = build_owner(self.database)
 
     def start(self) -> None:
         """Starts the threads."""
@@ -153,8 +153,8 @@ class Worker:
             log.exception("a job in progress could not be put back; its owner's end releases it")
 
     def alive_on(self, session: Session) -> int:
-        """The number of live workers on the database, in this and all other processes."""
-        return int(self.alive) if self.database.is_sqlite else workers_alive(session)
+        """Returns the number of live workers on the database, in this and all other processes."""
+        return int(self.alive) if self.database.is_sqlite else count_workers(session)
 
     @property
     def alive(self) -> bool:
@@ -184,10 +184,10 @@ class Worker:
                 self._held.pop(claimed.lease, None)
         return True
 
-    def _outcome(self, claimed: Claim, started: Any) -> Outcome:
+    def _outcome(self, claimed: Claim, started: Any) -> JobOutcome:
         task = self.tasks[claimed.topic]
         if started is None:
-            return Outcome(lambda _: None)
+            return JobOutcome(lambda _: None)
         if claimed.tries > self.retries.tries:
             log.error("a job killed its worker every time", topic=claimed.topic, subject=claimed.subject)
             return task.give_up(started)
@@ -196,9 +196,9 @@ class Worker:
         except Exception:
             log.exception("a job failed", topic=claimed.topic, subject=claimed.subject, tries=claimed.tries)
             given_up = task.give_up(started)
-            return Outcome(given_up.store, again=True)
+            return JobOutcome(given_up.store, again=True)
 
-    def _settle(self, claimed: Claim, outcome: Outcome) -> None:
+    def _settle(self, claimed: Claim, outcome: JobOutcome) -> None:
         if claimed.lease not in self._held:
             return  # put back when the worker stopped
         pause_s = self.retries.pause_after(claimed.tries) if outcome.again else None
@@ -266,7 +266,7 @@ class Worker:
     def _release_lost(self) -> None:
         """Releases claims whose commit succeeded although its answer got lost."""
         with self.database.read() as session:
-            ours = [lease for owner, lease in jobs.owned(session) if owner == self.owner.id]
+            ours = [lease for owner, lease in jobs.list_owned(session) if owner == self.owner.id]
         if lost := [lease for lease in ours if lease not in self._held]:
             with self.database.write() as session:
                 jobs.release(session, lost)

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from grader.domain.markup import plain_text
-from grader.domain.quiz import CodeQuestion, NumericQuestion, Question, Quiz
 from grader.domain.verdict import Finding, Status, Verdict
+from grader.questions import Question, Quiz, kind_of
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Graded:
     @property
     def shows_solution(self) -> bool:
         """Whether the author lets a learner see what was expected; attempts and dates are not known here."""
-        if isinstance(self.question, NumericQuestion | CodeQuestion) and self.question.reveal == "value":
+        if kind_of(self.question).reveal(self.question) == "value":
             return True
         solutions = self.quiz.policy.solutions
         is_right = solutions == "when_right_or_spent" and self.verdict.status is Status.CORRECT

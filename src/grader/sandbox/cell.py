@@ -36,31 +36,39 @@ class Runtime:
     def readable(self) -> tuple[Path, ...]:
         """Return what a script may read: everything that is bound, except private files and the library."""
         hidden = {*self.private, *([self.library] if self.library else [])}
-        return tuple(entry for path in self.binds for entry in _without(path, hidden))
+        return tuple(entry for path in self.binds for entry in _list_visible(path, hidden))
 
 
-def discover() -> Runtime:
+def find_runtime() -> Runtime:
     """Find the interpreter, its library, MuJoCo's and NumPy's folder, and the system's shared libraries.
 
     Raises:
         JailRefused: MuJoCo, NumPy or the C library cannot be found.
     """
     executable = Path(getattr(sys, "_base_executable", sys.executable)).resolve()
-    packages = tuple(dict.fromkeys(_package_folder(name) for name in ("mujoco", "numpy")))
+    packages = tuple(dict.fromkeys(_find_package_folder(name) for name in ("mujoco", "numpy")))
     library = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")}
     if sys.prefix != sys.base_prefix:  # sysconfig answers for the base interpreter, wherever it is
         library = {path for path in library if path.is_relative_to(Path(sys.base_prefix).resolve())} or library
     # Where programs name their loader: x86-64 in /lib64, aarch64 in /lib, often as a link.
     loaders = sorted(LIB.resolve().glob("ld-linux-*"))
-    wanted = [executable, *_shared_python(), *library, *packages, *_system_libraries(), *loaders, *_zone_data()]
+    wanted = [
+        executable,
+        *_find_shared_python(),
+        *library,
+        *packages,
+        *_find_system_libraries(),
+        *loaders,
+        *_find_zone_data(),
+    ]
     links = tuple((str(link.readlink()), link) for link in (LIB, Path("/lib64"), *loaders) if link.is_symlink())
     binds = [path for path in wanted if path.exists() and not path.is_symlink()]
-    private = [path for folder in packages for path in _private(folder)]
-    mujoco = next(_package_folder("mujoco").glob("mujoco/libmujoco.so*"), None)
-    return Runtime(executable, _outermost(binds), links, packages, tuple(private), mujoco)
+    private = [path for folder in packages for path in _find_private_files(folder)]
+    mujoco = next(_find_package_folder("mujoco").glob("mujoco/libmujoco.so*"), None)
+    return Runtime(executable, _drop_nested(binds), links, packages, tuple(private), mujoco)
 
 
-def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
+def build_cell_command(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
     """Return the command that starts the zygote in its cell.
 
     As root the cell has no user namespace: the zygote becomes the user nobody, and gets the two capabilities that this
@@ -81,7 +89,7 @@ def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> li
     )
     command = [program, *fences.split(), "--hostname", "cell", "--cap-drop", "ALL", *user, "--proc", "/proc"]
     entries = [NULL, *runtime.binds, *(link for _, link in runtime.links), Path(SCRATCH, "x"), Path("/cell/inside")]
-    for folder in _parents(entries):
+    for folder in _list_parents(entries):
         command += ["--perms", "0755", "--dir", str(folder)]  # bubblewrap's own default lets only root through
     for target, link in runtime.links:
         command += ["--symlink", target, str(link)]
@@ -95,32 +103,32 @@ def bubblewrap(runtime: Runtime, models: Path, inside: Path, control: int) -> li
     command += ["--remount-ro", "/", "--chdir", "/", "--clearenv"]
     for name, value in ENVIRONMENT.items():
         command += ["--setenv", name, value]
-    return [*command, *interpreter(runtime, "/cell", control)]
+    return [*command, *build_zygote_command(runtime, "/cell", control)]
 
 
-def interpreter(runtime: Runtime, folder: str, control: int) -> list[str]:
+def build_zygote_command(runtime: Runtime, folder: str, control: int) -> list[str]:
     """Return the command of the zygote itself; `folder` holds the package `inside`."""
     paths = [folder, *map(str, runtime.packages)]
     code = f"import sys; sys.path += {paths!r}; from inside import zygote; zygote.main()"
     return [str(runtime.executable), *ISOLATED, "-c", code, str(control)]
 
 
-def _package_folder(name: str) -> Path:
+def _find_package_folder(name: str) -> Path:
     found = importlib.util.find_spec(name)
     if found is None or found.origin is None:
         raise JailRefused(f"The package {name} is not installed.")
     return Path(found.origin).resolve().parent.parent
 
 
-def _shared_python() -> list[Path]:
+def _find_shared_python() -> list[Path]:
     if not sysconfig.get_config_var("Py_ENABLE_SHARED"):
         return []
     folder, name = sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("INSTSONAME")
     return [(Path(str(folder)) / str(name)).resolve()] if folder and name else []
 
 
-def _system_libraries() -> list[Path]:
-    """The folder of the C library and of its loader."""
+def _find_system_libraries() -> list[Path]:
+    """Returns the folder of the C library and of its loader."""
     mapped = re.findall(
         r"\s(/\S*/(?:libc\.so\.6|libc-[\d.]+\.so|ld-linux\S*))$", Path("/proc/self/maps").read_text(), re.M
     )
@@ -129,31 +137,31 @@ def _system_libraries() -> list[Path]:
     return list({Path(path).resolve().parent for path in mapped} | {Path("/lib64"), Path("/usr/lib64")})
 
 
-def _zone_data() -> list[Path]:
+def _find_zone_data() -> list[Path]:
     return [Path("/usr/share/zoneinfo")]
 
 
-def _outermost(paths: Iterable[Path]) -> tuple[Path, ...]:
+def _drop_nested(paths: Iterable[Path]) -> tuple[Path, ...]:
     """Leave out paths under other paths; keep the order, in which they are bound."""
     unique = sorted(set(paths))
     return tuple(p for p in unique if not any(p != other and p.is_relative_to(other) for other in unique))
 
 
-def _parents(paths: Iterable[Path]) -> list[Path]:
-    """Every folder above the paths, the outer ones first."""
+def _list_parents(paths: Iterable[Path]) -> list[Path]:
+    """Returns every folder above the paths, the outer ones first."""
     return sorted({folder for path in paths for folder in path.parents if folder != Path("/")})
 
 
-def _private(packages: Path) -> list[Path]:
+def _find_private_files(packages: Path) -> list[Path]:
     """Find the grader's own package, and the files in which installers note where packages came from."""
     notes = [*packages.glob("*.pth"), *packages.glob("__editable__*"), *packages.glob("*.dist-info/direct_url.json")]
     return [*([OURS] if OURS.is_relative_to(packages) else []), *notes]
 
 
-def _without(path: Path, hidden: Collection[Path]) -> list[Path]:
+def _list_visible(path: Path, hidden: Collection[Path]) -> list[Path]:
     """Return the path itself; if hidden files lie beneath it, its entries without them."""
     if path in hidden:
         return []
     if not any(other.is_relative_to(path) for other in hidden):
         return [path]
-    return [deeper for entry in path.iterdir() for deeper in _without(entry, hidden)]
+    return [deeper for entry in path.iterdir() for deeper in _list_visible(entry, hidden)]

@@ -51,13 +51,13 @@ class Group:
                 return
 
 
-def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Callable[[int], Group] | None:
+def find_delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Callable[[int], Group] | None:
     """Return a function that puts a process into a new group; None where no cgroup is delegated."""
-    parent = _parent(own, root)
+    parent = _find_parent(own, root)
     if parent is None:
         return None
 
-    def make(pid: int) -> Group:
+    def make_group(pid: int) -> Group:
         group = Group(parent / f"jail-{os.getpid()}-{next(_numbers)}")
         group.path.mkdir()
         (group.path / "pids.max").write_text(str(THREADS_MAX))
@@ -66,11 +66,11 @@ def delegated(own: Path = Path("/proc/self/cgroup"), root: Path = ROOT) -> Calla
         (group.path / "cgroup.procs").write_text(str(pid))
         return group
 
-    return make
+    return make_group
 
 
-def _parent(own: Path, root: Path) -> Path | None:
-    """The parent of our own group, where it has been delegated to us."""
+def _find_parent(own: Path, root: Path) -> Path | None:
+    """Returns the parent of our own group, where it has been delegated to us."""
     rows = [row.split("::", 1)[1] for row in own.read_text().splitlines() if row.startswith("0::")]
     if not rows or rows[0] in ("", "/") or not (root / "cgroup.controllers").is_file():
         return None

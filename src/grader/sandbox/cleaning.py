@@ -15,16 +15,16 @@ REASON_CHARS_MAX = 300
 
 def clean(raw: bytes, bytes_max: int) -> str:
     """Decode the first `bytes_max` bytes; a character that cannot be shown becomes U+FFFD."""
-    return _showable(raw[:bytes_max].decode("utf-8", "replace"))
+    return _replace_hidden(raw[:bytes_max].decode("utf-8", "replace"))
 
 
-def one_line(text: str) -> str:
+def clean_reason(text: str) -> str:
     """Clean a reason, put it on one line and cut it after 300 characters."""
-    line = " ".join(_showable(text).split())
+    line = " ".join(_replace_hidden(text).split())
     return line if len(line) <= REASON_CHARS_MAX else line[: REASON_CHARS_MAX - 1] + "…"
 
 
-def _showable(text: str) -> str:
+def _replace_hidden(text: str) -> str:
     text = NEWLINES.sub("\n", ESCAPES.sub("", text))
     bad = {c for c in set(text) if c not in "\n\t" and unicodedata.category(c) in UNSHOWABLE}
     return text.translate({ord(character): "\ufffd" for character in bad})

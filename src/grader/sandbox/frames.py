@@ -29,7 +29,7 @@ WANTS_MAX: Final = 2
 KINDS: Final = (RunStatus.RETURNED, RunStatus.CRASHED, RunStatus.FORBIDDEN, RunStatus.OUT_OF_MEMORY)
 
 
-class Malformed(ValueError):
+class MalformedMessage(ValueError):
     """The message is not well formed; the text says why, in words for the student."""
 
 
@@ -54,7 +54,7 @@ class _Reader:
 
     def take(self, count: int) -> bytes:
         if self._at + count > len(self._data):
-            raise Malformed("they are cut short")
+            raise MalformedMessage("they are cut short")
         taken = self._data[self._at : self._at + count]
         self._at += count
         return taken
@@ -67,7 +67,7 @@ class _Reader:
         return self._at == len(self._data)
 
 
-class Wants:
+class WantCounter:
     """Counts the wants in a message that is still arriving; calls `heard` with the name of each array in it."""
 
     def __init__(self, heard: Callable[[str], object]) -> None:
@@ -78,7 +78,7 @@ class Wants:
     def scan(self, data: bytes | bytearray) -> int:
         """Read on in `data`, all that has arrived so far; returns how many whole want frames it holds."""
         while self._at < len(data):
-            size = _frame_size(data, self._at)
+            size = _measure_frame(data, self._at)
             if size is None or self._at + size > len(data):
                 break
             if data[self._at] == WANT[0]:
@@ -90,7 +90,7 @@ class Wants:
         return self.count
 
 
-def _frame_size(data: bytes | bytearray, at: int) -> int | None:
+def _measure_frame(data: bytes | bytearray, at: int) -> int | None:
     """Return the size [bytes] of the want or array frame at `at`; None if it is another, or has not wholly arrived."""
     if data[at] == WANT[0]:
         return 1
@@ -104,11 +104,11 @@ def _frame_size(data: bytes | bytearray, at: int) -> int | None:
         return None
 
 
-def arrays_of(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+def read_arrays(data: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Yield name and payload of each whole array frame of a message that may be cut short, up to the first fault."""
     at = 0
     while at < len(data):
-        size = _frame_size(data, at)
+        size = _measure_frame(data, at)
         if size is None or at + size > len(data):
             return
         if data[at] != WANT[0]:
@@ -118,7 +118,7 @@ def arrays_of(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         at += size
 
 
-def parse(data: bytes) -> Message:
+def parse_message(data: bytes) -> Message:
     """Read a whole message.
 
     Raises:
@@ -133,57 +133,57 @@ def parse(data: bytes) -> Message:
             wants += 1
             continue
         if tag == b"E":
-            return Message(results, hidden, *_end(reader))
+            return Message(results, hidden, *_read_end(reader))
         if tag != b"A":
-            raise Malformed("they are not in the expected form")
-        name = _name(reader)
+            raise MalformedMessage("they are not in the expected form")
+        name = _read_name(reader)
         if name in results or name in hidden:
-            raise Malformed(f"{name} is there twice")
-        (hidden if wants == WANTS_MAX else results)[name] = _array(reader, name)
+            raise MalformedMessage(f"{name} is there twice")
+        (hidden if wants == WANTS_MAX else results)[name] = _read_array(reader, name)
         if len(results) + len(hidden) > RESULT_ARRAYS_MAX:
-            raise Malformed(f"there are more than {RESULT_ARRAYS_MAX} arrays")
+            raise MalformedMessage(f"there are more than {RESULT_ARRAYS_MAX} arrays")
     return Message(results, hidden, None, "")
 
 
-def _end(reader: _Reader) -> tuple[RunStatus, str]:
+def _read_end(reader: _Reader) -> tuple[RunStatus, str]:
     kind = reader.number("B")
     raw = reader.take(reader.number("H"))
     if kind >= len(KINDS) or not reader.done():
-        raise Malformed("their end is not in the expected form")
+        raise MalformedMessage("their end is not in the expected form")
     return KINDS[kind], raw.decode("utf-8", "replace")
 
 
-def _name(reader: _Reader) -> str:
+def _read_name(reader: _Reader) -> str:
     raw = reader.take(reader.number("B"))
     name = raw.decode("ascii", "replace")
     if not name.isidentifier() or not name.isascii() or len(name) > NAME_CHARS_MAX:
-        raise Malformed("an array has no proper name")
+        raise MalformedMessage("an array has no proper name")
     return name
 
 
-def _array(reader: _Reader, name: str) -> NDArray[np.generic]:
+def _read_array(reader: _Reader, name: str) -> NDArray[np.generic]:
     code = reader.take(1)
     if code not in DTYPES:
-        raise Malformed(f"{name} has an unknown type")
+        raise MalformedMessage(f"{name} has an unknown type")
     dtype = np.dtype(DTYPES[code])
     ndim = reader.number("B")
     if ndim > NDIM_MAX:
-        raise Malformed(f"{name} has more than {NDIM_MAX} dimensions")
+        raise MalformedMessage(f"{name} has more than {NDIM_MAX} dimensions")
     shape = tuple(reader.number("I") for _ in range(ndim))
     length = reader.number("I")
     if math.prod(shape) * dtype.itemsize != length:
-        raise Malformed(f"the shape of {name} does not fit its size")
+        raise MalformedMessage(f"the shape of {name} does not fit its size")
     raw = reader.take(length)
     if code == b"?" and raw.strip(b"\0\1"):
-        raise Malformed(f"{name} holds something that is neither true nor false")
-    array: NDArray[np.generic] = np.frombuffer(raw, dtype).reshape(_sized(shape))
+        raise MalformedMessage(f"{name} holds something that is neither true nor false")
+    array: NDArray[np.generic] = np.frombuffer(raw, dtype).reshape(_check_shape(shape))
     if dtype.kind == "f" and not np.isfinite(array).all():
-        raise Malformed(f"{name} holds a number that is not finite")
+        raise MalformedMessage(f"{name} holds a number that is not finite")
     return array
 
 
-def _sized(shape: tuple[int, ...]) -> tuple[int, ...]:
+def _check_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Refuse an empty array whose other dimensions are too large for NumPy."""
     if 0 in shape and math.prod(max(n, 1) for n in shape) > np.iinfo(np.int64).max // 8:
-        raise Malformed("an array has an impossible shape")
+        raise MalformedMessage("an array has an impossible shape")
     return shape

@@ -15,7 +15,7 @@ from grader.errors import JailFault, JailRefused
 from grader.sandbox import cell, cgroup, selftest
 from grader.sandbox.policy import MB
 from grader.sandbox.pool import Pool
-from grader.sandbox.report import report
+from grader.sandbox.report import build_report
 from grader.sandbox.watch import Watch
 from grader.sandbox.zygote import Child, Zygote
 
@@ -61,7 +61,7 @@ class Jail:
             raise JailRefused(f"There is no folder of models at {models}.")
         self.workers = workers or os.cpu_count() or 1
         self._places = threading.Semaphore(self.workers)
-        group = cgroup.delegated()
+        group = cgroup.find_delegated()
         full = partial(Zygote, models, inside, group=group)
         tries: list[tuple[Tier, Callable[[], Zygote]]] = [(Tier.T0 if group else Tier.T1, full)]
         if allow_t2:
@@ -70,7 +70,7 @@ class Jail:
         for self.tier, start in tries:
             self._pool = Pool(start, self.workers, recycle_after)
             try:
-                self.self_test = selftest.run(self.run, lambda: self.keeps_integrators)
+                self.self_test = selftest.run_selftest(self.run, lambda: self.keeps_integrators)
                 return
             except JailRefused:  # a hole: a lower tier would have it too
                 self.close()
@@ -109,7 +109,7 @@ class Jail:
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
             watch = Watch(child, job, parts, without_integrators=removes)
-            return report(watch.run(), job)
+            return build_report(watch.run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:

@@ -6,7 +6,7 @@ Source of the limits: measured on MuJoCo 3.14.0; tighter AS or DATA hangs MuJoCo
 from typing import Final
 
 
-def _words(text: str) -> tuple[str, ...]:
+def _split(text: str) -> tuple[str, ...]:
     return tuple(text.split())
 
 
@@ -71,7 +71,7 @@ ENVIRONMENT: Final = {
 }
 
 # Imported once, by the zygote: the packages, and what students usually import beside them.
-PRELOAD: Final = _words("""
+PRELOAD: Final = _split("""
 mujoco mujoco.rollout mujoco.viewer numpy.random numpy.fft numpy.polynomial numpy.ma numpy.linalg
 json math cmath time datetime dataclasses collections functools itertools operator threading typing pathlib tempfile
 concurrent.futures concurrent.futures.thread queue random statistics fractions decimal enum abc copy io re string
@@ -82,7 +82,7 @@ encodings.idna encodings.ascii encodings.latin_1
 # -- seccomp: a call that is not named fails with ENOSYS, so that the C library falls back -----------------------------
 # seccomp.py adds the calls whose arguments decide: mmap, mprotect, clone, fcntl, prctl, prlimit64, tgkill.
 
-ALLOWED: Final = _words("""
+ALLOWED: Final = _split("""
 read readv pread64 preadv write writev pwrite64 pwritev lseek close fstat newfstatat stat lstat statx
 access faccessat faccessat2 openat open creat readlink readlinkat getcwd chdir getdents64 getdents mkdir mkdirat rmdir
 unlink unlinkat rename renameat renameat2 ftruncate truncate fsync fdatasync dup dup2 dup3 pipe pipe2 umask fstatfs
@@ -99,7 +99,7 @@ FCNTL_COMMANDS: Final = (0, 1, 2, 3, 4, 1030)
 PR_SET_NAME: Final = 15
 
 # Calls that ordinary programs may try: they fail with EPERM, and Python raises PermissionError.
-REFUSED: Final = _words("""
+REFUSED: Final = _split("""
 fork vfork execve execveat socket socketpair connect bind listen accept accept4 sendto sendmsg
 sendmmsg recvfrom recvmsg recvmmsg getsockname getpeername setsockopt getsockopt shutdown kill tkill rt_sigqueueinfo
 rt_tgsigqueueinfo pidfd_open pidfd_send_signal setsid setpgid link linkat symlink symlinkat mknod mknodat chmod fchmod
@@ -113,7 +113,7 @@ signalfd signalfd4 eventfd eventfd2 epoll_create epoll_create1 personality
 """)
 
 # Calls that no honest script makes: the process ends with SIGSYS.
-KILLED: Final = _words("""
+KILLED: Final = _split("""
 ptrace process_vm_readv process_vm_writev process_madvise process_mrelease kcmp pidfd_getfd bpf
 io_uring_setup io_uring_enter io_uring_register userfaultfd perf_event_open add_key request_key keyctl init_module
 finit_module delete_module create_module kexec_load kexec_file_load mount umount2 pivot_root chroot unshare setns fsopen

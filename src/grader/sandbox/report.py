@@ -5,10 +5,10 @@ import signal
 
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
-from grader.sandbox.cleaning import clean, one_line
-from grader.sandbox.frames import Malformed, Message, parse
+from grader.sandbox.cleaning import clean, clean_reason
+from grader.sandbox.frames import MalformedMessage, Message, parse_message
 from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
-from grader.sandbox.spent import where_spent
+from grader.sandbox.spent import explain_time_out
 from grader.sandbox.watch import Cause, Ending
 
 # Reasons for an end that the script's process does not explain.
@@ -22,7 +22,7 @@ NEARLY = 0.9
 NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocate memory")
 
 
-def report(ending: Ending, job: Job) -> RunReport:
+def build_report(ending: Ending, job: Job) -> RunReport:
     """Decide the status; of a script that ran out of time, say where. Nothing that a script does can make this raise.
 
     Raises:
@@ -32,11 +32,11 @@ def report(ending: Ending, job: Job) -> RunReport:
     status, reason, message = _decide(ending, limits)
     if status is RunStatus.TIMED_OUT:
         waits = ending.cause is Cause.WALL
-        reason += where_spent(ending.results, job.source, waits=waits, hidden=ending.hidden_sent)
+        reason += explain_time_out(ending.results, job.source, waits=waits, hidden=ending.hidden_sent)
     cap = limits.output_kb * KB
     return RunReport(
         status=status,
-        reason=one_line(reason),
+        reason=clean_reason(reason),
         results=message.results if message and status is RunStatus.RETURNED else {},
         hidden_results=message.hidden if message and status is RunStatus.RETURNED else {},
         stdout=clean(ending.stdout, cap),
@@ -48,15 +48,15 @@ def report(ending: Ending, job: Job) -> RunReport:
 
 
 def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | None]:
-    stopped = _stopped(ending, limits)
+    stopped = _explain_stop(ending, limits)
     if stopped:
         return *stopped, None
     code = os.waitstatus_to_exitcode(ending.wait_status)
     if code < 0:
-        return *_signalled(-code, ending), None
+        return *_explain_signal(-code, ending), None
     try:
-        message = parse(ending.results)
-    except Malformed as error:
+        message = parse_message(ending.results)
+    except MalformedMessage as error:
         why = "" if ending.hidden_sent else f": {error}"  # names and exit codes may reveal hidden inputs, like reasons
         return RunStatus.CRASHED, f"The results that the script sent back cannot be used{why}.", None
     if message.end is None or code != 0:
@@ -66,7 +66,7 @@ def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | N
     return message.end, reason or SILENT.get(message.end, ""), message
 
 
-def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
+def _explain_stop(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
     """Return the status of a run that the supervisor, or the kernel at a limit, ended; None if it ended by itself."""
     if ending.oom_killed:
         return RunStatus.OUT_OF_MEMORY, SILENT[RunStatus.OUT_OF_MEMORY]
@@ -87,7 +87,7 @@ def _stopped(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | None:
     return None
 
 
-def _signalled(number: int, ending: Ending) -> tuple[RunStatus, str]:
+def _explain_signal(number: int, ending: Ending) -> tuple[RunStatus, str]:
     if number == signal.SIGSYS:
         return RunStatus.FORBIDDEN, "The script made a system call that scripts may not make."
     if any(words in ending.stderr + ending.late_stderr for words in NO_MEMORY):

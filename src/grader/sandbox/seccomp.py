@@ -22,7 +22,7 @@ WRITE, EXECUTE = mmap.PROT_WRITE, mmap.PROT_EXEC
 
 
 @cache
-def build(own_pid: int | None = 1) -> bytes:
+def build_filter(own_pid: int | None = 1) -> bytes:
     """Compile the filter to BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, or None.
 
     Raises:
@@ -92,7 +92,7 @@ def _add_memory_rules(sc: Any, add: Callable[..., None]) -> None:
 
 
 def _export(rules: object) -> bytes:
-    """The compiled program; pyseccomp 0.1.2 exports to a file only."""
+    """Returns the compiled program; pyseccomp 0.1.2 exports to a file only."""
     handle = os.memfd_create("filter")
     try:
         with open(handle, "w+b", closefd=False) as file:

@@ -61,7 +61,7 @@ class SelfTest:
         return f"{len(self.held)} of {len(self.held)} attacks held"
 
 
-def run(play: Callable[[Job], RunReport], keeps_integrators: Callable[[], str]) -> SelfTest:
+def run_selftest(play: Callable[[Job], RunReport], keeps_integrators: Callable[[], str]) -> SelfTest:
     """Run every attack, and one honest script.
 
     `keeps_integrators` returns, after a job, the reason why MuJoCo's integrators cannot be removed here. If it is

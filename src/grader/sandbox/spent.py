@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from grader.sandbox.frames import arrays_of
+from grader.sandbox.frames import read_arrays
 
 NAME = b"where"
 """What the names of samples begin with; the last one counts."""
@@ -21,34 +21,34 @@ RATE_MAX = 1e9
 WHICH_ENDS = "Check when each of them ends."
 
 
-def where_spent(results: bytes, source: str, *, waits: bool, hidden: bool) -> str:
+def explain_time_out(results: bytes, source: str, *, waits: bool, hidden: bool) -> str:
     """Return sentences on the line with most samples, with a space before them; empty where no line stands out.
 
     `waits`: the script slept or waited for something. Whatever `results` holds, this does not raise.
     """
-    texts = [payload for name, payload in arrays_of(results) if name.startswith(NAME)]
+    texts = [payload for name, payload in read_arrays(results) if name.startswith(NAME)]
     try:
         told = json.loads(texts[-1])
         (line, times), samples, rates = told["lines"][0], told["samples"], told["rates"]
         lines = source.splitlines()
         if type(line) is not int or not 1 <= line <= len(lines) or not times / samples >= CLEAR_SHARE:
             return ""
-        place = sentence_of(source, line, told.get("stays"), waits=waits)
-        rate, busiest = max((rate_of(rates, name), name) for name in COUNTED)
+        place = describe_line(source, line, told.get("stays"), waits=waits)
+        rate, busiest = max((compute_rate(rates, name), name) for name in COUNTED)
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, MemoryError):
         return ""
-    called = f" It called {busiest} about {rounded(rate)} times a second." if rate and not hidden else ""
+    called = f" It called {busiest} about {round_figures(rate)} times a second." if rate and not hidden else ""
     return place.format(called=called)
 
 
-def sentence_of(source: str, line: int, stays: Any, *, waits: bool) -> str:
+def describe_line(source: str, line: int, stays: Any, *, waits: bool) -> str:
     """Return the sentences of a line, with a field `called`; `stays` is where its innermost lasting call was."""
     tree = ast.parse(source)
-    text = shortened(source.splitlines()[line - 1].strip()).replace("{", "{{").replace("}", "}}")
-    seen, here = f"in line {line} of your script ({text})", around(tree, line)
+    text = shorten(source.splitlines()[line - 1].strip()).replace("{", "{{").replace("}", "}}")
+    seen, here = f"in line {line} of your script ({text})", find_place(tree, line)
     if waits:
         return f" It waited {seen}{here.text}: remove that."
-    outer = around(tree, stays) if type(stays) is int else here
+    outer = find_place(tree, stays) if type(stays) is int else here
     if outer.loops and outer.function is not here.function:
         return (
             f" It was busy {seen}{here.text}. The loop that begins in line {outer.loops[-1]}{outer.text}, goes on all "
@@ -74,10 +74,10 @@ class Place:
     def text(self) -> str:
         """The function, to end a sentence."""
         name = getattr(self.function, "name", "")
-        return f", in {shortened(name)}()" if name else ""
+        return f", in {shorten(name)}()" if name else ""
 
 
-def around(tree: ast.AST, line: int) -> Place:
+def find_place(tree: ast.AST, line: int) -> Place:
     """Return where a line lies."""
     nodes = [
         node
@@ -94,18 +94,18 @@ def around(tree: ast.AST, line: int) -> Place:
     return place
 
 
-def rate_of(rates: Any, name: str) -> float:
+def compute_rate(rates: Any, name: str) -> float:
     """Return how often a function was called in a second; 0 where nothing sensible is said."""
     value = rates.get(name)
     sensible = type(value) is float and math.isfinite(value) and 1 <= value <= RATE_MAX
     return float(value) if sensible else 0.0
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """Return a text, its end cut off where it is long."""
     return text if len(text) <= CODE_CHARS_MAX else f"{text[:CODE_CHARS_MAX]}..."
 
 
-def rounded(value: float) -> str:
+def round_figures(value: float) -> str:
     """Return a number to two figures, with commas."""
     return f"{int(float(f'{value:.2g}')):,}"

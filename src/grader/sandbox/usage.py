@@ -8,7 +8,7 @@ import os
 import time
 from dataclasses import dataclass
 
-from grader.sandbox.attest import proc
+from grader.sandbox.attest import read_proc
 
 CLOCK_OF_PROCESS = 2  # CPUCLOCK_SCHED; the clock's number is made from the pid, see clock_getcpuclockid(3)
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -29,8 +29,8 @@ class Usage:
         self._pid = pid
         self.cpu_s, self.waited_s, self.private_bytes = 0.0, 0.0, 0
         self._began = self._at = time.monotonic()
-        self.cpu_before_s = cpu_clock_s(pid) or 0.0
-        self._wanted = {tid: thread.wanted_s for tid, thread in threads(pid).items()}
+        self.cpu_before_s = read_cpu_clock_s(pid) or 0.0
+        self._wanted = {tid: thread.wanted_s for tid, thread in list_threads(pid).items()}
 
     def refresh(self) -> None:
         """Read the clocks.
@@ -39,10 +39,10 @@ class Usage:
         takes away does: it cannot be distinguished.
         """
         now = time.monotonic()
-        clock_s = cpu_clock_s(self._pid)
+        clock_s = read_cpu_clock_s(self._pid)
         if clock_s is None:  # it has ended
             return
-        living = threads(self._pid)
+        living = list_threads(self._pid)
         passed_s, worked_s = now - self._at, clock_s - self.cpu_before_s - self.cpu_s
         wanted_s = [thread.wanted_s - self._wanted.get(tid, 0.0) for tid, thread in living.items()]
         self.waited_s += passed_s - max(min(worked_s, passed_s), *wanted_s, 0.0)
@@ -56,7 +56,7 @@ class Usage:
         return time.monotonic() - self._began
 
 
-def cpu_clock_s(pid: int) -> float | None:
+def read_cpu_clock_s(pid: int) -> float | None:
     """CPU time of a process [s], all its threads, living and ended; None when it is gone."""
     try:
         return time.clock_gettime((~pid << 3) | CLOCK_OF_PROCESS)
@@ -64,14 +64,14 @@ def cpu_clock_s(pid: int) -> float | None:
         return None
 
 
-def threads(pid: int) -> dict[int, Thread]:
-    """The living threads of a process."""
+def list_threads(pid: int) -> dict[int, Thread]:
+    """Returns the living threads of a process."""
     found = {}
     try:
         for name in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
             try:
-                wanted_ns = sum(map(int, proc(f"{pid}/task/{name}/schedstat").split()[:2]))
-                resident, shared = map(int, proc(f"{pid}/task/{name}/statm").split()[1:3])
+                wanted_ns = sum(map(int, read_proc(f"{pid}/task/{name}/schedstat").split()[:2]))
+                resident, shared = map(int, read_proc(f"{pid}/task/{name}/statm").split()[1:3])
             except (OSError, ValueError):
                 continue  # it has ended since
             found[int(name)] = Thread(wanted_ns / 1e9, (resident - shared) * PAGE_BYTES)
@@ -80,7 +80,7 @@ def threads(pid: int) -> dict[int, Thread]:
     return found
 
 
-def machine_oom_kills() -> int:
+def count_oom_kills() -> int:
     """How many processes the kernel has ended on this machine because memory ran out."""
-    rows = proc("vmstat").splitlines()
+    rows = read_proc("vmstat").splitlines()
     return next((int(row.split()[1]) for row in rows if row.startswith("oom_kill ")), 0)

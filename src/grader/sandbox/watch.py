@@ -13,9 +13,9 @@ from typing import Any
 
 from grader.domain.run import Job, ignore
 from grader.errors import JailFault
-from grader.sandbox.frames import WANTS_MAX, Wants
+from grader.sandbox.frames import WANTS_MAX, WantCounter
 from grader.sandbox.policy import KB, MB, RESIDENT_EXTRA, RESULT_BYTES_MAX
-from grader.sandbox.usage import Usage, machine_oom_kills
+from grader.sandbox.usage import Usage, count_oom_kills
 from grader.sandbox.zygote import Child
 
 READ_BYTES = 1 << 16
@@ -66,7 +66,7 @@ class Watch:
         self._child, self._limits, self._sent = child, job.limits, job.sent
         first, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
         self._unsent = memoryview(first)
-        self._wants, self._answered = Wants(job.heard), 0
+        self._wants, self._answered = WantCounter(job.heard), 0
         self._without_integrators, self._removing = without_integrators, False
         self._late = {child.stdout: bytearray(), child.stderr: bytearray()}
         self._hidden_sent = False
@@ -86,7 +86,7 @@ class Watch:
         Raises:
             JailFault: it cannot be killed, or the keeper that must tell how it ended is gone.
         """
-        child, killed_before = self._child, machine_oom_kills()
+        child, killed_before = self._child, count_oom_kills()
         self._usage = Usage(child.pid)
         for descriptor in (*self._read, child.status.fileno(), child.pidfd):
             self._selector.register(descriptor, selectors.EVENT_READ)
@@ -98,7 +98,7 @@ class Watch:
         last = self._final_report()
         killed = os.WIFSIGNALED(last["ended"]) and os.WTERMSIG(last["ended"]) == signal.SIGKILL
         oom_killed = (child.group is not None and child.group.ran_out()) or (
-            killed and self._cause is None and machine_oom_kills() > killed_before
+            killed and self._cause is None and count_oom_kills() > killed_before
         )
         stdout, stderr, results = (bytes(buffer) for buffer in self._read.values())
         cpu_s = max(0.0, last["cpu_s"] - self._usage.cpu_before_s)

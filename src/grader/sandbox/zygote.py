@@ -139,7 +139,7 @@ class Zygote:
         self._namespaces: dict[str, str] | None = None
         self._uid = policy.NOBODY if os.geteuid() == 0 else os.geteuid()
         self._pidfd = -1
-        runtime = cell.discover()
+        runtime = cell.find_runtime()
         configuration = json.dumps(self._configuration(runtime, models)).encode()
         self._control, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its:
@@ -156,11 +156,11 @@ class Zygote:
 
     def _start(self, runtime: cell.Runtime, models: Path, inside: Path, control: int) -> subprocess.Popen[bytes]:
         if self._alone:
-            command = cell.interpreter(runtime, str(inside.parent), control)
+            command = cell.build_zygote_command(runtime, str(inside.parent), control)
             environment = {**policy.ENVIRONMENT, "HOME": "/", "TMPDIR": "/"}
         else:
             # The cell's own environment is in the command: bubblewrap's pid 1 shows what it was started with.
-            command, environment = cell.bubblewrap(runtime, models, inside, control), {}
+            command, environment = cell.build_cell_command(runtime, models, inside, control), {}
         return subprocess.Popen(  # noqa: S603
             command,
             env=environment,
@@ -172,7 +172,7 @@ class Zygote:
         )
 
     def _configuration(self, runtime: cell.Runtime, models: Path) -> dict[str, Any]:
-        """The zygote's configuration, as inside/zygote.py reads it."""
+        """Returns the zygote's configuration, as inside/zygote.py reads it."""
         models_inside = str(models.resolve()) if self._alone else policy.MODELS
         scratch = {"scratch": policy.SCRATCH, "size": policy.SCRATCH_BYTES, "inodes": policy.SCRATCH_INODES}
         # Without a user namespace of its own, NPROC would count all processes of the user.
@@ -191,7 +191,7 @@ class Zygote:
                 "read_write": [str(cell.NULL), *([] if self._alone else [policy.SCRATCH])],
                 "abi_min": policy.LANDLOCK_ABI_MIN_ALONE if self._alone else policy.LANDLOCK_ABI_MIN,
             },
-            "filter": base64.b64encode(seccomp.build(None if self._alone else 1)).decode(),
+            "filter": base64.b64encode(seccomp.build_filter(None if self._alone else 1)).decode(),
         }
 
     def _greet(self, configuration: bytes) -> None:
@@ -206,18 +206,18 @@ class Zygote:
         self.keeps_integrators = str(json.loads(message)["keeps_integrators"])
         self._pidfd = descriptors[0]
         if not self._alone:
-            self._namespaces = attest.namespaces(attest.pid_of(self._pidfd))
+            self._namespaces = attest.read_namespaces(attest.find_pid(self._pidfd))
 
     def _complaint(self) -> str:
-        """The last line that bubblewrap or the zygote wrote before it ended."""
+        """Returns the last line that bubblewrap or the zygote wrote before it ended."""
         self._process.kill()
         assert self._process.stderr is not None
-        return _last_line(self._process.stderr.read())
+        return _read_last_line(self._process.stderr.read())
 
     @property
     def pid(self) -> int:
         """Its process id in our own pid namespace."""
-        return attest.pid_of(self._pidfd)
+        return attest.find_pid(self._pidfd)
 
     def alive(self) -> bool:
         """Whether it still runs."""
@@ -253,9 +253,9 @@ class Zygote:
         if message != b"child" or len(descriptors) != 1:
             raise JailFault(f"The zygote made no child: {message.decode(errors='replace') or 'it has ended'}")
         child.pidfd = descriptors[0]
-        probed = json.loads(_first_line(child))
-        child.pid = attest.pid_of(child.pidfd)
-        attest.check(child.pid, probed, self._namespaces, self._uid)
+        probed = json.loads(_read_first_line(child))
+        child.pid = attest.find_pid(child.pidfd)
+        attest.check_locks(child.pid, probed, self._namespaces, self._uid)
         if self._group is not None:
             child.group = self._group(child.pid)
         for descriptor in (child.job, child.stdout, child.stderr, child.results):
@@ -274,7 +274,7 @@ class Zygote:
             self._pidfd = -1
 
 
-def _first_line(child: Child) -> bytes:
+def _read_first_line(child: Child) -> bytes:
     line, deadline = b"", time.monotonic() + CHILD_S_MAX
     while not line.endswith(b"\n"):
         left = deadline - time.monotonic()
@@ -282,13 +282,13 @@ def _first_line(child: Child) -> bytes:
             raise JailFault("A child of the jail did not lock itself down in time.")
         read = os.read(child.results, PACKET_BYTES_MAX)
         if not read:
-            complaint = _last_line(os.read(child.stderr, PACKET_BYTES_MAX))
+            complaint = _read_last_line(os.read(child.stderr, PACKET_BYTES_MAX))
             raise JailFault(f"A child of the jail did not lock itself down: {complaint}")
         line += read
     return line
 
 
-def _last_line(written: bytes) -> str:
-    """The last line that a process wrote; of a traceback it is the error."""
+def _read_last_line(written: bytes) -> str:
+    """Returns the last line that a process wrote; of a traceback it is the error."""
     lines = written.decode(errors="replace").strip().splitlines()
     return lines[-1] if lines else "no message"

@@ -1,16 +1,27 @@
 """Every query on credentials."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, CursorResult, delete, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, bindparam, delete, exists, or_, select, update
 from sqlalchemy.orm import Session
 
-from grader.store.tables import Credential
+from grader.store.tables import Credential, Member
 
 PRUNED_AT_ONCE = 100
 """The most credentials that one call of `prune` deletes, so that no request waits long for it."""
+
+
+OWNED = exists().where(Member.id == Credential.member, Member.role == Credential.role, Member.removed_at.is_(None))
+"""Whether the member of a credential still has its role."""
+
+LIVE = select(Credential.id).where(
+    Credential.id.in_(bindparam("ids", expanding=True)),
+    Credential.revoked_at.is_(None),
+    or_(Credential.expires_at.is_(None), Credential.expires_at > bindparam("clock")),
+    OWNED,
+)
 
 
 def add(session: Session, credential: Credential) -> None:
@@ -19,13 +30,15 @@ def add(session: Session, credential: Credential) -> None:
 
 
 def find(session: Session, credential_id: str, kind: str, clock: datetime) -> Credential | None:
-    """The credential of this kind and id; None if it is revoked or expired."""
-    credential = session.get(Credential, credential_id)
-    if credential is None or credential.kind != kind or credential.revoked_at is not None:
-        return None
-    if credential.expires_at is not None and credential.expires_at <= clock:
-        return None
-    return credential
+    """The credential of this kind and id; None if it is revoked or expired, or its member is out or lost the role."""
+    return session.scalar(
+        select(Credential).where(Credential.id == credential_id, Credential.kind == kind, _alive(clock))
+    )
+
+
+def find_live(session: Session, ids: Collection[str], clock: datetime) -> set[str]:
+    """Those of these ids whose credentials are neither revoked nor expired, and whose members have their role."""
+    return set(session.connection().scalars(LIVE, {"ids": list(ids), "clock": clock}))
 
 
 def touch(session: Session, credential_id: str, clock: datetime) -> None:
@@ -62,7 +75,7 @@ def prune(session: Session, kinds: Iterable[str], clock: datetime) -> list[str]:
 
 
 def _alive(clock: datetime) -> ColumnElement[bool]:
-    return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock)
+    return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock) & OWNED
 
 
 def _revoke(session: Session, clock: datetime, *conditions: ColumnElement[bool]) -> int:

@@ -6,7 +6,6 @@ the row's lock.
 """
 
 import hashlib
-import json
 from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -25,18 +24,15 @@ from sqlalchemy import (
     case,
     delete,
     func,
-    literal,
-    or_,
     select,
     text,
     update,
 )
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.given import GIVEN, Part
+from grader.store.engine.bulk_insert import insert_of
 from grader.store.results import LearnerAt
-from grader.store.tables import NAME, Base, Result, UtcDateTime, new_id, now
+from grader.store.tables import NAME, Base, Result, new_id, now
 
 WEBHOOK, SCORES = KINDS = ("webhook", "scores")
 """The kinds of destinations."""
@@ -130,60 +126,59 @@ class Noted(NamedTuple):
     has_job: bool
 
 
-_NEW: dict[str, Any] = {
-    "destination": Destination.id,
-    "course": Destination.course,
-    "learner": Part(GIVEN.c.value, literal(1)),
-    "quiz": Part(GIVEN.c.value, literal(2)),
-    "question": case(
-        (Destination.kind == SCORES, Destination.question), else_=Part(GIVEN.c.value, literal(3))
-    ),
-    "state": literal(WAITING),
-    "version": literal(1),
-    "noted_at": bindparam("noted_at", type_=UtcDateTime()),
-    "has_job": literal(False),
-    "attempts": literal(0),
-    "forced": literal(False),
-}  # fmt: skip
 _RETURNED = (Delivery.id, Delivery.destination, Delivery.has_job)
 
 
-def _note_with(dialect: Any) -> Any:
-    """Adds a row for every given result and destination, or counts one more change of it: one statement."""
-    course, _, quiz, question = (Part(GIVEN.c.value, literal(place)) for place in range(4))
-    wanted = (
-        select(*(value.label(name) for name, value in _NEW.items()))
-        .select_from(GIVEN)
-        .join(Destination, Destination.course == course)
-        .where(
-            Destination.disabled_at.is_(None),
-            or_(Destination.quiz == ALL, Destination.quiz == quiz),
-            or_(Destination.question == ALL, Destination.question == question),
-            or_(bindparam("only", type_=String()) == ALL, Destination.id == bindparam("only", type_=String())),
-        )
-        .distinct()  # two questions of a quiz that has one score
-    )
-    row = dialect.insert(Delivery).from_select(list(_NEW), wanted, include_defaults=False)
-    held_until = and_(Delivery.state == HELD, Delivery.has_job)
-    change = {"state": case((held_until, HELD), else_=WAITING), "version": Delivery.version + 1,
-              "noted_at": row.excluded.noted_at, "attempts": 0, "error": None}  # fmt: skip
-    key = [Delivery.destination, Delivery.learner, Delivery.quiz, Delivery.question]
-    return row.on_conflict_do_update(index_elements=key, set_=change).returning(*_RETURNED)
-
-
-_NOTE = {"sqlite": _note_with(sqlite), "postgresql": _note_with(postgresql)}
+OPEN_DESTINATIONS = select(
+    Destination.id, Destination.course, Destination.kind, Destination.quiz, Destination.question
+).where(Destination.course.in_(bindparam("courses", expanding=True)), Destination.disabled_at.is_(None))
 
 
 def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> list[Noted]:
     """Notes changed results for the destinations of their courses, or `only` one. The caller holds the learners' locks.
 
-    Without destinations this is one statement that finds none.
+    Adds a row for each result and destination, or counts one more change of it.
     """
     if not changed:
         return []
-    statement = _NOTE[session.get_bind().dialect.name]
-    named = {"given": json.dumps(list(changed)), "noted_at": now(), "only": only}
-    return [Noted(*row) for row in session.connection().execute(statement, named)]
+    courses = {one.course for one in changed}
+    open_ones = session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
+    keys = {
+        _key_of_delivery(destination, one): one.course
+        for destination in open_ones
+        for one in changed
+        if only in (ALL, destination.id) and _is_wanted(destination, one)
+    }
+    if not keys:
+        return []
+    new = {"state": WAITING, "version": 1, "noted_at": now(), "has_job": False, "attempts": 0, "forced": False}
+    rows = [{**new, **dict(zip(_KEY, key, strict=True)), "course": course} for key, course in sorted(keys.items())]
+    return [Noted(*row) for row in session.connection().execute(_insert_or_count(session), rows)]
+
+
+_KEY = ("destination", "learner", "quiz", "question")
+
+
+def _is_wanted(destination: Any, changed: LearnerAt) -> bool:
+    return (
+        destination.course == changed.course
+        and destination.quiz in (ALL, changed.quiz)
+        and destination.question in (ALL, changed.question)
+    )
+
+
+def _key_of_delivery(destination: Any, changed: LearnerAt) -> tuple[str, str, str, str]:
+    """The columns `_KEY` of the row of a changed result. The scores of a whole quiz have one row."""
+    question = destination.question if destination.kind == SCORES else changed.question
+    return destination.id, changed.learner, changed.quiz, question
+
+
+def _insert_or_count(session: Session) -> Any:
+    row = insert_of(session.get_bind().dialect.name)(Delivery)
+    held_until = and_(Delivery.state == HELD, Delivery.has_job)
+    change = {"state": case((held_until, HELD), else_=WAITING), "version": Delivery.version + 1,
+              "noted_at": row.excluded.noted_at, "attempts": 0, "error": None}  # fmt: skip
+    return row.on_conflict_do_update(index_elements=_KEY, set_=change).returning(*_RETURNED)
 
 
 def unsent_scores(session: Session) -> Sequence[tuple[str, str, str]]:
@@ -244,7 +239,7 @@ def add_scores(session: Session, course: str, quiz: str, question: str, by: str)
     made = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
     values = {"id": made, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
               "created_at": now()}  # fmt: skip
-    insert = (postgresql if session.get_bind().dialect.name == "postgresql" else sqlite).insert
+    insert = insert_of(session.get_bind().dialect.name)
     session.execute(insert(Destination).values(values).on_conflict_do_nothing())
     return made
 

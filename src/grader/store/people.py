@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import delete, exists, func, select
 from sqlalchemy.orm import Session
 
-from grader.store.names import Folded, holds
+from grader.store.engine.names import Folded, holds
 from grader.store.tables import Credential, Member, Result, Submission
 
 

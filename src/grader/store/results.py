@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, Self
 from sqlalchemy import (
     ColumnElement,
     Integer,
-    Select,
     SQLColumnExpression,
     Text,
     bindparam,
@@ -22,9 +21,9 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
-from grader.store.names import Folded, holds
+from grader.store.engine.bulk_insert import insert_rows, upsert_rows
+from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
-from grader.store.rows import insert_rows
 from grader.store.submissions import NEWEST
 from grader.store.tables import (
     Credential,
@@ -39,11 +38,14 @@ from grader.store.tables import (
 COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
 """The columns of a result whose change is a new revision, and a row of the feed."""
 
+OF_FEED = ("course", "learner", "quiz", "question", *COUNTED, "revision")
+"""The columns of a result that a row of the feed has."""
+
+Columns = dict[str, Any]
+"""The columns of a result by name."""
+
 BATCH = 1000
 """Rows fetched at a time."""
-
-NAMED_MAX = 500
-"""Learners whom a query names; to find more of them, it reads all."""
 
 
 class LearnerAt(NamedTuple):
@@ -76,6 +78,11 @@ ATTEMPT = (
 )
 
 
+COLUMNS_AT = select(*Result.__table__.columns).where(
+    *(getattr(Result, name) == bindparam(name) for name in LearnerAt._fields)
+)
+
+
 def attempts_of(session: Session, key: LearnerAt) -> Sequence[Any]:
     """The attempts of a learner at a question, oldest first, with their newest verdicts."""
     return session.execute(ATTEMPTS, key._asdict()).all()
@@ -91,36 +98,33 @@ def find(session: Session, key: LearnerAt) -> Result | None:
     return session.get(Result, key)
 
 
-def put(session: Session, before: Result | None, key: LearnerAt, values: Mapping[str, Any]) -> bool:
-    """Writes a result, and a row of the feed if one of the columns `COUNTED` has changed. Returns whether one has.
+def read_columns(session: Session, key: LearnerAt) -> Columns | None:
+    """The columns of a result as they are in the database now; None without one."""
+    row = session.execute(COLUMNS_AT, key._asdict()).one_or_none()
+    return None if row is None else dict(row._mapping)
 
-    `before` is what `find` returned in this transaction, under the lock of the learner.
+
+def change(before: Columns | None, key: LearnerAt, values: Mapping[str, Any]) -> Columns:
+    """The columns of a result with new values, which count as a change; `before` itself where none differs.
+
+    A change of one of the columns `COUNTED` is a new revision.
     """
-    changed, told = change(before, key, values)
     if before is None:
-        insert_rows(session, Result, [changed])
-    else:
-        for name, value in changed.items():
-            setattr(before, name, value)
-    insert_rows(session, ResultRevision, told)
-    return bool(told)
+        return {**key._asdict(), **values, "changes": 1, "revision": 1}
+    if all(before[name] == value for name, value in values.items()):
+        return before
+    is_revised = any(before[name] != values[name] for name in COUNTED)
+    count = {"changes": before["changes"] + 1, "revision": before["revision"] + is_revised}
+    return {**before, **values, **count}
 
 
-def change(
-    before: Result | None, key: LearnerAt, values: Mapping[str, Any]
-) -> tuple[dict[str, Any], Sequence[dict[str, Any]]]:
-    """The columns of a result that `values` change, all of them if it is new; and the new row of the feed, if any."""
-    if before is None:
-        revision, is_new = 1, True
-        changed = {**key._asdict(), **values, "changes": 1, "revision": revision}
-    elif all(getattr(before, name) == value for name, value in values.items()):
-        return {}, ()
-    else:
-        is_new = any(getattr(before, name) != values[name] for name in COUNTED)
-        revision = before.revision + is_new
-        changed = {**values, "changes": before.changes + 1, "revision": revision}
-    told = {name: values[name] for name in COUNTED}
-    return changed, [{**key._asdict(), **told, "revision": revision, "created_at": now()}] if is_new else ()
+def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns]) -> None:
+    """Writes results, and a row of the feed for each new revision. The caller holds the learners' locks."""
+    clock = now()
+    upsert_rows(session, Result, changed)
+    insert_rows(
+        session, ResultRevision, [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
+    )
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:
@@ -135,9 +139,7 @@ def everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, s
     return {(result.quiz, result.question): result for result in session.scalars(theirs)}
 
 
-def points_by_learner(
-    session: Session, course: str, quizzes: Sequence[str], learners: Collection[str]
-) -> Iterator[Any]:
+def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> Iterator[Any]:
     """Learner, quiz, points by question as a JSON object, name and member; a row for each learner and quiz, by learner.
 
     Points are null while an answer waits for its first mark.
@@ -145,16 +147,11 @@ def points_by_learner(
     """
     known_yet = case((or_(Result.is_final, Result.points > 0), Result.points))  # null while the first answer waits
     gathered = select(Result.learner, Result.quiz, Gathered(Result.question, known_yet).label("points"))
-    theirs = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz)
-    if len(learners) <= NAMED_MAX:
-        theirs = theirs.where(Result.learner.in_(learners))
-    points = theirs.subquery()
+    points = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz).subquery()
     name = func.coalesce(Member.name, points.c.learner).label("name")
     known = [getattr(Member, column) for column in KNOWN]
     rows = select(points, name, *known).outerjoin(Member, Member.id == points.c.learner).order_by(points.c.learner)
-    for row in session.execute(rows.execution_options(yield_per=BATCH)):
-        if row.learner in learners:
-            yield row
+    yield from session.execute(rows.execution_options(yield_per=BATCH))
 
 
 @dataclass(frozen=True)
@@ -246,24 +243,21 @@ def _gathered_in_postgresql(element: Gathered, compiler: Any, **kw: Any) -> str:
 STATISTICS = (
     select(
         Result.learner, Result.question, Result.points, Result.max_points,
-        Result.first_status, Result.first_option, Result.first_value, Result.diagnoses,
+        Result.first_status, Result.first_option, Result.first_value, Result.diagnoses, Result.first_several,
     )
     .where(
         Result.course == bindparam("course"), Result.quiz == bindparam("quiz"), Result.is_final,
-        Result.question.in_(bindparam("questions", expanding=True)),
     )
 )  # fmt: skip
 
 
-def of_questions(session: Session, course: str, quiz: str, questions: Collection[str]) -> Sequence[Any]:
-    """The columns of `STATISTICS` of every result of these questions that waits neither for a verdict nor a person."""
-    return _rows(session, STATISTICS, {"course": course, "quiz": quiz, "questions": sorted(questions)})
+def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
+    """The columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person.
 
-
-def _rows(session: Session, query: Select[*tuple[Any, ...]], values: Mapping[str, Any]) -> Sequence[Any]:
-    """The driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands."""
-    with session.connection().execute(query, values) as found:
-        return found.cursor.fetchall()
+    These are the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands.
+    """
+    with session.connection().execute(STATISTICS, {"course": course, "quiz": quiz}) as cursor_result:
+        return cursor_result.cursor.fetchall()
 
 
 State = tuple[int, int]
@@ -276,22 +270,6 @@ def state(session: Session, course: str, quizzes: Sequence[str]) -> State:
     """The state of the results of these quizzes."""
     count, changes = session.execute(select(*STATE).where(Result.course == course, _among(quizzes))).one()
     return count, int(changes)
-
-
-def states_of_questions(session: Session, course: str, quiz: str) -> dict[str, State]:
-    """The state of each question of a quiz that has results."""
-    theirs = select(Result.question, *STATE).where(Result.course == course, Result.quiz == quiz)
-    return _states(session, theirs.group_by(Result.question))
-
-
-def states_of_learners(session: Session, course: str, quizzes: Sequence[str]) -> dict[str, State]:
-    """The state of each learner with results in these quizzes."""
-    theirs = select(Result.learner, *STATE).where(Result.course == course, _among(quizzes))
-    return _states(session, theirs.group_by(Result.learner))
-
-
-def _states(session: Session, query: Select[*tuple[Any, ...]]) -> dict[str, State]:
-    return {key: (count, int(changes)) for key, count, changes in _rows(session, query, {})}
 
 
 def touch(session: Session, course: str, learner: str) -> None:

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, String, bindparam, case, delete, func, insert, select, tuple_
+from sqlalchemy import ColumnElement, String, bindparam, case, func, insert, select, tuple_
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
-from grader.store.rows import insert_rows
-from grader.store.signals import announce
+from grader.store.engine.bulk_insert import insert_rows
+from grader.store.engine.signals import announce
 from grader.store.tables import (
     Event,
-    IdempotencyKey,
     Member,
     Review,
     Submission,
@@ -85,15 +84,24 @@ class SubmissionFilter:
 
 
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]]) -> None:
-    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table."""
+    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table.
+
+    The objects get their state, and are not followed by the session.
+    """
     clock = now()
     for submission, verdict in new:
-        state = NEW if verdict is None else _settled(verdict, 1)
-        vars(submission).update(state, version=1, created_at=clock)
+        submission.version, submission.created_at = 1, clock
+        for name, value in (NEW if verdict is None else _settled(verdict, 1)).items():
+            setattr(submission, name, value)
     insert_rows(session, Submission, [values_of(submission) for submission, _ in new])
-    made = [_verdict_values(submission, verdict, "grading") for submission, verdict in new if verdict is not None]
-    insert_rows(session, VerdictRow, made)
-    insert_rows(session, Event, [{"submission_id": one.id, "number": 1, "name": one.status} for one, _ in new])
+    graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
+    first = [_verdict_values(submission, verdict, "grading") | {"created_at": clock} for submission, verdict in graded]
+    insert_rows(session, VerdictRow, first)
+    insert_rows(
+        session,
+        Event,
+        [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new],
+    )
 
 
 def append_verdict(
@@ -133,11 +141,6 @@ def tell_case(session: Session, submission_id: str, case: int, cases: int) -> No
     submission = session.get(Submission, submission_id, with_for_update=True)
     if submission is not None and submission.status == RUNNING:
         _add_event(session, submission_id, f"case {case} of {cases}")
-
-
-def forget_keys(session: Session, submission_id: str) -> None:
-    """Lets the idempotency keys of a submission make another one."""
-    session.execute(delete(IdempotencyKey).where(IdempotencyKey.submission_id == submission_id))
 
 
 def case_of(event: Event | None) -> tuple[int, int] | None:

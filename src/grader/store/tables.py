@@ -19,9 +19,8 @@ tickets                    single-use secrets that expire, in tickets.py
 
 import secrets
 import string
-from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any, TypeVar
+from typing import Any
 
 from sqlalchemy import (
     BigInteger,
@@ -214,7 +213,9 @@ class Result(Base):
     first_status: Mapped[str] = mapped_column(String(20))
     first_option: Mapped[int | None]
     first_value: Mapped[float | None]
-    """Of the first attempt, as are `first_status` and `first_option`."""
+    """Of the first attempt, as are `first_status`, `first_option` and `first_several`."""
+    first_several: Mapped[str | None] = mapped_column(Text)
+    """Options or values, where the answer has several: a JSON object with the list `option` or `value`."""
     diagnoses: Mapped[str] = mapped_column(Text)
     """Those of all attempts, each once, as a JSON list."""
     changes: Mapped[int]
@@ -426,19 +427,6 @@ class InstallationSecret(Base):
 
     name: Mapped[str] = mapped_column(String(40), primary_key=True)
     value: Mapped[bytes]
-
-
-Row = TypeVar("Row", bound=Base)
-
-
-def plain(table: type[Row], values: Mapping[str, Any]) -> Row:
-    """A row that no session follows: half of the time to store an answer would go into noting changes of columns.
-
-    It is read as any other, inserted by `rows.insert_rows`, and changed by `vars(row).update`.
-    """
-    row = table.__new__(table)
-    vars(row).update(values)
-    return row
 
 
 def values_of(row: Base) -> dict[str, Any]:

@@ -3,34 +3,32 @@
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
-from grader.web import (
-    answering,
-    assets,
+from grader.web.frame import assets
+from grader.web.instructor import (
     extensions,
     gradebook,
-    instructor_pages,
-    lti,
-    oidc,
     people,
     platforms,
     regrades,
+    review,
     review_list,
-    review_page,
     seen_as,
     service,
-    signin,
     statistics,
-    student_pages,
+    today,
 )
+from grader.web.learner import answering, pages
+from grader.web.platform import lti
+from grader.web.signing_in import links, oidc
 
 router = APIRouter(include_in_schema=False)
-router.include_router(student_pages.router)
+router.include_router(pages.router)
 router.include_router(answering.router)
-router.include_router(signin.router)
+router.include_router(links.router)
 router.include_router(oidc.router)
-router.include_router(instructor_pages.router)
+router.include_router(today.router)
 router.include_router(review_list.router)
-router.include_router(review_page.router)
+router.include_router(review.router)
 router.include_router(people.router)
 router.include_router(gradebook.router)
 router.include_router(statistics.router)

@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from grader.exercises import Case, DrawnCase, ExerciseParameters, Intervals, Judged, Judgement, Kind, Results, Trial
+from grader.exercises import (
+    Case,
+    DrawnCase,
+    ExerciseParameters,
+    Intervals,
+    JudgedTrial,
+    Judgement,
+    Kind,
+    Results,
+    Trial,
+)
 
 DRIVER = """
 import numpy as np
@@ -43,7 +53,7 @@ class ExactText(Kind[WordParameters, str, str]):
     driver = DRIVER
     needs_model = False
 
-    def trials(self, parameters: WordParameters, drawn: DrawnCase[WordCase]) -> Sequence[Trial[str]]:
+    def build_trials(self, parameters: WordParameters, drawn: DrawnCase[WordCase]) -> Sequence[Trial[str]]:
         """Returns one call."""
         word = drawn.case.word or "".join(drawn.rng.choice(list(LETTERS), 10))
         return [Trial(drawn.case.id, {"word": word}, word)]
@@ -55,17 +65,17 @@ class ExactText(Kind[WordParameters, str, str]):
         message = "The word is returned backwards." if right else "The word is not returned backwards."
         return Judgement(right, message, text, measured=text, expected=trial.problem[::-1])
 
-    def mistake(self, parameters: WordParameters, judged: Sequence[Judged[str, str]]) -> str | None:
+    def name_mistake(self, parameters: WordParameters, judged: Sequence[JudgedTrial[str, str]]) -> str | None:
         """Recognises words that are returned as they are."""
         wrong = [one for one in judged if not one.judgement.passed]
         unchanged = all(one.judgement.outcome == one.trial.problem for one in wrong)
         return "You return the word as it is: reverse the order of its letters." if wrong and unchanged else None
 
-    def pictures(self, parameters: WordParameters, visible: Sequence[Judged[str, str]]) -> dict[str, Any]:
+    def build_pictures(self, parameters: WordParameters, visible: Sequence[JudgedTrial[str, str]]) -> dict[str, Any]:
         """Returns a chart of each word: which letters are right."""
         return {"charts": [right_letters(one) for one in visible]}
 
-    def accepted(self, parameters: WordParameters, trials: Sequence[Trial[str]]) -> Sequence[Intervals]:
+    def list_accepted(self, parameters: WordParameters, trials: Sequence[Trial[str]]) -> Sequence[Intervals]:
         """Returns the place of the word's first letters in the dictionary; places are whole numbers."""
         (trial,) = trials
         place = 0.0
@@ -74,7 +84,7 @@ class ExactText(Kind[WordParameters, str, str]):
         return [[(place - 0.5, place + 0.5)]]
 
 
-def right_letters(one: Judged[str, str]) -> dict[str, Any]:
+def right_letters(one: JudgedTrial[str, str]) -> dict[str, Any]:
     """Returns 1 for each letter of the text that is right, else 0, against the position of the letter."""
     right = [int(a == b) for a, b in zip(one.judgement.outcome, one.trial.problem[::-1], strict=False)]
     series = [{"label": "right (1) or wrong (0)", "x": list(range(1, len(right) + 1)), "y": right, "points": True}]

@@ -1,1 +1,4 @@
-"""Runs inside the cell. Trusted until the student's source arrives; imports nothing else of the grader."""
+"""Runs inside the cell of the jail.
+
+Its code is trusted until the student's source arrives, and imports nothing else of the grader.
+"""

@@ -152,10 +152,10 @@ def _send_sample(name: str, text: bytes) -> None:
 
 def _run(work: dict[str, Any], filename: str) -> None:
     driver: dict[str, Any] = {"__name__": "driver", "__builtins__": builtins}
-    driver.update(kind_of=_kind, hidden_inputs=hidden_inputs)
+    driver.update(kind_of=_find_kind, hidden_inputs=hidden_inputs)
     exec(compile(work["driver"], "<driver>", "exec"), driver)  # noqa: S102
-    student = _import(work["source"], filename, driver.get("compile_source", _compiled))
-    driver["run"](student, _next_part(), submit)
+    student = _import(work["source"], filename, driver.get("compile_source", _compile))
+    driver["run"](student, _request_part(), submit)
 
 
 def hidden_inputs() -> dict[str, Any]:
@@ -164,17 +164,17 @@ def hidden_inputs() -> dict[str, Any]:
         with contextlib.suppress(BaseException):  # the student's own stream, and its own loss
             stream.flush()
     libc.fflush(None)
-    inputs = _next_part()
+    inputs = _request_part()
     os.close(JOB)
     return inputs
 
 
-def _next_part() -> dict[str, Any]:
+def _request_part() -> dict[str, Any]:
     _write(RESULTS, WANT)
     return receive()
 
 
-def _compiled(source: str, filename: str) -> CodeType:
+def _compile(source: str, filename: str) -> CodeType:
     code: CodeType = compile(source, filename, "exec", dont_inherit=True)
     return code
 
@@ -196,52 +196,52 @@ def _import(source: str, filename: str, compile_source: Callable[[str, str], Cod
 
 
 def _explain(error: BaseException, filename: str) -> tuple[str, str]:
-    """The kind of end, and the last line of a traceback that shows the student's own lines on stderr."""
-    kind = _kind(error)
+    """Returns the kind of end, and the last line of a traceback that shows the student's own lines on stderr."""
+    kind = _find_kind(error)
     if kind == "out_of_memory":
         traceback.clear_frames(error.__traceback__)
     try:
         shown = traceback.TracebackException.from_exception(error)
-        _only_own_lines(shown, filename, set())
+        _keep_own_lines(shown, filename, set())
         text = "".join(shown.format())
         _write(STDERR, text.encode("utf-8", "backslashreplace"))
         notes, shown.__notes__ = shown.__notes__ or (), None
         last = [line for line in shown.format_exception_only() if line.strip()]
         reason = " ".join([last[-1].strip() if last else type(error).__name__, *map(str, notes)])
-        reason += _place(error, shown.stack)
+        reason += _describe_place(error, shown.stack)
     except BaseException:
         reason = type(error).__name__
-    return kind, _said(error, kind, reason)
+    return kind, _describe_error(error, kind, reason)
 
 
-def _place(error: BaseException, own: traceback.StackSummary) -> str:
+def _describe_place(error: BaseException, own: traceback.StackSummary) -> str:
     """Where in the student's file an error was raised, to end a sentence; of a syntax error the line itself."""
     if isinstance(error, SyntaxError):
         return f" (line {error.lineno}: {(error.text or '').strip()[:LINE_CHARS_MAX]})"
     return f", in line {own[-1].lineno} of your script" if own else ""
 
 
-def _said(error: BaseException, kind: str, reason: str) -> str:
+def _describe_error(error: BaseException, kind: str, reason: str) -> str:
     if isinstance(error, SystemExit):
         return "The script called exit() before it was graded."
-    if kind == "forbidden" and any(map(PROCESSES.search, _files(error))):
+    if kind == "forbidden" and any(map(PROCESSES.search, _list_files(error))):
         return f"{reason} (processes are not available here; one is enough)"
     return f"{reason} ({FORBIDDEN})" if kind == "forbidden" else reason
 
 
-def _files(error: BaseException) -> Iterator[str]:
+def _list_files(error: BaseException) -> Iterator[str]:
     step = error.__traceback__
     while step is not None:
         yield step.tb_frame.f_code.co_filename
         step = step.tb_next
 
 
-def _kind(error: BaseException) -> str:
+def _find_kind(error: BaseException) -> str:
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return "out_of_memory"
     if type(error).__name__ in ("FatalError", "ValueError") and "ould not allocate memory" in str(error):
         return "out_of_memory"  # MuJoCo's own words
-    if isinstance(error, OSError) and any(map(_is_refusal, _chain(error))):
+    if isinstance(error, OSError) and any(map(_is_refusal, _list_causes(error))):
         return "forbidden"
     return "crashed"
 
@@ -258,7 +258,7 @@ def _is_refusal(error: BaseException) -> bool:
     return error.errno in REFUSALS or type(error).__name__ == "gaierror"
 
 
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
+def _list_causes(error: BaseException | None) -> Iterator[BaseException]:
     seen: set[int] = set()
     while error is not None and id(error) not in seen:
         seen.add(id(error))
@@ -266,7 +266,7 @@ def _chain(error: BaseException | None) -> Iterator[BaseException]:
         error = error.__cause__ or error.__context__
 
 
-def _only_own_lines(shown: traceback.TracebackException, filename: str, seen: set[int]) -> None:
+def _keep_own_lines(shown: traceback.TracebackException, filename: str, seen: set[int]) -> None:
     """Keep the frames of the student's file, in the exception and in those it came from."""
     if id(shown) in seen:
         return
@@ -274,7 +274,7 @@ def _only_own_lines(shown: traceback.TracebackException, filename: str, seen: se
     shown.stack = traceback.StackSummary.from_list([f for f in shown.stack if f.filename == filename])
     for other in (shown.__cause__, shown.__context__, *(shown.exceptions or ())):
         if other is not None:
-            _only_own_lines(other, filename, seen)
+            _keep_own_lines(other, filename, seen)
 
 
 _writing: list[int] = []

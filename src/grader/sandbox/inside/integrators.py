@@ -18,11 +18,11 @@ import os
 import platform
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from .kernel import fail, libc
+from .kernel import build_error, libc
 
 PAGE = mmap.PAGESIZE
 MAP_SHARED, MAP_PRIVATE, MAP_FIXED, MAP_ANONYMOUS = 0x01, 0x02, 0x10, 0x20
@@ -31,10 +31,11 @@ READ_WRITE, READ_EXECUTE = mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ | mm
 # of 4.0.0 (mjb_step, mjb_rollout) call mj_step.
 NAMES = frozenset(
     {"mj_step", "mj_step1", "mj_step2", "mj_stepSkip", "mj_Euler", "mj_EulerSkip", "mj_RungeKutta", "mj_implicit"}
-    | {"mj_implicitSkip", "mjd_transitionFD"}
+    | {"mj_implicitSkip", "mjd_transitionFD", "mj_ipc"}
 )
-# The internal function in which they end, by its name in 3.14.0 and in 4.0.0.
-ADVANCE = frozenset({"mj_advance", "advance"})
+# The internal functions in which they end, by their names in 3.14.0 and in 4.0.0.
+ADVANCE = (frozenset({"mj_advance", "advance"}), frozenset({"advanceFinish"}))
+INTEGRATORS = NAMES.union(*ADVANCE)
 SECTION, SYMBOL = struct.Struct("<IIQQQQIIQQ"), struct.Struct("<IBBHQQ")  # Elf64_Shdr, Elf64_Sym
 SYMTAB, FUNCTION = 2, 2
 
@@ -42,7 +43,7 @@ libc.mmap.restype = ctypes.c_void_p
 libc.mmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long]
 
 
-class Unavailable(Exception):
+class IntegratorsUnavailable(Exception):
     """The integrators cannot be removed on this machine; the text says why."""
 
 
@@ -84,10 +85,10 @@ class Pages:
 def map_at(address: int, size: int, protection: int, flags: int, descriptor: int = -1) -> None:
     """Map memory at exactly this address."""
     if libc.mmap(address, size, protection, flags | MAP_FIXED, descriptor, 0) != address:
-        raise fail("mmap")
+        raise build_error("mmap")
 
 
-def find() -> Pages:
+def find_integrators() -> Pages:
     """Locate the integrators in the MuJoCo that this process has loaded.
 
     Raises:
@@ -95,23 +96,24 @@ def find() -> Pages:
     """
     stub_for = STUBS.get(platform.machine())
     if stub_for is None:
-        raise Unavailable(f"the machine code of {platform.machine()} is not known")
-    low, high, path = _library()
-    symbols = _functions(Path(path))
+        raise IntegratorsUnavailable(f"the machine code of {platform.machine()} is not known")
+    low, high, path = _find_library()
+    symbols = _read_functions(Path(path))
     if missing := NAMES - symbols.keys():
-        raise Unavailable(f"MuJoCo's library has no symbols {', '.join(sorted(missing))}")
-    if not ADVANCE & symbols.keys():
-        raise Unavailable(f"MuJoCo's library has no symbol {' or '.join(sorted(ADVANCE))}")
-    base = _address("mj_step") - symbols["mj_step"][0]
-    if _address("mj_RungeKutta") != base + symbols["mj_RungeKutta"][0]:
-        raise Unavailable("MuJoCo's library does not lie where its symbols say")
+        raise IntegratorsUnavailable(f"MuJoCo's library has no symbols {', '.join(sorted(missing))}")
+    for alternatives in ADVANCE:
+        if not alternatives & symbols.keys():
+            raise IntegratorsUnavailable(f"MuJoCo's library has no symbol {' or '.join(sorted(alternatives))}")
+    base = _find_address("mj_step") - symbols["mj_step"][0]
+    if _find_address("mj_RungeKutta") != base + symbols["mj_RungeKutta"][0]:
+        raise IntegratorsUnavailable("MuJoCo's library does not lie where its symbols say")
     counter = libc.mmap(None, PAGE, READ_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
     stub, trap = stub_for(low, high - low, counter)
     spans = [(base + offset, size) for offset, size in symbols.values()]
     first = min(start for start, _ in spans) & -PAGE
     end = (max(start + size for start, size in spans) + PAGE - 1) & -PAGE
     if not low <= first < end <= high:
-        raise Unavailable("MuJoCo's integrators do not lie in its code")
+        raise IntegratorsUnavailable("MuJoCo's integrators do not lie in its code")
     original = ctypes.string_at(first, end - first)
     removed = bytearray(original)
     for start, size in spans:
@@ -122,7 +124,7 @@ def find() -> Pages:
     return Pages(first, original, bytes(removed), counter, path)
 
 
-def _x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
+def _build_x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
     """Return the stub and a trap. The stub returns at once; it counts calls from outside the `size` bytes at `low`."""
     instructions = (
         b"\x48\x8b\x04\x24",  # mov rax, [rsp]
@@ -137,7 +139,7 @@ def _x86_64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
     return b"".join(instructions), b"\xcc"  # int3
 
 
-def _aarch64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
+def _build_aarch64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
     """Return the same for aarch64. Two threads may lose an increment, which does no harm."""
     instructions = (
         0x58000149,  # ldr x9, low
@@ -155,28 +157,33 @@ def _aarch64(low: int, size: int, counter: int) -> tuple[bytes, bytes]:
     return code, struct.pack("<I", 0xD4200000)  # brk #0
 
 
-STUBS: dict[str, Callable[[int, int, int], tuple[bytes, bytes]]] = {"x86_64": _x86_64, "aarch64": _aarch64}
+STUBS: dict[str, Callable[[int, int, int], tuple[bytes, bytes]]] = {"x86_64": _build_x86_64, "aarch64": _build_aarch64}
 
 
-def _library() -> tuple[int, int, str]:
+def _find_library() -> tuple[int, int, str]:
     """Find where MuJoCo's code is mapped: first address, end, the library's file."""
     mapped = re.findall(
         r"^(\w+)-(\w+) r-xp \S+ \S+ \S+ +(/\S*/libmujoco\.so\S*)$", Path("/proc/self/maps").read_text(), re.M
     )
     if len(mapped) != 1:
-        raise Unavailable("MuJoCo's library is not mapped as one piece")
+        raise IntegratorsUnavailable("MuJoCo's library is not mapped as one piece")
     low, high, path = mapped[0]
     return int(low, 16), int(high, 16), path
 
 
-def _address(name: str) -> int:
+def _find_address(name: str) -> int:
     """Return the address of an exported function of MuJoCo."""
-    library = ctypes.CDLL(_library()[2])
+    library = ctypes.CDLL(_find_library()[2])
     return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
 
 
-def _functions(path: Path) -> dict[str, tuple[int, int]]:
-    """Read offset and size of the integrators from a library's symbol table (ELF, 64 bits, little-endian).
+def _read_functions(path: Path) -> dict[str, tuple[int, int]]:
+    """Read offset and size of the integrators from a library's symbol table."""
+    return {name: span for name, span in read_symbols(path) if name in INTEGRATORS}
+
+
+def read_symbols(path: Path) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield name, offset and size of every function in a library's symbol table (ELF, 64 bits, little-endian).
 
     A linker that optimises adds ".llvm." and a number to the names of internal functions.
     """
@@ -184,16 +191,13 @@ def _functions(path: Path) -> dict[str, tuple[int, int]]:
     (table,) = struct.unpack_from("<Q", data, 0x28)
     (count,) = struct.unpack_from("<H", data, 0x3C)
     sections = [SECTION.unpack_from(data, table + n * SECTION.size) for n in range(count)]
-    found = {}
     for section in sections:
         if section[1] != SYMTAB:
             continue
         _, _, _, _, offset, size, strings, *_ = section
         names = sections[strings][4]
         for name, info, _, _, value, length in SYMBOL.iter_unpack(data[offset : offset + size]):
-            start = names + name
-            text = data[start : data.index(b"\0", start)].decode("ascii", "replace") if info & 0xF == FUNCTION else ""
-            plain = text.partition(".llvm.")[0]
-            if plain in NAMES | ADVANCE:
-                found[plain] = (value, length)
-    return found
+            if info & 0xF == FUNCTION and value:
+                start = names + name
+                text = data[start : data.index(b"\0", start)].decode("ascii", "replace")
+                yield text.partition(".llvm.")[0], (value, length)

@@ -13,7 +13,7 @@ SECCOMP = {"x86_64": 317, "aarch64": 277}.get(platform.machine(), -1)
 PR_SET_PDEATHSIG, PR_SET_DUMPABLE, PR_CAPBSET_DROP, PR_SET_NO_NEW_PRIVS, PR_CAP_AMBIENT = 1, 4, 24, 38, 47
 
 
-def fail(what: str) -> OSError:
+def build_error(what: str) -> OSError:
     """Return the error of the last call; `what` names the attempt."""
     number = ctypes.get_errno()
     return OSError(number, f"{what}: {os.strerror(number)}")

@@ -20,7 +20,7 @@ from .kernel import (
     PR_SET_DUMPABLE,
     PR_SET_NO_NEW_PRIVS,
     SECCOMP,
-    fail,
+    build_error,
     libc,
     prctl,
     syscall,
@@ -38,21 +38,21 @@ NET_BIND_AND_CONNECT_TCP = 3
 SCOPE_ABSTRACT_SOCKETS_AND_SIGNALS = 3
 
 
-def limit(rlimits: Mapping[str, int]) -> None:
+def set_limits(rlimits: Mapping[str, int]) -> None:
     """Set soft and hard resource limits, by their names in `resource`."""
     for name, value in rlimits.items():
         resource.setrlimit(getattr(resource, name), (value, value))
 
 
-def no_new_privileges() -> None:
+def drop_privileges() -> None:
     """Give up set-user-id programs, and deny other processes of the user access to this one."""
     if prctl(PR_SET_NO_NEW_PRIVS, 1):
-        raise fail("NO_NEW_PRIVS")
+        raise build_error("NO_NEW_PRIVS")
     if prctl(PR_SET_DUMPABLE, 0):
-        raise fail("DUMPABLE")
+        raise build_error("DUMPABLE")
 
 
-def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> None:
+def load_landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> None:
     """Restrict this process to the paths `read` and `read_write`; refuse TCP, abstract sockets and signals to others.
 
     Raises:
@@ -61,21 +61,21 @@ def landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> No
     abi = syscall(LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), LANDLOCK_VERSION_FLAG)
     if abi < max(abi_min, 1):
         raise OSError(f"Landlock ABI {abi}, at least {abi_min} is needed")
-    handled = _handled(abi)
+    handled = _read_handled_access(abi)
     attributes = struct.pack("=QQQ", handled, NET_BIND_AND_CONNECT_TCP, SCOPE_ABSTRACT_SOCKETS_AND_SIGNALS)
     size = 8 if abi < 4 else 16 if abi < 6 else 24
     ruleset = syscall(LANDLOCK_CREATE_RULESET, attributes[:size], ctypes.c_size_t(size), 0)
     if ruleset < 0:
-        raise fail("landlock_create_ruleset")
+        raise build_error("landlock_create_ruleset")
     for paths, rights in ((read, READ), (read_write, READ_WRITE)):
         for path in paths:
             _allow(ruleset, path, rights & handled)
     if syscall(LANDLOCK_RESTRICT_SELF, ruleset, 0):
-        raise fail("landlock_restrict_self")
+        raise build_error("landlock_restrict_self")
     os.close(ruleset)
 
 
-def seccomp(program: bytes) -> None:
+def load_seccomp(program: bytes) -> None:
     """Load the filter on every thread. It comes last, as it forbids the calls of the other locks."""
 
     class Program(ctypes.Structure):
@@ -84,10 +84,10 @@ def seccomp(program: bytes) -> None:
     set_mode_filter, tsync = 1, 1
     loaded = Program(len(program) // 8, program)
     if syscall(SECCOMP, set_mode_filter, tsync, ctypes.byref(loaded)):
-        raise fail("seccomp")
+        raise build_error("seccomp")
 
 
-def probe(outside: str) -> dict[str, Any]:
+def probe_locks(outside: str) -> dict[str, Any]:
     """Check what cannot be seen from outside: whether Landlock holds, and which descriptors are open."""
     try:
         os.close(os.open(outside, os.O_RDONLY))
@@ -102,7 +102,7 @@ def probe(outside: str) -> dict[str, Any]:
     return {"reads_outside": reads_outside, "descriptors": [d for d in everything if d not in closed]}
 
 
-def no_writable_code() -> bool:
+def forbid_writable_code() -> bool:
     """Make writable and executable memory read-only, here and in every child; return False if there is none.
 
     libffi keeps such memory for callbacks from C, unless it was built with static trampolines. Its free part is used up
@@ -122,11 +122,11 @@ def no_writable_code() -> bool:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
     for low, high in ((int(low, 16), int(high, 16)) for low, high in found):
         if libc.mprotect(ctypes.c_void_p(low), ctypes.c_size_t(high - low), mmap.PROT_READ | mmap.PROT_EXEC):
-            raise fail("mprotect")
+            raise build_error("mprotect")
     return True
 
 
-def _handled(abi: int) -> int:
+def _read_handled_access(abi: int) -> int:
     bits = 13 if abi < 2 else 14 if abi < 3 else 15 if abi < 5 else 16
     return int((1 << bits) - 1)
 
@@ -136,5 +136,5 @@ def _allow(ruleset: int, path: str, rights: int) -> None:
     if not stat.S_ISDIR(os.fstat(handle).st_mode):
         rights &= ON_FILES
     if syscall(LANDLOCK_ADD_RULE, ruleset, LANDLOCK_RULE_PATH_BENEATH, struct.pack("=Qi", rights, handle), 0):
-        raise fail(f"landlock_add_rule {path}")
+        raise build_error(f"landlock_add_rule {path}")
     os.close(handle)

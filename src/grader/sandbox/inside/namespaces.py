@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from .kernel import PR_CAP_AMBIENT, PR_CAPBSET_DROP, PR_SET_PDEATHSIG, fail, libc, prctl
+from .kernel import PR_CAP_AMBIENT, PR_CAPBSET_DROP, PR_SET_PDEATHSIG, build_error, libc, prctl
 
 NEWNS, NEWUTS, NEWIPC, NEWUSER, NEWPID, NEWNET = 0x20000, 0x04000000, 0x08000000, 0x10000000, 0x20000000, 0x40000000
 RDONLY, NOSUID, NODEV, NOEXEC, BIND, REC, PRIVATE = 1, 2, 4, 8, 0x1000, 0x4000, 0x40000
@@ -24,7 +24,7 @@ def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
     # When memory is short the kernel must end this process, never the zygote.
     Path("/proc/self/oom_score_adj").write_text("1000")
     if libc.unshare(NEWUSER | NEWPID | NEWNS | NEWNET | NEWIPC | NEWUTS):
-        raise fail("unshare")
+        raise build_error("unshare")
     Path("/proc/self/setgroups").write_text("deny")
     Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
     Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
@@ -39,7 +39,7 @@ def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
 def begin() -> None:
     """Set up pid 1: it dies with its parent, and its session has no terminal."""
     if prctl(PR_SET_PDEATHSIG, SIGKILL):
-        raise fail("PDEATHSIG")
+        raise build_error("PDEATHSIG")
     os.setsid()
 
 
@@ -51,10 +51,10 @@ def drop_capabilities() -> None:
     prctl(PR_CAP_AMBIENT, CAP_AMBIENT_CLEAR_ALL)
     header = (ctypes.c_uint32 * 2)(CAPABILITY_VERSION_3, 0)
     if libc.capset(header, (ctypes.c_uint32 * 6)()):
-        raise fail("capset")
+        raise build_error("capset")
 
 
 def _mount(source: str | None, target: str, kind: str | None, flags: int, options: str) -> None:
     texts = [text.encode() if text is not None else None for text in (source, target, kind)]
     if libc.mount(*texts, ctypes.c_ulong(flags), options.encode()):
-        raise fail(f"mount {target}")
+        raise build_error(f"mount {target}")

@@ -52,7 +52,7 @@ class Sampler:
             own = list(self.own_frames(frame))
             if own:
                 self.lines[own[0].f_lineno] += 1
-                self.stays = staying(own)
+                self.stays = find_staying(own)
             self.ticks[number] += 1
             if number == signal.SIGPROF and self.ticks[number] == 1:
                 self.begin_counting()
@@ -100,20 +100,20 @@ class Sampler:
         self.sent += 1
 
 
-def staying(own: Sequence[FrameType]) -> int | None:
+def find_staying(own: Sequence[FrameType]) -> int | None:
     """Returns the line of the innermost call that has gone on since the first sample; None at the first sample.
 
     Where all calls of that time have ended, a new first sample begins. A frame is marked by its local trace function,
     which nothing calls unless the script traces itself.
     """
     for frame in own:
-        if frame.f_trace is mark:
+        if frame.f_trace is mark_frame:
             return frame.f_lineno
     for frame in own:
-        frame.f_trace = mark
+        frame.f_trace = mark_frame
     return None
 
 
-def mark(*_: object) -> Any:
+def mark_frame(*_: object) -> Any:
     """Marks a frame."""
-    return mark
+    return mark_frame

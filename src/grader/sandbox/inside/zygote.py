@@ -51,7 +51,7 @@ def main() -> None:
     if "mujoco" not in sys.modules:
         sys.exit(f"MuJoCo cannot be imported by user {os.getuid()}: let this user read the Python packages.")
     guest.prepare(config["models"], config["directory"])
-    if lockdown.no_writable_code():
+    if lockdown.forbid_writable_code():
         guest.refuse_callbacks()
     pages, why_not = _find_integrators()
     _quiet_mujoco()
@@ -87,8 +87,8 @@ def _bury(_number: int, _frame: object) -> None:
 def _find_integrators() -> tuple[integrators.Pages | None, str]:
     """Return the pages that hold MuJoCo's integrators, or None and the reason."""
     try:
-        return integrators.find(), ""
-    except (integrators.Unavailable, OSError, ValueError, struct.error) as error:
+        return integrators.find_integrators(), ""
+    except (integrators.IntegratorsUnavailable, OSError, ValueError, struct.error) as error:
         return None, str(error)
 
 
@@ -193,11 +193,11 @@ def _child(
             namespaces.drop_capabilities()
         os.chdir(config["directory"])
         guest.reseed()
-        lockdown.limit(config["rlimits"])
-        lockdown.no_new_privileges()
-        lockdown.landlock(**config["landlock"])
-        lockdown.seccomp(config["filter"])
-        guest.say_ready(lockdown.probe(__file__))
+        lockdown.set_limits(config["rlimits"])
+        lockdown.drop_privileges()
+        lockdown.load_landlock(**config["landlock"])
+        lockdown.load_seccomp(config["filter"])
+        guest.say_ready(lockdown.probe_locks(__file__))
         work = guest.receive()
     except BaseException:
         os.write(guest.STDERR, traceback.format_exc()[-2000:].encode())

@@ -2,6 +2,7 @@
 // begun before a newer answer is only offered. Another tab's draft shows here unless this tab's own field is in use.
 
 const PREFIX = "draft:";
+const ANSWER = /^answer(\.|$)/; // the names of the fields that belong to the answer
 
 // Runs what may begin the browser's session alone: two at the same time would begin two, and one would be lost.
 export const alone = (begin) => (navigator.locks ? navigator.locks.request("session", begin) : begin());
@@ -27,26 +28,26 @@ export class Drafts {
 
   wasSent(event) { return read(event.newValue)?.sent !== undefined; }
 
+  // The values of the answer's fields, by name: of boxes and radio buttons the checked ones.
   valueOf(form) {
-    const field = form.elements.answer;
-    if (!field) return null;
-    return field.value ?? null; // of a group of radio buttons: the chosen one's, or ""
+    return grouped(controls(form).filter((one) => !isBox(one) || one.checked).map((one) => [one.name, one.value]));
   }
 
   // The answer that the server has rendered.
   given(form) {
-    const field = form.elements.answer;
-    return field instanceof RadioNodeList ? Array.from(field).find((one) => one.defaultChecked)?.value ?? "" : field.defaultValue;
+    return grouped(controls(form).filter((one) => !isBox(one) || one.defaultChecked).map((one) => [one.name, defaultOf(one)]));
   }
 
-  put(form, text) {
-    const field = form.elements.answer;
-    if (field instanceof RadioNodeList) for (const one of field) one.checked = one.value === text;
-    else { field.value = text; field.dispatchEvent(new Event("change")); }
+  put(form, fields) {
+    const left = new Map(Object.entries(fields).map(([name, values]) => [name, [...values]]));
+    for (const one of controls(form)) {
+      if (isBox(one)) one.checked = fields[one.name]?.includes(one.value) ?? false;
+      else { one.value = left.get(one.name)?.shift() ?? ""; one.dispatchEvent(new Event("change")); }
+    }
   }
 
   keep(form) {
-    store(this.key(form), JSON.stringify({ text: this.valueOf(form), after: form.elements.after.value }));
+    store(this.key(form), JSON.stringify({ fields: this.valueOf(form), after: form.elements.after.value }));
     note(form, "not sent yet");
   }
 
@@ -57,29 +58,29 @@ export class Drafts {
 
   restore(form) {
     const draft = read(recall(this.key(form)));
-    if (draft?.text === undefined || draft.text === null || draft.text === this.valueOf(form)) return note(form, "");
+    if (!draft?.fields || same(draft.fields, this.valueOf(form))) return note(form, "");
     if (draft.after === form.elements.after.value) {
-      this.put(form, draft.text);
+      this.put(form, draft.fields);
       note(form, "not sent yet");
     } else {
-      this.offer(form, draft.text);
+      this.offer(form, draft.fields);
     }
   }
 
   mirror(form) {
     const draft = read(recall(this.key(form)));
-    if (draft?.text === undefined || draft.text === null || draft.text === this.valueOf(form)) return;
-    if (form.contains(document.activeElement) && document.hasFocus()) this.offer(form, draft.text);
-    else { this.put(form, draft.text); note(form, "not sent, from another tab"); }
+    if (!draft?.fields || same(draft.fields, this.valueOf(form))) return;
+    if (form.contains(document.activeElement) && document.hasFocus()) this.offer(form, draft.fields);
+    else { this.put(form, draft.fields); note(form, "not sent, from another tab"); }
   }
 
-  offer(form, text) {
+  offer(form, fields) {
     const node = note(form, "There is another draft. ");
     const button = document.createElement("button");
     button.type = "button";
     button.className = "link";
     button.textContent = "Show it";
-    button.addEventListener("click", () => { this.put(form, text); this.keep(form); });
+    button.addEventListener("click", () => { this.put(form, fields); this.keep(form); });
     node.append(button);
   }
 
@@ -88,10 +89,35 @@ export class Drafts {
       if (!key.startsWith(`${PREFIX}:`)) continue;
       const own = `${PREFIX}${this.learner}${key.slice(PREFIX.length)}`;
       const draft = read(recall(key));
-      if (draft?.text !== undefined && recall(own) === null) store(own, JSON.stringify(draft));
+      if (draft?.fields && recall(own) === null) store(own, JSON.stringify(draft));
       try { localStorage.removeItem(key); } catch { /* storage is closed */ }
     }
   }
+}
+
+// The answer's fields in a form that is sent.
+export const sentFields = (data) => grouped([...data].filter(([name]) => ANSWER.test(name)));
+
+// Whether two answers are the same, whatever the line ends and the order of the fields.
+export const same = (one, other) => written(one) === written(other);
+
+function written(fields) {
+  return JSON.stringify(Object.entries(fields ?? {}).sort(([a], [b]) => (a < b ? -1 : 1))).replaceAll("\\r\\n", "\\n");
+}
+
+function grouped(pairs) {
+  const fields = {};
+  for (const [name, value] of pairs) (fields[name] ??= []).push(value);
+  return fields;
+}
+
+const controls = (form) => Array.from(form.elements).filter((one) => ANSWER.test(one.name ?? ""));
+const isBox = (one) => one.type === "radio" || one.type === "checkbox";
+
+// The value of a control when the page was loaded; of a list, that of its selected option.
+function defaultOf(one) {
+  if (one.tagName !== "SELECT") return one.defaultValue;
+  return (Array.from(one.options).find((option) => option.defaultSelected) ?? one.options[0])?.value ?? "";
 }
 
 function note(form, sentence) {
@@ -110,4 +136,13 @@ function note(form, sentence) {
 function store(key, text) { try { localStorage.setItem(key, text); } catch { /* nothing to do */ } }
 function recall(key) { try { return localStorage.getItem(key); } catch { return null; } }
 function keys() { try { return Object.keys(localStorage); } catch { return []; } }
-function read(text) { try { return JSON.parse(text); } catch { return null; } }
+
+// A draft in storage; earlier ones have the text of the one field.
+function read(text) {
+  try {
+    const draft = JSON.parse(text);
+    return typeof draft?.text === "string" ? { ...draft, fields: { answer: [draft.text] } } : draft;
+  } catch {
+    return null;
+  }
+}

@@ -1,7 +1,7 @@
 // A learner's pages. The server renders everything; this sends forms in the background, takes over the parts of the
 // answer that changed, keeps drafts, and follows a script that is being graded. Without it the forms work as forms do.
 
-import { alone, Drafts } from "./drafts.js";
+import { alone, Drafts, same, sentFields } from "./drafts.js";
 
 const TYPING_MS = 300;
 const POLL_MS = 1500;
@@ -30,7 +30,8 @@ document.addEventListener("click", (event) => {
   if (target.dataset.goTo) goToLine(event, Number(target.dataset.goTo));
   if (target.dataset.intoEditor === undefined) return;
   const form = document.querySelector("form[data-editor]");
-  drafts.put(form, [...target.closest("details").querySelectorAll("pre > span")].map((line) => line.textContent).join("\n") + "\n");
+  const lines = [...target.closest("details").querySelectorAll("pre > span")].map((line) => line.textContent);
+  drafts.put(form, { answer: [`${lines.join("\n")}\n`] });
   drafts.keep(form);
   form.elements.answer.focus();
 });
@@ -42,10 +43,12 @@ const formOf = (name) => name && document.querySelector(`form[data-answer="${CSS
 
 function adopt(form) {
   form.addEventListener("submit", (event) => { event.preventDefault(); send(form, event.submitter); });
-  form.addEventListener("input", () => { drafts.keep(form); stepBack(form); if (!form.dataset.editor && form.querySelector("input[type=text]")) echo(form); });
+  form.addEventListener("input", () => { drafts.keep(form); stepBack(form); if (form.querySelector("[data-echo]")) echo(form); });
   drafts.restore(form);
   stepBack(form);
   for (const node of form.querySelectorAll("[data-js]")) node.hidden = false;
+  const parts = form.querySelector("[data-arrange]");
+  if (parts) import("./arrange.js").then(({ arrange }) => arrange(parts)).catch(() => {}); // the lists do without it
   form.querySelector("[data-file]")?.addEventListener("change", (event) => load(form, event.target));
   const code = form.querySelector("textarea.code");
   if (code) numberLines(code, code.previousElementSibling);
@@ -84,16 +87,18 @@ function goToLine(event, number) {
 // The verdict steps back while the field holds something else than what it is on.
 function stepBack(form) {
   const said = form.closest("[data-live]")?.querySelector("[data-said]");
-  said?.classList.toggle("is-old", lines(drafts.valueOf(form)) !== lines(drafts.given(form)));
+  said?.classList.toggle("is-old", !same(drafts.valueOf(form), drafts.given(form)));
 }
 
 function tell(form, sentence, bad = false, isTyped = bad) {
   const node = form.querySelector("[data-trouble]");
   node.textContent = sentence;
   node.classList.toggle("bad", bad);
-  const field = form.querySelector("input[type=text]");
-  if (field) field.toggleAttribute("aria-invalid", false);
-  if (field && isTyped) field.setAttribute("aria-invalid", "true");
+  for (const field of form.querySelectorAll("input[type=text]")) {
+    field.toggleAttribute("aria-invalid", false);
+    const name = field.dataset.echo; // the label of one of several numbers, with which a sentence on it begins
+    if (isTyped && (!name || sentence.startsWith(`${name}:`))) field.setAttribute("aria-invalid", "true");
+  }
 }
 
 async function send(form, submitter) {
@@ -111,7 +116,7 @@ async function send(form, submitter) {
     const page = await pageOf(response);
     if (!page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
     if (response.ok && !isStop) drafts.sent(form);
-    take(page, form, sent.get("answer"), response.ok);
+    take(page, form, sentFields(sent), response.ok);
     if (isStop) drafts.keep(form); // it is as if it had not been sent
   } catch {
     tell(form, OFFLINE, true, false);
@@ -135,24 +140,23 @@ function take(page, form, sent, wasTaken) {
     swap(page, card.id);
     const fresh = formOf(form.dataset.answer);
     adopt(fresh);
-    const isNewer = lines(typed) !== lines(sent) && lines(typed) !== lines(drafts.valueOf(fresh));
+    const isNewer = !same(typed, sent) && !same(typed, drafts.valueOf(fresh));
     if (isNewer) { drafts.put(fresh, typed); drafts.keep(fresh); }
     for (const box of document.getElementById(card.id).querySelectorAll(LABS)) watch(box);
-    const said = document.getElementById(card.id).querySelector(wasTaken ? "[data-said]" : "input[name=answer], textarea");
+    const wanted = wasTaken ? ["[data-said]"] : ["[aria-invalid]", "[name=answer], [name^='answer.']"];
+    const said = wanted.map((one) => document.getElementById(card.id).querySelector(one)).find(Boolean);
     if (document.hasFocus()) said?.focus({ preventScroll: true });
     if (document.hasFocus()) said?.scrollIntoView({ block: "nearest", behavior: "instant" });
   } else {
     const fresh = page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`);
     for (const name of ["after", "learner"]) form.elements[name].value = fresh.elements[name].value;
     form.closest(".exercise")?.classList.toggle("tried", Boolean(page.querySelector(".exercise.tried")));
-    if (typed && sent !== null && lines(typed) !== lines(sent)) drafts.keep(form);
+    if (typed.answer?.[0] && sent !== null && !same(typed, sent)) drafts.keep(form);
     drafts.restore(form);
   }
   if (announce && !wasTaken) announce.textContent = formOf(form.dataset.answer).querySelector("[data-trouble]").textContent;
   follow();
 }
-
-function lines(text) { return (text ?? "").replaceAll("\r\n", "\n"); }
 
 // The first answer has begun a session: every form of the page gets its name.
 function begin(page) {
@@ -237,17 +241,19 @@ function count(node) {
 // Says how a number is read while it is typed; the API's module is fetched when it is first needed.
 function echo(form) {
   clearTimeout(timers.get(form));
-  const typed = form.elements.answer.value;
-  if (!typed.trim()) return tell(form, "");
+  const typed = drafts.valueOf(form);
+  if (Object.values(typed).flat().some((value) => !value.trim())) return tell(form, "");
+  const parts = Object.entries(typed).map(([name, [value]]) => [name.slice("answer.".length), value]);
+  const answer = typed.answer?.[0] ?? Object.fromEntries(parts);
   timers.set(form, setTimeout(async () => {
     const [quiz, question] = form.dataset.answer.split("/");
     try {
       const { post } = await import("./api.js");
-      const understood = await post("/answers:validate", { quiz, question, answer: typed });
-      if (form.elements.answer.value !== typed) return;
+      const understood = await post("/answers:validate", { quiz, question, answer });
+      if (!same(drafts.valueOf(form), typed)) return;
       tell(form, understood.valid ? `read as ${understood.read_as}` : understood.message, !understood.valid);
     } catch (error) {
-      if (form.elements.answer.value === typed) tell(form, error.status ? error.message : OFFLINE, true, false);
+      if (same(drafts.valueOf(form), typed)) tell(form, error.status ? error.message : OFFLINE, true, false);
     }
   }, TYPING_MS));
 }
@@ -257,7 +263,7 @@ async function load(form, input) {
   if (!file) return;
   try {
     const text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
-    drafts.put(form, text);
+    drafts.put(form, { answer: [text] });
     drafts.keep(form);
     tell(form, `${file.name} is loaded; not handed in yet.`);
   } catch {

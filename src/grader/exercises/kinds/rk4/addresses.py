@@ -5,52 +5,60 @@ body at rest or upright a wrong rule may predict the same numbers as the right o
 right one fails.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product as product_of
 
 import mujoco
 import numpy as np
 
-from grader.exercises.kinds.rk4.recorded import Step
 from grader.exercises.kinds.rk4.rotations import (
     EXACT,
     OFFSETS,
-    Spin,
-    Turning,
-    alike,
-    fits,
-    in_the_body,
-    inverse,
-    like_numbers,
-    rotated,
-    spins_of,
-    turnings,
+    QuaternionAddress,
+    add_rates,
+    conjugate,
+    find_quaternions,
+    list_joints,
+    predicts_all,
+    rotate,
+    sample_all_rotations,
+    sample_rotations,
+    turn_in_body,
 )
-from grader.exercises.kinds.rk4.tableau import Matrix, padded
+from grader.exercises.kinds.rk4.step_trace import Step
+from grader.exercises.kinds.rk4.tableau import Matrix, pad_row
+from grader.exercises.rules import find_sentence
+
+FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 LENGTH_ATOL = 1e-3
 """How far a quaternion's length may be from 1; one that is not normalised after a step stays far below."""
 
 
-def misplaced(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *, hidden: bool) -> str | None:
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """The steps of a model with the tableau of their velocities. `hidden`: no joint of the model may be named."""
+
+    model: mujoco.MjModel
+    steps: Sequence[Step]
+    rows: Matrix
+    hidden: bool
+
+
+def explain_misplaced(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *, hidden: bool) -> str | None:
     """Returns the sentence of numbers in data.qpos that move by other velocities than theirs; None if none do."""
-    return (
-        linear_axes(model, steps, rows)
-        or swapped_halves(model, steps, rows)
-        or like_angles(model, steps, rows)
-        or quaternion_first(model, steps, rows)
-        or still_quaternion(model, steps)
-        or wrong_address(model, steps, rows, hidden=hidden)
-    )
+    return find_sentence(RULES, Moves(model, steps, rows, hidden))
 
 
-def like_angles(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+def explain_added_velocities(moves: Moves) -> str | None:
     """Returns the sentence of positions to which the velocities are added number by number, as far as they reach."""
-    has_free_joint = int(mujoco.mjtJoint.mjJNT_FREE) in model.jnt_type  # else another joint type may be unknown
-    turned = [turn for spin in spins_of(model) for turn in turnings(steps, spin)]
-    if not has_free_joint or turn_rightly(turned, rows):
+    model, steps, rows = moves.model, moves.steps, moves.rows
+    has_free_joint = FREE in model.jnt_type  # else another joint type may be unknown
+    rotations = sample_all_rotations(model, steps)
+    if not has_free_joint or predicts_all(turn_in_body, rotations, rows):
         return None
-    normalised = fits(like_numbers, turned, rows)  # also where the quaternion is normalised afterwards
+    normalised = predicts_all(add_rates, rotations, rows)  # also where the quaternion is normalised afterwards
     if not normalised and not all(moves_by(steps, dof, dof, rows) for dof in range(int(model.nv))):
         return None
     return (
@@ -59,15 +67,17 @@ def like_angles(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> s
     )
 
 
-def quaternion_first(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+def explain_quaternion_first(moves: Moves) -> str | None:
     """Returns the sentence of a free joint whose first four numbers turn like a quaternion."""
-    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
-    free = [(at, dof) for kind, at, dof in joints if kind == int(mujoco.mjtJoint.mjJNT_FREE)]
-    if all(in_place(steps, at, dof, rows) for at, dof in free):
+    steps, rows = moves.steps, moves.rows
+    free = list_free_joints(moves.model)
+    if all(moves_by_own_velocity(steps, at, dof, rows) for at, dof in free):
         return None
     for shift in (0, 3):
-        turned = [turn for at, dof in free for turn in turnings(steps, Spin(at, dof + shift))]
-        if turn_rightly(turned, rows):
+        rotations = [
+            samples for at, dof in free for samples in sample_rotations(steps, QuaternionAddress(at, dof + shift))
+        ]
+        if predicts_all(turn_in_body, rotations, rows):
             return (
                 "The first four numbers of a free joint in data.qpos turn like a quaternion, but the first three are "
                 "its place, and the quaternion follows. In model.jnt_type 0 is a free joint, and 1 a ball joint."
@@ -75,11 +85,11 @@ def quaternion_first(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix)
     return None
 
 
-def still_quaternion(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:
+def explain_still_quaternion(moves: Moves) -> str | None:
     """Returns the sentence of a quaternion that never changes although its angular velocity is not 0."""
-    for spin in spins_of(model):
-        turned = turnings(steps, spin)
-        if all(np.any(one.rates) and not np.any(one.quats - one.quats[0]) for one in turned):
+    for address in find_quaternions(moves.model):
+        rotations = sample_rotations(moves.steps, address)
+        if all(np.any(one.rates) and not np.any(one.quats - one.quats[0]) for one in rotations):
             return (
                 "A quaternion in data.qpos never changes, although its angular velocity is not 0: turn it at every "
                 "stage and at the end, with mj_integratePos or by a product of quaternions."
@@ -87,10 +97,10 @@ def still_quaternion(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None
     return None
 
 
-def of_other_length(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:
+def explain_quaternion_length(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:
     """Returns the sentence of quaternions that turn rightly and are not of length 1."""
-    lengths = [np.linalg.norm(one.quats, axis=1) for spin in spins_of(model) for one in turnings(steps, spin)]
-    if all(np.all(np.abs(one - 1) <= LENGTH_ATOL) for one in lengths):
+    lengths = (np.linalg.norm(samples.quats, axis=1) for samples in sample_all_rotations(model, steps))
+    if all(np.all(np.abs(length - 1) <= LENGTH_ATOL) for length in lengths):
         return None
     return (
         "Your quaternions turn as they should, but their length is not 1: divide the four numbers of each quaternion "
@@ -98,15 +108,14 @@ def of_other_length(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:
     )
 
 
-def linear_axes(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+def explain_linear_axes(moves: Moves) -> str | None:
     """Returns the sentence of a free joint whose linear velocity is turned by the orientation though it must not be."""
-    for kind, at, dof in zip(
-        model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True
-    ):
-        if kind != int(mujoco.mjtJoint.mjJNT_FREE) or in_place(steps, at, dof, rows):
+    steps, rows = moves.steps, moves.rows
+    for at, dof in list_free_joints(moves.model):
+        if moves_by_own_velocity(steps, at, dof, rows):
             continue
         for inward, once in product_of((False, True), (False, True)):
-            if all(drifts(step, at, dof, rows, inward=inward, once=once) for step in steps):
+            if all(moves_by_turned_velocity(step, at, dof, rows, inward=inward, once=once) for step in steps):
                 return (
                     "The linear velocity of a free joint is in world axes already: your step turns it by the "
                     "orientation before it moves the position. Add h times data.qvel[0:3] as it is."
@@ -114,11 +123,11 @@ def linear_axes(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> s
     return None
 
 
-def swapped_halves(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
+def explain_swapped_halves(moves: Moves) -> str | None:
     """Returns the sentence of a free joint whose place moves by its angular velocity."""
-    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
-    free = [(at, dof) for kind, at, dof in joints if kind == int(mujoco.mjtJoint.mjJNT_FREE)]
-    if all(in_place(steps, at, dof, rows) for at, dof in free) or not all(
+    steps, rows = moves.steps, moves.rows
+    free = list_free_joints(moves.model)
+    if all(moves_by_own_velocity(steps, at, dof, rows) for at, dof in free) or not all(
         moves_by(steps, at + i, dof + 3 + i, rows) for at, dof in free for i in range(3)
     ):
         return None
@@ -128,30 +137,30 @@ def swapped_halves(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -
     )
 
 
-def drifts(step: Step, at: int, dof: int, rows: Matrix, *, inward: bool, once: bool) -> bool:
+def moves_by_turned_velocity(step: Step, at: int, dof: int, rows: Matrix, *, inward: bool, once: bool) -> bool:
     """Whether the place of a free joint moves by its velocity turned by an orientation: that of each call, or `once`
     by that at the start of the step."""
     quats = [quat / max(np.linalg.norm(quat), 1e-300) for quat in step.qpos[:, at + 3 : at + 7]]
     quats = [quats[0]] * len(quats) if once else quats
     turned = [
-        rotated(inverse(quat) if inward else quat, velocity)
+        rotate(conjugate(quat) if inward else quat, velocity)
         for quat, velocity in zip(quats, step.qvel[:, dof : dof + 3], strict=True)
     ][1 : step.calls + 1]
-    moves = np.array([padded(row, step.calls) @ np.array(turned) for row in rows]) * step.timestep_s
+    moves = np.array([pad_row(row, step.calls) @ np.array(turned) for row in rows]) * step.timestep_s
     seen = step.qpos[1:, at : at + 3] - step.qpos[0, at : at + 3]
     return bool(np.max(np.abs(moves - seen)) <= EXACT * (1 + np.max(np.abs(step.qpos))))
 
 
-def wrong_address(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *, hidden: bool) -> str | None:
+def explain_wrong_address(moves: Moves) -> str | None:
     """Returns the sentence of a hinge or slide that moves by the velocity of another dof."""
-    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True)
-    for joint, (kind, at, dof) in enumerate(joints, 1):
+    model, steps, rows = moves.model, moves.steps, moves.rows
+    for joint, (kind, at, dof) in enumerate(list_joints(model), 1):
         if kind in OFFSETS or moves_by(steps, at, dof, rows):
             continue
-        other = next((one for one in range(int(model.nv)) if one != dof and moves_by(steps, at, one, rows)), None)
+        other = next((i for i in range(int(model.nv)) if i != dof and moves_by(steps, at, i, rows)), None)
         if other is None:
             continue
-        name = "a joint" if hidden else f"joint {joint}"
+        name = "a joint" if moves.hidden else f"joint {joint}"
         seen = (
             f"qvel of {name} is read at jnt_qposadr"
             if other == at
@@ -161,22 +170,33 @@ def wrong_address(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix, *,
     return None
 
 
-def in_place(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
+def moves_by_own_velocity(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
     """Whether the place of a free joint moves by its own linear velocity."""
     return all(moves_by(steps, at + i, dof + i, rows) for i in range(3))
 
 
-def turn_rightly(turned: Sequence[Turning], rows: Matrix) -> bool:
-    """Whether every quaternion turns by its angular velocity, in the body's axes."""
-    return all(alike(one.quats[row], in_the_body(one, rows, row)) for one in turned for row in range(1, len(rows) + 1))
+def list_free_joints(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Returns the addresses of every free joint in qpos and in qvel."""
+    return [(at, dof) for kind, at, dof in list_joints(model) if kind == FREE]
 
 
 def moves_by(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
     """Whether one position moves by one velocity, by the tableau."""
     for step in steps:
         moves = step.timestep_s * np.array(
-            [padded(row, step.calls) @ step.qvel[1 : step.calls + 1, dof] for row in rows]
+            [pad_row(row, step.calls) @ step.qvel[1 : step.calls + 1, dof] for row in rows]
         )
         if np.max(np.abs(step.qpos[1:, at] - step.qpos[0, at] - moves)) > EXACT * (1 + abs(step.qpos[0, at])):
             return False
     return True
+
+
+RULES: tuple[Callable[[Moves], str | None], ...] = (
+    explain_linear_axes,
+    explain_swapped_halves,
+    explain_added_velocities,
+    explain_quaternion_first,
+    explain_still_quaternion,
+    explain_wrong_address,
+)
+"""Velocities that move other numbers of data.qpos than theirs; the first rule that applies is told."""

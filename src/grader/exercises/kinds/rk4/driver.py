@@ -5,11 +5,11 @@ step, up to the first that is not finite).
 
 While it steps, mj_forward adds a smooth force f(q, v, t) = a sin(P q + V v + w t + p) in every dof. No other function
 of MuJoCo adds it, so a trajectory that another function has computed differs. The force is drawn for each submission,
-so a recorded trajectory differs too. `with_force` also runs in our own process, around the judge's mj_forward.
+so a recorded trajectory differs too. `add_force` also runs in our own process, around the judge's mj_forward.
 
 The trace of a trial holds some steps of its runs: the first two, and the first two with an active constraint. After
 the runs of a trial with a `probe` it also holds single steps from drawn states, at several timesteps and under a
-strong force: there the slopes of the stages differ so much that recorded.py and tableau.py can tell them apart.
+strong force: there the slopes of the stages differ so much that step_trace.py and tableau.py can tell them apart.
 """
 
 import io
@@ -44,7 +44,7 @@ note: Callable[..., bool] = globals().get("note", lambda *_: False)
 """Adds to the trial's trace: the harness defines it."""
 
 
-def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
+def add_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
     """Returns `forward` with the force of `spec` added for models of its size; it leaves qfrc_applied as it was."""
     sin, model_type, data_type, nq, nv, qpos, qvel, time, qfrc_applied = LOOKED_UP
     amplitude, position, velocity, phase = (
@@ -74,7 +74,7 @@ def with_force(forward: Forward, spec: Mapping[str, Any]) -> Forward:
     return forced
 
 
-def looked_up() -> tuple[Any, ...]:
+def look_up_attributes() -> tuple[Any, ...]:
     """Returns what the force needs of classes and modules."""
     model_type, data_type = mujoco.MjModel, mujoco.MjData
     sizes = (getattr(model_type, name).fget for name in ("nq", "nv"))
@@ -82,7 +82,7 @@ def looked_up() -> tuple[Any, ...]:
     return np.sin, model_type, data_type, *sizes, *fields
 
 
-LOOKED_UP = looked_up()
+LOOKED_UP = look_up_attributes()
 """Looked up before a student's code can replace it."""
 
 
@@ -102,33 +102,33 @@ class Tape:
         self.known: tuple[Any, Fields, Fields] = (None, [], [])
         """The last data with its fields, which show its present numbers: to look them up takes longer than a copy."""
 
-    def fields_of(self, data: mujoco.MjData) -> tuple[Fields, Fields]:
+    def get_fields(self, data: mujoco.MjData) -> tuple[Fields, Fields]:
         """Returns the fields of `data` that are asked, and those that are answered."""
         if data is not self.known[0]:
             asked, answered = self.names
             self.known = data, [getattr(data, name) for name in asked], [getattr(data, name) for name in answered]
         return self.known[1:]
 
-    def over(self, forward: Forward, *, bounded: bool = False) -> Forward:
+    def record_calls(self, forward: Forward, *, bounded: bool = False) -> Forward:
         """Returns `forward`, taped. A call beyond the tape is not kept; where `bounded`, it raises TooMany."""
         calls, join, pack, data_type = self.calls, b"".join, ONE.pack, mujoco.MjData
 
         def taped(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             if bounded and len(calls) > CALLS_MAX:
-                raise TooMany
+                raise TooManyCalls
             if len(calls) > CALLS_MAX or type(data) is not data_type:
                 forward(model, data)
                 return
-            asked, answered = self.fields_of(data)
+            asked, answered = self.get_fields(data)
             before = join((pack(data.time), *asked))
             forward(model, data)
             calls.append(join((before, *answered)))
 
         return taped
 
-    def step(self, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, *, probe: bool = False) -> None:
+    def take_step(self, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, *, probe: bool = False) -> None:
         """Takes a step and keeps it."""
-        calls, (asked, answered) = self.calls, self.fields_of(data)
+        calls, (asked, answered) = self.calls, self.get_fields(data)
         calls.clear()
         timestep, time, before = model.opt.timestep, data.time, b"".join((*asked, answered[0]))
         entry(model, data)
@@ -136,22 +136,22 @@ class Tape:
             head = HEAD.pack(len(calls), probe, timestep, time)
             self.steps.append(b"".join((head, before, *calls, ONE.pack(data.time), *asked[: self.state])))
 
-    def note(self) -> None:
+    def note_steps(self) -> None:
         """Adds the steps to the trace, and by what else the script may step."""
         for step in self.steps:
             note("step", None, step)
         self.steps.clear()
-        if others:
-            note("others", {"names": sorted(others)})
+        if other_steppers:
+            note("others", {"names": sorted(other_steppers)})
 
 
 SCIPY = "scipy.integrate"
-others: set[str] = set()
+other_steppers: set[str] = set()
 """By what else the script steps: mj_forwardSkip, or SCIPY."""
 HEAD, ONE = struct.Struct("<4d"), struct.Struct("<d")
 
 
-class TooMany(BaseException):
+class TooManyCalls(BaseException):
     """Ends a step that calls mj_forward too often to be read, such as one that chooses its own substeps."""
 
 
@@ -167,7 +167,7 @@ def before_import() -> None:
     mujoco.mj_forward = mj_forward
 
     def forward_skip(*arguments: Any, **named: Any) -> None:
-        others.add("mj_forwardSkip")
+        other_steppers.add("mj_forwardSkip")
         skip(*arguments, **named)
 
     mujoco.mj_forwardSkip = forward_skip
@@ -178,32 +178,32 @@ def trial(functions: Sequence[Step], inputs: Mapping[str, Any], submit: Callable
     """Simulates every run from its start by the student's steps."""
     (entry,) = functions
     raw, chosen, tape = globals()["raw"], globals()["chosen"], Tape(inputs["start"])
-    forward, untraced = with_force(raw, inputs["force"]), getattr(entry, "__wrapped__", entry)
-    over = tape.over(forward)
+    forward, untraced = add_force(raw, inputs["force"]), getattr(entry, "__wrapped__", entry)
+    over = tape.record_calls(forward)
     for index, run in enumerate(inputs["runs"]):
         model = mujoco.MjModel.from_xml_string(inputs["model"])
         model.opt.timestep = run["timestep_s"]
-        data = started(model, inputs["start"])
+        data = start_data(model, inputs["start"])
 
         def taped(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
             chosen[0] = over
-            tape.step(entry, model, data)
+            tape.take_step(entry, model, data)
             chosen[0] = forward
 
         chosen[0] = forward
         try:
-            rows = record(untraced, model, data, run["steps"], taped if inputs["taped"] else None)
+            rows = record_run(untraced, model, data, run["steps"], taped if inputs["taped"] else None)
             if "probe" in inputs:
-                probe(tape, untraced, model, data, inputs["probe"])
+                run_probe(tape, untraced, model, data, inputs["probe"])
         finally:
             chosen[0] = raw
-            tape.note()
+            tape.note_steps()
         finite = np.logical_and.accumulate(np.isfinite(np.hstack(list(rows.values()))).all(axis=1))
         for name, values in rows.items():
             submit(f"{name}{index}", values[: int(np.sum(finite))])
 
 
-def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujoco.MjData:
+def start_data(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujoco.MjData:
     """Returns a new data at the start of a run; derived quantities are not computed."""
     data = mujoco.MjData(model)
     for name, values in start.items():
@@ -211,7 +211,7 @@ def started(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> mujo
     return data
 
 
-def record(
+def record_run(
     entry: Step, model: mujoco.MjModel, data: mujoco.MjData, steps: int, taped: Callable[[], None] | None
 ) -> Rows:
     """Returns the state after every step, by its short name.
@@ -236,13 +236,13 @@ def record(
     return rows
 
 
-def probe(tape: Tape, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> None:
+def run_probe(tape: Tape, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> None:
     """Keeps single steps from the drawn states. What they print or raise is dropped: they are no part of the run."""
     raw, chosen, timestep, stdout = globals()["raw"], globals()["chosen"], model.opt.timestep, sys.stdout
     sys.stdout = io.StringIO()
     try:
         mujoco.mj_resetData(model, data)
-        over = tape.over(with_force(raw, inputs["force"]), bounded=True)
+        over = tape.record_calls(add_force(raw, inputs["force"]), bounded=True)
 
         def first(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             chosen[0] = over
@@ -254,7 +254,7 @@ def probe(tape: Tape, entry: Step, model: mujoco.MjModel, data: mujoco.MjData, i
             model.opt.timestep, data.time = start["timestep_s"], start["time"]
             for name in tape.names[0]:
                 getattr(data, name)[:] = start[name]
-            tape.step(entry, model, data, probe=True)
+            tape.take_step(entry, model, data, probe=True)
     except BaseException:  # noqa: S110 - the run has been judged without it
         pass
     finally:
@@ -265,6 +265,6 @@ def look_for_scipy(frame: types.FrameType | None) -> None:
     """Notes whether a call comes from SciPy's integrators."""
     while frame is not None:
         if str(frame.f_globals.get("__name__")).startswith(SCIPY):
-            others.add(SCIPY)
+            other_steppers.add(SCIPY)
             return
         frame = frame.f_back

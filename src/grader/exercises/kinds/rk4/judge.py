@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.exercises.kind import Judgement, Results
-from grader.exercises.kinds.rk4.driver import Forward, with_force
-from grader.exercises.kinds.rk4.parameters import OrderCheck, Problem, Run, retimed
-from grader.numerics.convergence import observed_order
-from grader.numerics.reference import dop853
+from grader.exercises.kinds.rk4.driver import Forward, add_force
+from grader.exercises.kinds.rk4.parameters import OrderCheck, Problem, Run, with_timestep
+from grader.numerics.accuracy.convergence import fit_order
+from grader.numerics.accuracy.reference import solve_dop853
+from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
 from grader.numerics.rollout import Rollout, simulate
-from grader.numerics.runge_kutta import lie_rk4_step, mujoco_rk4_step
 from grader.numerics.version import INSTALLED, RK4_ORDER_ON_ROTATIONS
 
 Rows = NDArray[np.float64]
@@ -70,11 +70,11 @@ class Trajectory:
     qvel: Rows
     act: Rows
 
-    def first(self, rows: int) -> "Trajectory":
+    def take_first(self, rows: int) -> "Trajectory":
         """Returns the first rows."""
-        return self.at(slice(rows))
+        return self.take(slice(rows))
 
-    def at(self, rows: slice | NDArray[np.int64]) -> "Trajectory":
+    def take(self, rows: slice | NDArray[np.int64]) -> "Trajectory":
         """Returns the chosen rows."""
         return Trajectory(self.time[rows], self.qpos[rows], self.qvel[rows], self.act[rows])
 
@@ -121,24 +121,24 @@ def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
     return Trajectory(parts["t"][:rows, 0], *(parts[name][:rows] for name in "qva"))
 
 
-def difference(run: Run, one: Trajectory, other: Trajectory) -> Difference:
+def compare(run: Run, one: Trajectory, other: Trajectory) -> Difference:
     """Returns the difference at each common step; complete if `one` has every step of `other`."""
     rows = min(len(one), len(other))
-    turn = tangent_difference(run, one.qpos[:rows], other.qpos[:rows])
+    turn = subtract_positions(run, one.qpos[:rows], other.qpos[:rows])
     return Difference(
-        qpos=row_maxima(turn),
-        qvel=row_maxima(one.qvel[:rows] - other.qvel[:rows]),
-        act=row_maxima(one.act[:rows] - other.act[:rows]),
+        qpos=compute_row_maxima(turn),
+        qvel=compute_row_maxima(one.qvel[:rows] - other.qvel[:rows]),
+        act=compute_row_maxima(one.act[:rows] - other.act[:rows]),
         complete=len(one) >= len(other),
     )
 
 
-def row_maxima(values: Rows) -> Rows:
+def compute_row_maxima(values: Rows) -> Rows:
     """Returns the largest absolute value of each row."""
     return np.array(np.max(np.abs(values), axis=1, initial=0.0))
 
 
-def tangent_difference(run: Run, one: Rows, other: Rows) -> Rows:
+def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
     """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
 
     The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
@@ -152,12 +152,12 @@ def tangent_difference(run: Run, one: Rows, other: Rows) -> Rows:
     return turn
 
 
-def forward_of(run: Run) -> Forward:
+def build_forward(run: Run) -> Forward:
     """Returns mj_forward with the run's hidden force added."""
-    return with_force(mujoco.mj_forward, vars(run.force))
+    return add_force(mujoco.mj_forward, vars(run.force))
 
 
-def steps_of(rollout: Rollout) -> Trajectory:
+def drop_start(rollout: Rollout) -> Trajectory:
     """Returns the states of a rollout after its start."""
     return Trajectory(rollout.time[1:], rollout.qpos[1:], rollout.qvel[1:], rollout.act[1:])
 
@@ -165,27 +165,27 @@ def steps_of(rollout: Rollout) -> Trajectory:
 Step = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
-def stepped(run: Run, step: Step, steps: int | None = None) -> Trajectory:
+def simulate_with(run: Run, step: Step, steps: int | None = None) -> Trajectory:
     """Simulates the run with `step` in place of mj_step."""
-    return steps_of(simulate(run.scene(), steps=steps or run.steps, timestep_s=run.timestep_s, stepper=step))
+    return drop_start(simulate(run.scene(), steps=steps or run.steps, timestep_s=run.timestep_s, stepper=step))
 
 
 @lru_cache(maxsize=256)
-def mujoco_run(run: Run) -> Trajectory:
+def simulate_mujoco(run: Run) -> Trajectory:
     """Simulates the run by the installed MuJoCo's RK4 with the hidden force."""
-    return stepped(run, partial(mujoco_rk4_step, forward=forward_of(run)))
+    return simulate_with(run, partial(step_mujoco_rk4, forward=build_forward(run)))
 
 
 @lru_cache(maxsize=64)
-def fourth_order_run(run: Run) -> Trajectory:
+def simulate_fourth_order(run: Run) -> Trajectory:
     """Simulates the run by a method of fourth order, rotations included, with the hidden force."""
-    return stepped(run, partial(lie_rk4_step, forward=forward_of(run)))
+    return simulate_with(run, partial(step_lie_rk4, forward=build_forward(run)))
 
 
 @lru_cache(maxsize=64)
-def unforced_run(run: Run, integrator: int, steps: int) -> Trajectory:
+def simulate_unforced(run: Run, integrator: int, steps: int) -> Trajectory:
     """Simulates the run by mj_step, which lacks the hidden force."""
-    return steps_of(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
+    return drop_start(simulate(run.scene(), steps=steps, timestep_s=run.timestep_s, integrator=integrator))
 
 
 @dataclass(frozen=True)
@@ -199,41 +199,54 @@ class Truth:
     @property
     def exact(self) -> Trajectory:
         """The motion at the times. Raises ValueError where the scene has constraints."""
-        return solved(retimed(self.run, 1.0, 1), self.times_s, self.rtol)
+        return solve_motion(with_timestep(self.run, 1.0, 1), self.times_s, self.rtol)
 
-    def error(self, run: Run, trajectory: Trajectory) -> float:
+    def measure_error(self, run: Run, trajectory: Trajectory) -> float:
         """Returns the largest distance at the run's sample times; inf where the trajectory ended early.
 
         Raises ValueError where the scene has constraints.
         """
-        rows = sampled_rows(run)
-        here = np.searchsorted(self.times_s, sample_times(run))
-        return difference(run, trajectory.at(rows[rows < len(trajectory)]), self.exact.at(here)).worst
+        rows = choose_rows(run)
+        here = np.searchsorted(self.times_s, list_sample_times(run))
+        return compare(run, trajectory.take(rows[rows < len(trajectory)]), self.exact.take(here)).worst
 
 
-def truth_of(problem: Problem) -> Truth:
+def build_truth(problem: Problem) -> Truth:
     """Returns the exact motion of a case; the order check uses that of the first case too."""
     run = problem.run
-    held = [*problem.order_runs, *([run, coarser(run)[0]] if problem.accepts_other_methods else [])]
-    times = sorted({time for other in held for time in sample_times(other)})
+    held = [*problem.order_runs, *([run, coarsen(run)[0]] if problem.accepts_other_methods else [])]
+    times = sorted({time for other in held for time in list_sample_times(other)})
     return Truth(run, tuple(times), ORDER_RTOL if problem.order_runs else CASE_RTOL)
 
 
 def rehearse(problem: Problem) -> None:
-    """Solves for the exact motion where the judgement needs it. Raises ValueError if the scene has constraints."""
-    if problem.accepts_other_methods or problem.order_runs:
-        solved(problem.run, (problem.run.timestep_s,), CASE_RTOL)
+    """Simulates, and solves for the exact motion where the judgement needs it.
+
+    Raises ValueError where the scene has constraints, or its motion does not stay finite.
+    """
+    if problem.asks_order:
+        return
+    cure = "take a start with less energy, smaller gains or a smaller timestep_s"
+    try:
+        with np.errstate(all="ignore"):  # a motion that diverges overflows first
+            prepare(problem)
+            if problem.order_runs:
+                _ = build_truth(problem).exact
+    except (RuntimeError, mujoco.FatalError) as error:
+        raise ValueError(f"the motion cannot be solved ({error}): {cure}") from error
+    if len(simulate_mujoco(problem.run)) < problem.run.steps:
+        raise ValueError(f"MuJoCo's own run of {problem.run.steps} steps diverges: {cure}")
 
 
 def prepare(problem: Problem) -> None:
     """Simulates by MuJoCo's method and solves for the exact motion, where every judgement needs them."""
     if not problem.asks_order:
-        mujoco_run(problem.run)
+        simulate_mujoco(problem.run)
     if problem.asks_order or problem.accepts_other_methods:
-        _ = truth_of(problem).exact
+        _ = build_truth(problem).exact
 
 
-def coarser(run: Run) -> tuple[Run, float]:
+def coarsen(run: Run) -> tuple[Run, float]:
     """Returns the run with half as many steps, and the factor by which a fourth-order error is larger there.
 
     Returns the run itself, and 1, where its steps cannot be halved.
@@ -241,23 +254,23 @@ def coarser(run: Run) -> tuple[Run, float]:
     half = run.steps // 2
     if run.steps % 2 or half < SAMPLES:
         return run, 1.0
-    return retimed(run, 2 * run.timestep_s, half), 2**ORDER
+    return with_timestep(run, 2 * run.timestep_s, half), 2**ORDER
 
 
-def sampled_rows(run: Run) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+def choose_rows(run: Run) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
     """Returns the rows of a trajectory that are compared with the truth."""
     return np.array([round(run.steps * (i + 1) / SAMPLES) for i in range(SAMPLES)]) - 1
 
 
-def sample_times(run: Run) -> tuple[float, ...]:
+def list_sample_times(run: Run) -> tuple[float, ...]:
     """Returns the times [s] of the sampled rows."""
-    return tuple(round((row + 1) * run.timestep_s, 12) for row in sampled_rows(run).tolist())
+    return tuple(round((row + 1) * run.timestep_s, 12) for row in choose_rows(run).tolist())
 
 
 @lru_cache(maxsize=64)
-def solved(run: Run, times_s: tuple[float, ...], rtol: float) -> Trajectory:
+def solve_motion(run: Run, times_s: tuple[float, ...], rtol: float) -> Trajectory:
     """Solves for the motion at ascending times [s]. Raises ValueError where the scene has constraints."""
-    reference = dop853(run.scene(), times_s, rtol=rtol, forward=forward_of(run))
+    reference = solve_dop853(run.scene(), times_s, rtol=rtol, forward=build_forward(run))
     return Trajectory(reference.time, reference.qpos, reference.qvel, reference.act)
 
 
@@ -277,7 +290,7 @@ class RunOutcome:
     @cached_property
     def difference(self) -> Difference:
         """The difference from MuJoCo's method."""
-        return difference(self.run, self.student, mujoco_run(self.run))
+        return compare(self.run, self.student, simulate_mujoco(self.run))
 
     @cached_property
     def agrees(self) -> bool:
@@ -289,25 +302,25 @@ class RunOutcome:
         """Whether the run is as near to the truth as a fourth-order method; False where that does not count."""
         if not self.problem.accepts_other_methods or self.agrees:
             return False
-        if self.error > 2 * NEARNESS * self.truth.error(self.run, mujoco_run(self.run)) + TRUTH_FLOOR:
+        if self.error > 2 * NEARNESS * self.truth.measure_error(self.run, simulate_mujoco(self.run)) + TRUTH_FLOOR:
             return False  # saves the simulation of our own method, which is no further from the truth than MuJoCo's
-        coarse, factor = coarser(self.run)
-        ours = self.truth.error(coarse, fourth_order_run(coarse)) / factor
+        coarse, factor = coarsen(self.run)
+        ours = self.truth.measure_error(coarse, simulate_fourth_order(coarse)) / factor
         return self.error <= NEARNESS * ours + TRUTH_FLOOR
 
     @cached_property
     def error(self) -> float:
         """The distance from the truth."""
-        return self.truth.error(self.run, self.student)
+        return self.truth.measure_error(self.run, self.student)
 
     @cached_property
     def keeps_time(self) -> bool:
         """Whether data.time is right after every step of the student's, in a case where that matters."""
-        late = self.student.time - mujoco_run(self.run).time[: len(self.student)]
+        late = self.student.time - simulate_mujoco(self.run).time[: len(self.student)]
         return not self.problem.case.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
 
     @cached_property
-    def right(self) -> bool:
+    def is_right(self) -> bool:
         """Whether the case counts."""
         return self.keeps_time and (self.agrees or self.is_near_truth)
 
@@ -336,7 +349,7 @@ class OrderOutcome:
     other_timestep: tuple[float, float] | None = None
 
     @cached_property
-    def finite(self) -> bool:
+    def is_finite(self) -> bool:
         """Whether every run stayed finite to its end."""
         return all(isfinite(error) for error in self.errors)
 
@@ -346,9 +359,9 @@ class OrderOutcome:
         points = [
             (h, error) for h, error in zip(self.check.timesteps_s, self.errors, strict=True) if error > TRUTH_FLOOR
         ]
-        if not self.finite or len(points) < FEWEST:
+        if not self.is_finite or len(points) < FEWEST:
             return None
-        return observed_order(*zip(*points, strict=True)).order
+        return fit_order(*zip(*points, strict=True)).order
 
     def is_about(self, order: float) -> bool:
         """Whether the slope is this order."""
@@ -361,7 +374,7 @@ class OrderOutcome:
         The size of the errors decides where too few are left for a slope, and where the slope is steeper: a run that
         diverges at the largest timestep makes it so.
         """
-        if not self.finite or self.ignores_timestep:
+        if not self.is_finite or self.ignores_timestep:
             return False
         if self.slope is not None and self.slope < ORDER + self.check.tolerance:
             return self.is_about(ORDER)
@@ -370,7 +383,7 @@ class OrderOutcome:
     @cached_property
     def is_accurate(self) -> bool:
         """Whether every error is small enough for a fourth-order method at its timestep."""
-        ours = self.truth.error(self.coarsest, fourth_order_run(self.coarsest))
+        ours = self.truth.measure_error(self.coarsest, simulate_fourth_order(self.coarsest))
         allowed = (NEARNESS * ours * (h / self.coarsest.timestep_s) ** ORDER for h in self.check.timesteps_s)
         return all(error <= most + TRUTH_FLOOR for error, most in zip(self.errors, allowed, strict=True))
 
@@ -380,25 +393,25 @@ class OrderOutcome:
         return self.follows_mujoco and self.is_about(RK4_ORDER_ON_ROTATIONS)
 
 
-Outcome = RunOutcome | OrderOutcome
+Rk4Outcome = RunOutcome | OrderOutcome
 
 
-def judge_run(problem: Problem, results: Results) -> Judgement[Outcome]:
+def judge_run(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
     """Compares the run of a case with MuJoCo's method and, where that counts, with the exact motion."""
-    outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), truth_of(problem))
-    message, detail = run_sentences(outcome)
+    outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), build_truth(problem))
+    message, detail = describe_run(outcome)
     alternative = ", or as near to the truth as a fourth-order method" if problem.accepts_other_methods else ""
     return Judgement(
-        passed=outcome.right,
+        passed=outcome.is_right,
         message=message,
         outcome=outcome,
         detail=detail,
-        measured={name: shown(value) for name, value in outcome.difference.largest.items()},
+        measured={name: round_difference(value) for name, value in outcome.difference.largest.items()},
         expected=f"at most {problem.case.tolerance:g} from MuJoCo's RK4{alternative}",
     )
 
 
-def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
+def describe_run(outcome: RunOutcome) -> tuple[str, str]:
     """Returns message and detail."""
     worst, many = outcome.difference.worst, outcome.problem.accepts_other_methods
     if not len(outcome.student):
@@ -419,22 +432,28 @@ def run_sentences(outcome: RunOutcome) -> tuple[str, str]:
     return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.2g} in all."
 
 
-def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
+def judge_order(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
     """Measures the order. Right are the fourth and, where it counts, that of MuJoCo's method on rotations."""
     assert problem.order is not None
-    truth, runs = truth_of(problem), problem.order_runs
+    truth, runs = build_truth(problem), problem.order_runs
     students = [read_trajectory(results, index, run) for index, run in enumerate(runs)]
-    errors = tuple(truth.error(run, student) for run, student in zip(runs, students, strict=True))
+    errors = tuple(truth.measure_error(run, student) for run, student in zip(runs, students, strict=True))
     coarsest, student = max(zip(runs, students, strict=True), key=lambda pair: pair[0].timestep_s)
     agrees = problem.accepts_other_methods and (
-        difference(coarsest, student, mujoco_run(coarsest)).worst <= problem.case.tolerance
+        compare(coarsest, student, simulate_mujoco(coarsest)).worst <= problem.case.tolerance
     )
     outcome = OrderOutcome(
-        problem.order, errors, ignore_timestep(students), agrees, coarsest, truth, other_timestep(runs, students)
+        problem.order,
+        errors,
+        is_timestep_ignored(students),
+        agrees,
+        coarsest,
+        truth,
+        find_other_timestep(runs, students),
     )
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
-        message=order_message(outcome),
+        message=describe_order(outcome),
         outcome=outcome,
         detail="" if outcome.slope is None else f"The observed order is {outcome.slope:.2f}.",
         measured=None if outcome.slope is None else round(outcome.slope, 3),
@@ -442,14 +461,14 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Outcome]:
     )
 
 
-def ignore_timestep(students: Sequence[Trajectory]) -> bool:
+def is_timestep_ignored(students: Sequence[Trajectory]) -> bool:
     """Whether the states after each step are the same in all runs, and change from step to step."""
     rows = min(map(len, students))
     one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
     return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)
 
 
-def other_timestep(runs: Sequence[Run], students: Sequence[Trajectory]) -> tuple[float, float] | None:
+def find_other_timestep(runs: Sequence[Run], students: Sequence[Trajectory]) -> tuple[float, float] | None:
     """Returns the first timestep [s] at which steps advance the time by another one [s]; None if none or all do."""
     taken = [
         (run.timestep_s, float(student.time[1] - student.time[0]))
@@ -460,7 +479,7 @@ def other_timestep(runs: Sequence[Run], students: Sequence[Trajectory]) -> tuple
     return wrong[0] if 0 < len(wrong) < len(taken) else None
 
 
-def order_message(order: OrderOutcome) -> str:
+def describe_order(order: OrderOutcome) -> str:
     """Returns one sentence."""
     if order.is_fourth and order.slope is None:
         return "The errors are too small to measure an order: smaller than those of a fourth-order method."
@@ -473,10 +492,10 @@ def order_message(order: OrderOutcome) -> str:
             f"The error shrinks with the second order of MuJoCo {INSTALLED}'s own RK4 on rotations; "
             "a method of fourth order there is right too."
         )
-    return order_complaint(order)
+    return describe_wrong_order(order)
 
 
-def order_complaint(order: OrderOutcome) -> str:
+def describe_wrong_order(order: OrderOutcome) -> str:
     """Returns what is wrong with an order."""
     if order.ignores_timestep:
         return "The state after each step is the same at every timestep: use model.opt.timestep, not a fixed number."
@@ -487,25 +506,25 @@ def order_complaint(order: OrderOutcome) -> str:
             "at other timesteps: use model.opt.timestep as it is, without rounding."
         )
     if order.slope is None:
-        why = "it is round-off at some timesteps, large at others" if order.finite else "a run did not stay finite"
+        why = "it is round-off at some timesteps, large at others" if order.is_finite else "a run did not stay finite"
         return f"The error against the exact motion shows no order: {why}."
     if order.slope > ORDER:
         return "The error shrinks fast, but only because it is far too large at the largest timesteps."
     return "The error does not shrink with fourth order."
 
 
-def shown(value: float) -> float | None:
+def round_difference(value: float) -> float | None:
     """Returns a difference to three figures; None where the run ended early (JSON has no infinity)."""
     return float(f"{value:.3g}") if isfinite(value) else None
 
 
-def accepted_states(problem: Problem) -> list[tuple[float, float]]:
+def list_accepted_states(problem: Problem) -> list[tuple[float, float]]:
     """Returns the intervals of accepted velocities at the first time at which a trajectory of any method is judged.
 
     A fixed trajectory that is right in the whole run is right here. The force is drawn from continuous distributions,
     so two draws are far further apart than the tolerance.
     """
-    rows = int(sampled_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
+    rows = int(choose_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
     around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
-    early = mujoco_run(retimed(problem.run, problem.run.timestep_s, rows))
+    early = simulate_mujoco(with_timestep(problem.run, problem.run.timestep_s, rows))
     return [(value - around, value + around) for value in early.qvel[-1].tolist()]

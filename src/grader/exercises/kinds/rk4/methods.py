@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, SAME, Matrix, Row, padded, same
-from grader.numerics.runge_kutta import WEIGHTS
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, COEFFICIENT_ATOL, Matrix, Row, look_up, pad_row
+from grader.numerics.accuracy.runge_kutta import WEIGHTS
 
 ROOT5, ROOT2 = 5**0.5, 2**0.5
 
@@ -52,19 +52,19 @@ NAMED: Mapping[str, Matrix] = {
 """Methods other than the classical one: stages, then weights."""
 
 
-def name_of(rows: Matrix) -> str | None:
+def find_name(rows: Matrix) -> str | None:
     """Returns the name of a tableau; None if it has none here."""
-    return next((name for name, known in NAMED.items() if same(rows, known)), None)
+    return look_up(rows, ((known, name) for name, known in NAMED.items()))
 
 
-def order_of(rows: Matrix) -> int:
+def compute_order(rows: Matrix) -> int:
     """Returns the order of a method, at most 5: how many groups of Butcher's order conditions its tableau meets.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.2.
     """
     *stages, weights = rows
-    a = np.stack([padded(row, len(stages)) for row in stages])
-    b, c = padded(weights, len(stages)), a.sum(axis=1)
+    a = np.stack([pad_row(row, len(stages)) for row in stages])
+    b, c = pad_row(weights, len(stages)), a.sum(axis=1)
     ac, ac2, aac = a @ c, a @ c**2, a @ (a @ c)
     conditions = (
         [(b.sum(), 1)],
@@ -77,25 +77,25 @@ def order_of(rows: Matrix) -> int:
         ],
     )
     for order, group in enumerate(conditions):
-        if any(abs(value - 1 / divisor) > SAME for value, divisor in group):
+        if any(abs(value - 1 / divisor) > COEFFICIENT_ATOL for value, divisor in group):
             return order
     return len(conditions)
 
 
-def added_up(rows: Sequence[Row]) -> Matrix:
+def chain_stages(rows: Sequence[Row]) -> Matrix:
     """Returns the tableau of stages that each start from the stage before, not from the start of the step."""
     size = len(rows) - 1
-    stages = np.cumsum([padded(row, size) for row in rows[:-1]], axis=0)
+    stages = np.cumsum([pad_row(row, size) for row in rows[:-1]], axis=0)
     return [*stages.tolist(), list(rows[-1])]
 
 
-def from_the_last(rows: Sequence[Row]) -> Matrix:
-    """Returns the tableau of `added_up` whose result starts from the last stage too."""
-    stages = added_up(rows)[:-1]
-    return [*stages, (padded(stages[-1], len(stages)) + padded(rows[-1], len(stages))).tolist()]
+def chain_stages_and_result(rows: Sequence[Row]) -> Matrix:
+    """Returns the tableau of `chain_stages` whose result starts from the last stage too."""
+    stages = chain_stages(rows)[:-1]
+    return [*stages, (pad_row(stages[-1], len(stages)) + pad_row(rows[-1], len(stages))).tolist()]
 
 
-def repeated(times: int, share: float) -> Matrix:
+def repeat_classical(times: int, share: float) -> Matrix:
     """Returns the tableau of several classical steps one after the other, each a `share` of h."""
     size, done = 4 * times, np.zeros(4 * times)
     rows = []

@@ -10,24 +10,24 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kind import Judged
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.rk4.diagnosis import diagnose_run
 from grader.exercises.kinds.rk4.driver import Forward
 from grader.exercises.kinds.rk4.judge import (
-    Outcome,
+    Rk4Outcome,
     RunOutcome,
     Trajectory,
-    difference,
-    forward_of,
-    mujoco_run,
-    stepped,
-    tangent_difference,
-    unforced_run,
+    build_forward,
+    compare,
+    simulate_mujoco,
+    simulate_unforced,
+    simulate_with,
+    subtract_positions,
 )
-from grader.exercises.kinds.rk4.methods import NAMED, added_up, from_the_last
-from grader.exercises.kinds.rk4.parameters import Problem, Run, retimed
-from grader.exercises.kinds.rk4.stages import WEIGHTS_SAID, method_sentence
+from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
-from grader.exercises.kinds.rk4.told import by_the_trace
+from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 
 PREFIX = 40
@@ -80,7 +80,7 @@ Method = Callable[[Motion, Vector, Vector, float, float], State]
 """(motion, q, v, time, h) -> (q, v) after the step."""
 
 
-def stepper(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
+def build_step(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
     """Returns a method as a function of model and data, like the student's."""
 
     def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -91,28 +91,28 @@ def stepper(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mujoc
     return step
 
 
-def weighted_sum(weights: Row, parts: Sequence[Vector]) -> Vector:
+def add_weighted(weights: Row, parts: Sequence[Vector]) -> Vector:
     """Returns the weighted sum of as many parts as there are weights."""
     return np.array(np.add.reduce([w * part for w, part in zip(weights, parts, strict=False)]))
 
 
-def tableau(rows: Matrix) -> Method:
+def build_method(rows: Matrix) -> Method:
     """Returns the explicit Runge-Kutta method of a tableau: stages, then weights."""
 
     def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
         *stages, weights = rows
         velocities, slopes = list[Vector](), list[Vector]()
         for row in stages:
-            position = motion.move(q, weighted_sum(row, velocities), h) if any(row) else q
-            velocity = v + h * weighted_sum(row, slopes) if any(row) else v
+            position = motion.move(q, add_weighted(row, velocities), h) if any(row) else q
+            velocity = v + h * add_weighted(row, slopes) if any(row) else v
             velocities.append(velocity)
             slopes.append(motion.accelerate(position, velocity, time + sum(row) * h))
-        return motion.move(q, weighted_sum(weights, velocities), h), v + h * weighted_sum(weights, slopes)
+        return motion.move(q, add_weighted(weights, velocities), h), v + h * add_weighted(weights, slopes)
 
     return step
 
 
-def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
+def step_semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
     """MuJoCo's Euler without damping: the new velocity moves the position."""
     v = v + h * motion.accelerate(q, v, time)
     return motion.move(q, v, h), v
@@ -120,15 +120,15 @@ def semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -
 
 WRONG: Sequence[Matrix] = (
     *NAMED.values(),
-    added_up(CLASSICAL),
-    from_the_last(CLASSICAL),
-    *([*CLASSICAL[:-1], weights] for weights in WEIGHTS_SAID),
+    chain_stages(CLASSICAL),
+    chain_stages_and_result(CLASSICAL),
+    *([*CLASSICAL[:-1], weights] for weights in WRONG_WEIGHTS),
 )
 """Tableaus of wrong methods, those that are met most."""
 
 METHODS: Mapping[str, Method] = {
-    "This is semi-implicit Euler: one acceleration a step, not four. Add the stages k2, k3 and k4.": semi_implicit,
-    **{method_sentence(rows, "state"): tableau(rows) for rows in WRONG},
+    "This is semi-implicit Euler: one acceleration a step, not four. Add the stages k2, k3 and k4.": step_semi_implicit,
+    **{describe_method(rows, "state"): build_method(rows) for rows in WRONG},
 }
 """The method behind each sentence for the student; the first one that gives the trajectory is named."""
 
@@ -138,15 +138,15 @@ def matches(run: Run, student: Trajectory, other: Trajectory, departure: float) 
     rows = min(PREFIX, len(student), len(other))
     if rows < 2:
         return False
-    return difference(run, student.first(rows), other.first(rows)).worst <= max(ROUND_OFF, RELATIVE * departure)
+    return compare(run, student.take_first(rows), other.take_first(rows)).worst <= max(ROUND_OFF, RELATIVE * departure)
 
 
-def departure_of(run: Run, student: Trajectory) -> float:
+def measure_departure(run: Run, student: Trajectory) -> float:
     """Returns the largest difference from MuJoCo's RK4 within PREFIX steps."""
-    return difference(run, student.first(PREFIX), mujoco_run(run).first(PREFIX)).worst
+    return compare(run, student.take_first(PREFIX), simulate_mujoco(run).take_first(PREFIX)).worst
 
 
-def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
+def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str | None:
     """Returns the sentence of the mistake in the first wrong trajectory; None if it is not recognised.
 
     What the trace shows comes first. Then the trajectory is compared with those of wrong methods; at last the trace
@@ -156,28 +156,30 @@ def name_the_mistake(first_case: str, judged: Sequence[Judged[Problem, Outcome]]
     if wrong is None or not isinstance(wrong.judgement.outcome, RunOutcome):
         return None
     outcome = wrong.judgement.outcome
-    told = by_the_trace(outcome, wrong)
-    if told.sentence:
-        return told.sentence
-    if wraps(outcome):
+    diagnosis = diagnose_run(outcome, wrong)
+    if diagnosis.sentence:
+        return diagnosis.sentence
+    if wraps_angles(outcome):
         return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
     is_first = outcome.problem.case.id == first_case
-    return (name_the_step(outcome) if is_first else name_the_state(outcome)) or (told.fallback if is_first else None)
+    return (name_the_step(outcome) if is_first else name_the_state(outcome)) or (
+        diagnosis.fallback if is_first else None
+    )
 
 
 def name_the_step(wrong: RunOutcome) -> str | None:
     """Returns the sentence of the first explanation that gives a trajectory."""
     run, student = wrong.run, wrong.student
-    departure = departure_of(run, student)
+    departure = measure_departure(run, student)
     if len(student) < 2 or not np.isfinite(departure) or departure <= ROUND_OFF:
         return None
-    explanations = (another_forward, another_time, another_number, another_step)
+    explanations = (explain_other_forward, explain_shifted_time, explain_odd_numbers, explain_wrong_method)
     return next((sentence for explain in explanations if (sentence := explain(run, student, departure))), None)
 
 
 def name_the_state(wrong: RunOutcome) -> str | None:
     """Returns the sentence of a part of the state that does not change although it should."""
-    student, ours = wrong.student, mujoco_run(wrong.run)
+    student, ours = wrong.student, simulate_mujoco(wrong.run)
     if not len(student):
         return None
     if wrong.problem.case.time_matters and (student.time == student.time[0]).all():
@@ -189,22 +191,22 @@ def name_the_state(wrong: RunOutcome) -> str | None:
     return None
 
 
-def wraps(wrong: RunOutcome) -> bool:
+def wraps_angles(wrong: RunOutcome) -> bool:
     """Whether the trajectory first departs by whole turns of hinges, and by nothing else."""
     if wrong.first_departure is None:
         return False
     run, here, model = wrong.run, slice(wrong.first_departure - 1, wrong.first_departure), wrong.run.scene().model
-    turns = tangent_difference(run, mujoco_run(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
+    turns = subtract_positions(run, simulate_mujoco(run).qpos[here], wrong.student.qpos[here])[0] / (2 * np.pi)
     hinges = model.jnt_dofadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     whole = np.zeros(model.nv)
     whole[hinges] = np.round(turns[hinges])
     return bool(whole.any() and np.all(np.abs(turns - whole) <= WHOLE_TURN))
 
 
-def another_forward(run: Run, student: Trajectory, departure: float) -> str | None:
+def explain_other_forward(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if MuJoCo's own stepping, which lacks the hidden force, gives the trajectory."""
     for integrator in (RK4, EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
-        if matches(run, student, unforced_run(run, integrator.code, PREFIX), departure):
+        if matches(run, student, simulate_unforced(run, integrator.code, PREFIX), departure):
             return (
                 f"The trajectory is that of MuJoCo's own stepping ({integrator.name}), without the force that "
                 "mj_forward carries here: the accelerations did not come from data.qacc, as mujoco.mj_forward leaves "
@@ -213,21 +215,21 @@ def another_forward(run: Run, student: Trajectory, departure: float) -> str | No
     return None
 
 
-def another_time(run: Run, student: Trajectory, departure: float) -> str | None:
+def explain_shifted_time(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence if the states are right, but at the wrong time."""
-    ours = mujoco_run(run)
-    if matches(run, student.at(slice(1, PREFIX)), ours.at(slice(0, PREFIX - 1)), departure):
+    ours = simulate_mujoco(run)
+    if matches(run, student.take(slice(1, PREFIX)), ours.take(slice(0, PREFIX - 1)), departure):
         return "You are one step behind: the first call does not advance the state. Advance it once in every call."
-    if matches(run, student.first(PREFIX), ours.at(slice(1, PREFIX + 1)), departure):
+    if matches(run, student.take_first(PREFIX), ours.take(slice(1, PREFIX + 1)), departure):
         return "You are one step ahead: the first call takes two steps. Take one in every call."
     for factor in (0.5, 2.0):
-        other = stepped(retimed(run, factor * run.timestep_s, PREFIX), classical(run))
+        other = simulate_with(with_timestep(run, factor * run.timestep_s, PREFIX), build_classical(run))
         if matches(run, student, other, departure):
             return f"Every step advances by {factor:g} times model.opt.timestep: take h = model.opt.timestep itself."
     return None
 
 
-def another_number(run: Run, student: Trajectory, departure: float) -> str | None:
+def explain_odd_numbers(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence of a mistake that the numbers themselves show."""
     if np.all(student.qpos == student.qpos[0]):
         return (
@@ -239,23 +241,23 @@ def another_number(run: Run, student: Trajectory, departure: float) -> str | Non
     return None
 
 
-def classical(run: Run) -> Callable[..., None]:
-    """The right step, as a function of model and data."""
-    return stepper(tableau(CLASSICAL), forward_of(run))
+def build_classical(run: Run) -> Callable[..., None]:
+    """Returns the right step, as a function of model and data."""
+    return build_step(build_method(CLASSICAL), build_forward(run))
 
 
-def another_step(run: Run, student: Trajectory, departure: float) -> str | None:
+def explain_wrong_method(run: Run, student: Trajectory, departure: float) -> str | None:
     """Returns the sentence of the wrong method that gives the trajectory."""
-    forward = forward_of(run)
+    forward = build_forward(run)
 
     def is_given_by(method: Method) -> bool:
-        step = stepper(method, forward)
-        return all(matches(run, student, stepped(run, step, steps), departure) for steps in (GLANCE, PREFIX))
+        step = build_step(method, forward)
+        return all(matches(run, student, simulate_with(run, step, steps), departure) for steps in (GLANCE, PREFIX))
 
     return next((sentence for sentence, method in METHODS.items() if is_given_by(method)), None)
 
 
-def lazy_steps(entry: str) -> Mapping[str, str]:
+def write_lazy_steps(entry: str) -> Mapping[str, str]:
     """Returns steps that ignore the model's dynamics."""
     bodies = {
         "a step that does nothing": "pass",

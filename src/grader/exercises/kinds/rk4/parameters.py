@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
 from mujoco import mjtJoint
-from pydantic import Field
+from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
 
+from grader.domain.numbers import Points, Positive, Real
 from grader.exercises.kind import DrawnCase
-from grader.exercises.parameters import Case, ExerciseParameters, Strict
-from grader.numerics.runge_kutta import check_supported
+from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
+from grader.numerics.accuracy.runge_kutta import check_supported
 from grader.numerics.scene import Scene
 
 ACCELERATION = 1.0
@@ -32,44 +34,76 @@ PROBE_TIMESTEPS = (1.0, 1.25)
 PROBE_EQUATIONS = 8
 """Equations for each coefficient row, beside those of the run; a row of the classical method has four unknowns."""
 
+STEPS_MIN, STEPS_MAX = 5, 5000
+"""Steps of a run that is compared with the exact motion, which takes five samples of it."""
+
+TIMESTEP_MIN_S, TIMESTEP_MAX_S = 1e-6, 0.1
+
+MOTION_MAX = 5.0
+"""What a start may move by in a step [rad, m]: the exact motion of a faster one takes minutes to solve."""
+
 Floats = tuple[float, ...]
 Matrix = tuple[Floats, ...]
+
+Timestep = Annotated[float, Field(ge=TIMESTEP_MIN_S, le=TIMESTEP_MAX_S)]
+Reals = Annotated[tuple[Real, ...], Field(max_length=10_000)]
+Tolerance = Annotated[float, Field(ge=1e-16, le=1)]
+
+
+def check_distinct(timesteps_s: tuple[float, ...]) -> tuple[float, ...]:
+    """Returns the timesteps themselves. Raises PydanticCustomError where one is repeated."""
+    if len(set(timesteps_s)) < len(timesteps_s):
+        raise PydanticCustomError("timesteps", "has a timestep twice, and a slope needs different ones: change one")
+    return timesteps_s
+
+
+def check_length(seconds: float, info: ValidationInfo) -> float:
+    """Returns the length of the runs [s] itself. Raises PydanticCustomError where one has too few or too many steps."""
+    timesteps_s = info.data.get("timesteps_s", (seconds / STEPS_MIN,))
+    least, most = STEPS_MIN * max(timesteps_s), STEPS_MAX * min(timesteps_s)
+    if not least <= seconds <= most:
+        limits = {"least": f"{least:g}", "fewest": STEPS_MIN, "most": f"{most:g}", "steps": STEPS_MAX}
+        why = "must be from {least} ({fewest} steps of the largest timestep) to {most} ({steps} of the smallest)"
+        raise PydanticCustomError("length", why, limits)
+    return seconds
 
 
 class Start(Strict):
     """Where a run begins: a keyframe, and parts that replace its own."""
 
     key: str | None = None
-    qpos: Floats | None = None
-    qvel: Floats | None = None
-    act: Floats | None = None
-    ctrl: Floats | None = None
+    qpos: Reals | None = None
+    qvel: Reals | None = None
+    act: Reals | None = None
+    ctrl: Reals | None = None
 
 
 class Rk4Case(Case):
     """One run. `time_matters`: the hidden force depends on data.time, and data.time itself is checked."""
 
     start: Start = Start()
-    timestep_s: float = Field(default=0.002, gt=0, le=0.1)
-    steps: int = Field(default=500, ge=2, le=5000)
-    tolerance: float = Field(default=1e-10, gt=0)
+    timestep_s: Timestep = 0.002
+    steps: int = Field(default=500, ge=2, le=STEPS_MAX)
+    tolerance: Tolerance = 1e-10
     time_matters: bool = False
 
 
 class OrderCheck(Strict):
     """The observed order on the first case: the slope of log error over log timestep."""
 
-    timesteps_s: Floats = Field(default=(0.004, 0.002, 0.001, 0.0005), min_length=3)
-    seconds: float = Field(default=0.3, gt=0, le=5)
-    tolerance: float = Field(default=0.2, gt=0)
-    points: float = Field(default=1.0, gt=0)
+    timesteps_s: Annotated[tuple[Timestep, ...], AfterValidator(check_distinct)] = Field(
+        default=(0.004, 0.002, 0.001, 0.0005), min_length=3, max_length=8
+    )
+    seconds: Annotated[Positive, AfterValidator(check_length)] = Field(default=0.3, le=5, validate_default=True)
+    tolerance: Positive = Field(default=0.2, le=1)
+    points: Points = 1.0
 
 
 class Rk4Parameters(ExerciseParameters):
     """`accept`: agreement with MuJoCo's own method, or also another method of proven fourth order."""
 
     accept: Literal["mujoco", "mujoco or fourth order"] = "mujoco"
-    cases: tuple[Rk4Case, ...] = Field(min_length=1)
+    cases: tuple[Rk4Case, ...] = Field(min_length=1, max_length=CASES_MAX)
     order: OrderCheck | None = OrderCheck()
 
 
@@ -109,7 +143,7 @@ class Run:
     force: Force
 
     def scene(self) -> Scene:
-        """The run's scene at its start."""
+        """Returns the run's scene at its start."""
         return Scene.from_xml(self.xml).at(qpos=self.qpos, qvel=self.qvel, act=self.act, ctrl=self.ctrl)
 
 
@@ -154,16 +188,21 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     check_muscles(xml)
     start = scene.at(**case.start.model_dump(exclude={"key"})).start
     qpos, qvel, act, ctrl = (tuple(part.tolist()) for part in (start.qpos, start.qvel, start.act, start.ctrl))
+    if max(map(abs, qvel), default=0.0) * case.timestep_s > MOTION_MAX:
+        why = f"a start.qvel of {max(qvel, key=abs):g} moves by more than {MOTION_MAX:g} rad or m in a step"
+        raise ValueError(f"{why}, which no method follows: take a smaller one, or a smaller timestep_s")
     force = draw_force(scene.model, drawn.rng, RATE if case.time_matters else 0.0)
     run = Run(xml, qpos, qvel, act, ctrl, case.timestep_s, case.steps, force)
     problem = Problem(case, run, parameters.accept != "mujoco")
+    if problem.accepts_other_methods and case.steps < STEPS_MIN:
+        raise WrongParameter("accept", f"{parameters.accept!r} needs cases of {STEPS_MIN} steps or more: {case.id}")
     check = parameters.order
     if case.id != parameters.cases[0].id:
         return problem
     problem = replace(problem, probe=draw_probe(scene.model, run, drawn.rng))
     if check is None:
         return problem
-    order_runs = tuple(retimed(run, h, round(check.seconds / h)) for h in check.timesteps_s)
+    order_runs = tuple(with_timestep(run, h, round(check.seconds / h)) for h in check.timesteps_s)
     return replace(problem, order=check, order_runs=order_runs)
 
 
@@ -174,7 +213,7 @@ def check_muscles(xml: str) -> None:
             raise ValueError(f"give the muscle {actuator.name!r} its lengthrange")
 
 
-def retimed(run: Run, timestep_s: float, steps: int) -> Run:
+def with_timestep(run: Run, timestep_s: float, steps: int) -> Run:
     """Returns the same run at another timestep."""
     return replace(run, timestep_s=timestep_s, steps=steps)
 

@@ -7,34 +7,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kind import Judged
-from grader.exercises.kinds.rk4.judge import OrderOutcome, Outcome, RunOutcome
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.rk4.diagnosis import read_judged_run
+from grader.exercises.kinds.rk4.judge import OrderOutcome, Rk4Outcome, RunOutcome
 from grader.exercises.kinds.rk4.parameters import Problem
-from grader.exercises.kinds.rk4.tableau import tableau_picture
-from grader.exercises.kinds.rk4.told import reading_of
+from grader.exercises.kinds.rk4.tableau import draw_tableau
 
 POINTS_MAX = 300
 
 
-def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
+def build_evidence(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str, Any]:
     """Returns `differences` of cases (for a logarithmic axis), `order`, and the `tableau` of the first case."""
     outcomes = [one.judgement.outcome for one in visible]
     order = next((one for one in outcomes if isinstance(one, OrderOutcome)), None)
     return {
-        "differences": [difference_picture(one) for one in outcomes if isinstance(one, RunOutcome)],
-        "order": order_picture(order) if order else None,
-        "tableau": tableau_of(visible),
+        "differences": [draw_difference(one) for one in outcomes if isinstance(one, RunOutcome)],
+        "order": draw_order(order) if order else None,
+        "tableau": find_tableau(visible),
     }
 
 
-def tableau_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any] | None:
+def find_tableau(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str, Any] | None:
     """Returns the tableau in the trace of the first case; None if it is hidden, or no tableau gives its steps."""
     first = next((one for one in visible if isinstance(one.judgement.outcome, RunOutcome)), None)
-    reading = reading_of(first) if first and first.trial.problem.probe else None
-    return tableau_picture(reading) if reading else None
+    reading = read_judged_run(first) if first and first.trial.problem.probe else None
+    return draw_tableau(reading) if reading else None
 
 
-def difference_picture(outcome: RunOutcome) -> dict[str, Any]:
+def draw_difference(outcome: RunOutcome) -> dict[str, Any]:
     """Returns time [s] and the size of the differences in position and velocity."""
     rows = len(outcome.difference.qpos)
     chosen = (
@@ -43,13 +43,13 @@ def difference_picture(outcome: RunOutcome) -> dict[str, Any]:
     return {
         "case": outcome.problem.case.id,
         "tolerance": outcome.problem.case.tolerance,
-        "time_s": figures((chosen + 1) * outcome.run.timestep_s),
-        "qpos": figures(outcome.difference.qpos[chosen]),
-        "qvel": figures(outcome.difference.qvel[chosen]),
+        "time_s": round_figures((chosen + 1) * outcome.run.timestep_s),
+        "qpos": round_figures(outcome.difference.qpos[chosen]),
+        "qvel": round_figures(outcome.difference.qvel[chosen]),
     }
 
 
-def order_picture(order: OrderOutcome) -> dict[str, Any]:
+def draw_order(order: OrderOutcome) -> dict[str, Any]:
     """Returns timesteps [ms], errors against the exact motion, their slope; None where a run ended early."""
     return {
         "timestep_ms": [1000 * h for h in order.check.timesteps_s],
@@ -59,6 +59,6 @@ def order_picture(order: OrderOutcome) -> dict[str, Any]:
     }
 
 
-def figures(values: NDArray[np.float64]) -> list[float | None]:
+def round_figures(values: NDArray[np.float64]) -> list[float | None]:
     """Returns values to four figures; None for what is not finite."""
     return [float(f"{value:.4g}") if isfinite(value) else None for value in values.tolist()]

@@ -1,18 +1,21 @@
-"""The `threshold` kind: brackets of the largest stable timestep, certified by simulating at their ends."""
+"""The `threshold` kind judges brackets of the largest stable timestep.
+
+It certifies a bracket by simulating at its ends, and names the mistake in a search by the runs that the script made.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import getsource
 from typing import Any
 
-from grader.domain.quiz import CodeQuestion
-from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind, Results, Trial
+from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.threshold import driver
-from grader.exercises.kinds.threshold.judge import Claim, accepted_lower_ends, expected_of, judge_claim, read_claim
-from grader.exercises.kinds.threshold.mistakes import constant_answers, name_the_mistake
-from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, cells
-from grader.exercises.kinds.threshold.pictures import evidence_of
+from grader.exercises.kinds.threshold.judge import Claim, describe_expected, find_accepted_ends, judge_claim, read_claim
+from grader.exercises.kinds.threshold.mistakes import name_the_mistake, write_lazy_scripts
+from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, build_cells
+from grader.exercises.kinds.threshold.pictures import build_evidence
 from grader.exercises.parameters import Case
+from grader.questions.kinds.script import ScriptQuestion
 
 
 class Threshold(Kind[ThresholdParameters, Cell, Claim]):
@@ -21,9 +24,9 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
     parameters = ThresholdParameters
     driver = getsource(driver)
 
-    def trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
+    def build_trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
-        several = cells(parameters, drawn)
+        several = build_cells(parameters, drawn)
         return [
             Trial(
                 id=f"{drawn.case.id}.{cell.integrator.name}",
@@ -44,22 +47,24 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         judgement = judge_claim(parameters, trial.problem, claim)
         if trial.hidden:  # the runner drops them, and the expected limit takes a bisection
             return judgement
-        return replace(judgement, measured=str(claim), expected=expected_of(parameters, trial.problem))
+        return replace(judgement, measured=str(claim), expected=describe_expected(parameters, trial.problem))
 
-    def mistake(self, parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+    def name_mistake(self, parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
         """Returns the sentence of the first wrong method that gives the student's claims."""
         return name_the_mistake(parameters, judged)
 
-    def pictures(self, parameters: ThresholdParameters, visible: Sequence[Judged[Cell, Claim]]) -> dict[str, Any]:
+    def build_pictures(
+        self, parameters: ThresholdParameters, visible: Sequence[JudgedTrial[Cell, Claim]]
+    ) -> dict[str, Any]:
         """Returns the angle at both ends of each claim, and the stability line."""
-        return evidence_of(parameters, visible)
+        return build_evidence(parameters, visible)
 
-    def lazy_answers(
-        self, question: CodeQuestion, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]
+    def write_lazy_answers(
+        self, question: ScriptQuestion, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]
     ) -> Mapping[str, str]:
         """Returns scripts that give the right answers of one model for every model, or None for all."""
-        return constant_answers(question.entry, parameters, trials)
+        return write_lazy_scripts(question.entry, parameters, trials)
 
-    def accepted(self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Sequence[Intervals]:
+    def list_accepted(self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Sequence[Intervals]:
         """Returns the accepted lower ends of a bracket of the allowed width, under every integrator."""
-        return [[accepted_lower_ends(parameters, trial.problem) for trial in trials]]
+        return [[find_accepted_ends(parameters, trial.problem) for trial in trials]]

@@ -75,11 +75,11 @@ class Search:
         index = next((i for i, known in enumerate(self.models) if known is model), len(self.models))
         if index == len(self.models) and index < self.models_max:
             self.models.append(model)
-            self.differs.append(sorted(name for name, value in values_of(model).items() if value != self.given[name]))
+            self.differs.append(sorted(name for name, value in read_values(model).items() if value != self.given[name]))
         option = model.opt
         start = data.qpos[0] if model.nq else 0.0, data.qvel[0] if model.nv else 0.0
         ctrl = data.ctrl[0] if model.nu else 0.0
-        row = [index, option.timestep, option.integrator, data.time, *start, warned(data), ctrl]
+        row = [index, option.timestep, option.integrator, data.time, *start, read_warnings(data), ctrl]
         self.open = model, data, [float(value) for value in row]
 
     def finish(self) -> None:
@@ -89,7 +89,7 @@ class Search:
             return
         model, data, row = self.open
         self.open = None
-        self.runs.append([*row, float(data.time), float(warned(data)), float(model.opt.timestep)])
+        self.runs.append([*row, float(data.time), float(read_warnings(data)), float(model.opt.timestep)])
 
     def note(self, model: Any) -> None:
         """Adds the note to the trace."""
@@ -107,29 +107,29 @@ class Search:
 
 
 @functools.lru_cache(maxsize=1)
-def compiled(xml: str) -> tuple[Any, dict[str, bytes]]:
-    """Returns the model of an MJCF text and its `values_of`, made once for all integrators."""
+def compile_model(xml: str) -> tuple[Any, dict[str, bytes]]:
+    """Returns the model of an MJCF text and its `read_values`, made once for all integrators."""
     model = mujoco.MjModel.from_xml_string(xml)
-    return model, values_of(model)
+    return model, read_values(model)
 
 
-def fresh(xml: str, *, again: bool) -> tuple[Any, dict[str, bytes]]:
-    """As `compiled`, with a model that no call has seen: a copy if the text comes `again`, as copies take long too."""
-    model, values = compiled(xml)
+def get_fresh_model(xml: str, *, again: bool) -> tuple[Any, dict[str, bytes]]:
+    """As `compile_model`, with a model that no call has seen: a copy only if the text comes `again`."""
+    model, values = compile_model(xml)
     if again:
         return copy.copy(model), values
-    compiled.cache_clear()
+    compile_model.cache_clear()
     return model, values
 
 
-def values_of(model: Any) -> dict[str, bytes]:
+def read_values(model: Any) -> dict[str, bytes]:
     """Returns what the motion of a model depends on, but for the timestep and the integrator."""
     values = {name: getattr(model, name).tobytes() for name in FIELDS}
     values |= {name: np.asarray(getattr(model.opt, name)).tobytes() for name in OPTIONS}
     return values | {name: bytes([bool(model.opt.disableflags & bit)]) for name, bit in FLAGS.items()}
 
 
-def warned(data: Any) -> int:
+def read_warnings(data: Any) -> int:
     """Returns the kinds of warning that have been raised, as the bits of a number."""
     if data.warning.number.tobytes() == CLEAN:
         return 0
@@ -144,19 +144,19 @@ def before_import() -> None:
     """Watches where runs begin; each function then does what it always does."""
     create = mujoco.MjData.__init__
 
-    def created(data: Any, *arguments: Any, **named: Any) -> None:
-        between_runs()
+    def create_data(data: Any, *arguments: Any, **named: Any) -> None:
+        end_run()
         create(data, *arguments, **named)
 
-    def reset(name: str) -> Callable[..., Any]:
+    def watch_reset(name: str) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
-            between_runs()
+            end_run()
             search.cleared = search.total > 0
             return plain[name](*arguments, **named)
 
         return call
 
-    def other(place: Any, name: str) -> None:
+    def watch_once(place: Any, name: str) -> None:
         function = getattr(place, name)
 
         def call(*arguments: Any, **named: Any) -> Any:
@@ -166,37 +166,37 @@ def before_import() -> None:
 
         setattr(place, name, call)
 
-    mujoco.MjData.__init__ = created
-    mujoco.mj_step = first_step  # for scripts that import the name itself
+    mujoco.MjData.__init__ = create_data
+    mujoco.mj_step = take_first_step  # for scripts that import the name itself
     for name in ("mj_resetData", "mj_resetDataKeyframe"):
-        setattr(mujoco, name, reset(name))
+        setattr(mujoco, name, watch_reset(name))
     for name in OTHER_STEPS:
-        other(mujoco, name)
+        watch_once(mujoco, name)
     if "mujoco.rollout" in sys.modules:
-        other(sys.modules["mujoco.rollout"], "rollout")
+        watch_once(sys.modules["mujoco.rollout"], "rollout")
 
 
-def between_runs() -> None:
+def end_run() -> None:
     """Ends the run in progress, and waits for the first step of the next one."""
     search.created += 1
     with contextlib.suppress(Exception):  # a data that the script has broken: the trace ends here
         search.finish()
-    step_by(first_step)
+    set_step(take_first_step)
 
 
-def step_by(function: Callable[..., Any]) -> None:
+def set_step(function: Callable[..., Any]) -> None:
     """Puts a function in the place of mj_step, also where the script imported the name itself."""
     mujoco.mj_step = function
     for name in search.names:
         search.scope[name] = function
 
 
-def first_step(*arguments: Any, **named: Any) -> Any:
+def take_first_step(*arguments: Any, **named: Any) -> Any:
     """In place of mj_step until a run has begun; a script that keeps it in a local name calls it in every step."""
     if search.waiting:
         with contextlib.suppress(Exception):  # wrong arguments, which mj_step refuses below
             search.begin(arguments[0] if arguments else named["m"], arguments[1] if len(arguments) > 1 else named["d"])
-        step_by(plain["mj_step"])
+        set_step(plain["mj_step"])
     return plain["mj_step"](*arguments, **named)
 
 
@@ -205,13 +205,13 @@ def trial(
 ) -> None:
     """Makes one call on a fresh model, so that no call sees what another changed."""
     (entry,) = functions
-    model, given = fresh(inputs["model"], again=inputs["again"])
+    model, given = get_fresh_model(inputs["model"], again=inputs["again"])
     search.restart(hidden=bool(globals().get("hidden")))
     search.given = given
     search.scope = getattr(inspect.unwrap(entry), "__globals__", {})
-    steps = (first_step, plain["mj_step"])
+    steps = (take_first_step, plain["mj_step"])
     search.names = [name for name, value in search.scope.items() if any(value is step for step in steps)]
-    step_by(first_step)
+    set_step(take_first_step)
     try:
         claim = entry(model, inputs["integrator"])
     finally:

@@ -14,11 +14,11 @@ import numpy as np
 
 from grader.exercises.kind import Judgement, Results
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.numerics.bisection import find_threshold
 from grader.numerics.integrators import BY_NAME
-from grader.numerics.linear import RADIUS_NOISE, equilibrium, spectral_radius
 from grader.numerics.scene import Scene
-from grader.numerics.trials import Stability, try_timestep
+from grader.numerics.stability.bisection import find_threshold
+from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius, find_equilibrium
+from grader.numerics.stability.trials import Stability, try_timestep
 
 SLACK = 0.003
 """Relative widening of the span from the linear stability limit to the limit within the horizon, on both sides.
@@ -55,18 +55,18 @@ class Bracket:
         return self.high - self.low
 
     @property
-    def given(self) -> list[float]:
+    def numbers(self) -> list[float]:
         """As the student returned it."""
         return [self.low, self.high] if self.number is None else [self.number]
 
-    def scaled(self, factor: float) -> "Bracket":
+    def scale(self, factor: float) -> "Bracket":
         """Returns the same digits in another unit."""
         if self.number is not None:
-            return around(self.number * factor)
+            return bracket_around(self.number * factor)
         return Bracket(self.low * factor, self.high * factor)
 
     def __str__(self) -> str:
-        return " to ".join(f"{1000 * value:.6g}" for value in self.given) + " ms"
+        return " to ".join(f"{1000 * value:.6g}" for value in self.numbers) + " ms"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Unreadable:
 Claim = Bracket | NoLimit | Unreadable
 
 
-def around(number: float) -> Bracket:
+def bracket_around(number: float) -> Bracket:
     """Returns the bracket that a single number claims."""
     return Bracket(number - NUMBER_TOLERANCE_S, number + NUMBER_TOLERANCE_S, number)
 
@@ -104,7 +104,7 @@ def read_claim(results: Results) -> Claim:
     if values.size == 0:
         return NoLimit()
     if values.size == 1:
-        return around(float(values[0]))
+        return bracket_around(float(values[0]))
     return Bracket(float(values[0]), float(values[1]))
 
 
@@ -120,15 +120,15 @@ def has_limit(scene: Scene, code: int, longest_s: float, seconds: float) -> bool
 
 
 @lru_cache(maxsize=64)
-def at_rest(scene: Scene) -> Scene | None:
+def find_rest(scene: Scene) -> Scene | None:
     """Returns the scene in its equilibrium, which takes a root search; None if there is none."""
-    return equilibrium(scene)
+    return find_equilibrium(scene)
 
 
 def grows(scene: Scene, code: int, timestep_s: float) -> bool:
     """Whether a small deviation from the equilibrium grows; False if there is no equilibrium."""
-    rest = at_rest(scene)
-    return rest is not None and spectral_radius(rest, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
+    rest = find_rest(scene)
+    return rest is not None and compute_spectral_radius(rest, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
 
 
 def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Judgement[Claim]:
@@ -139,10 +139,10 @@ def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Ju
     if isinstance(claim, NoLimit):
         return judge_none(parameters, cell, claim)
     detail = ""
-    why = form_complaint(parameters, claim)
+    why = explain_form(parameters, claim)
     if why and claim.width > parameters.width_s:
         detail = f"It is {1000 * claim.width:.6g} ms wide."
-    why = why or bracket_complaint(parameters, cell, claim)
+    why = why or explain_bracket(parameters, cell, claim)
     return Judgement(not why, why or "Certified by simulating at both ends.", claim, detail)
 
 
@@ -166,7 +166,7 @@ def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> J
     )
 
 
-def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
+def explain_form(parameters: ThresholdParameters, claim: Bracket) -> str:
     """Returns the fault of a bracket that is wrong for any model; empty if there is none."""
     longest, allowed = parameters.search_s[1], parameters.width_s
     if claim.width < 0:
@@ -180,7 +180,7 @@ def form_complaint(parameters: ThresholdParameters, claim: Bracket) -> str:
     return ""
 
 
-def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
+def explain_bracket(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
     """Returns why a bracket misses the span of right readings; simulates and linearises at most once at each end."""
     scene, code, seconds = cell.scene, cell.integrator.code, parameters.horizon_s
     shortest, longest = parameters.search_s
@@ -196,9 +196,9 @@ def bracket_complaint(parameters: ThresholdParameters, cell: Cell, claim: Bracke
     return f"Too low: the run is still stable {above} {what}."
 
 
-def expected_of(parameters: ThresholdParameters, cell: Cell) -> str:
+def describe_expected(parameters: ThresholdParameters, cell: Cell) -> str:
     """Returns the span of right readings in words: from the linear stability limit to the limit within the horizon."""
-    span = span_of(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
+    span = find_span(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
     if span is None:
         return "None"
     within = f"{1000 * span[1]:.2f} ms (within {parameters.horizon_s:g} s)"
@@ -206,22 +206,22 @@ def expected_of(parameters: ThresholdParameters, cell: Cell) -> str:
 
 
 @lru_cache(maxsize=64)
-def span_of(scene: Scene, code: int, search_s: tuple[float, float], horizon_s: float) -> tuple[float, float] | None:
+def find_span(scene: Scene, code: int, search_s: tuple[float, float], horizon_s: float) -> tuple[float, float] | None:
     """Returns the linear limit and the limit within the horizon [s]; None if the longest timestep raises no warning."""
     low, high = search_s
-    found = find_threshold(
+    bracket = find_threshold(
         scene, low_s=low, high_s=high, horizon_s=horizon_s, integrator=code, width_s=SHOWN_WIDTH_S, scan_step_s=high
     ).bracket_s
-    if found is None:
+    if bracket is None:
         return None
-    stable, growing = low, found[1]
+    stable, growing = low, bracket[1]
     while growing - stable > SHOWN_WIDTH_S:
         middle = (stable + growing) / 2
         stable, growing = (stable, middle) if grows(scene, code, middle) else (middle, growing)
-    return growing, found[1]
+    return growing, bracket[1]
 
 
-def accepted_lower_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[float, float]:
+def find_accepted_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[float, float]:
     """Returns between which values [s] the lower end of the widest bracket is accepted; (inf, inf) if None is right.
 
     The limit within the horizon is found to a thousandth, on its far side.
@@ -230,15 +230,15 @@ def accepted_lower_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[fl
     low, high = parameters.search_s
     if not has_limit(scene, code, high, parameters.horizon_s):
         return inf, inf
-    linear = halved(lambda h: grows(scene, code, h), low, high)
+    linear = bisect(lambda h: grows(scene, code, h), low, high)
     if linear == high:
-        linear = within = halved(lambda h: warns(scene, code, h, parameters.horizon_s), low, high)
+        linear = within = bisect(lambda h: warns(scene, code, h, parameters.horizon_s), low, high)
     else:
-        within = halved(lambda h: warns(scene, code, h, parameters.horizon_s), linear, min(1.1 * linear, high))
+        within = bisect(lambda h: warns(scene, code, h, parameters.horizon_s), linear, min(1.1 * linear, high))
     return linear * (1 - RELATIVE_WIDTH) / (1 + SLACK) - parameters.width_s, within / (1 - SLACK)
 
 
-def halved(unstable: Callable[[float], bool], low: float, high: float) -> float:
+def bisect(unstable: Callable[[float], bool], low: float, high: float) -> float:
     """Returns the upper end of the bracket that bisection between `low` and `high` [s] ends with."""
     while high - low > RELATIVE_WIDTH * high:
         middle = (low + high) / 2

@@ -7,22 +7,30 @@ from math import pi
 import mujoco
 import numpy as np
 
-from grader.exercises.kind import Judged, Trial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, around, judge_claim, span_of, warns
+from grader.exercises.kind import JudgedTrial, Trial
+from grader.exercises.kinds.threshold.judge import (
+    Bracket,
+    Claim,
+    NoLimit,
+    bracket_around,
+    find_span,
+    judge_claim,
+    warns,
+)
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.exercises.kinds.threshold.range_mistakes import too_coarse
-from grader.exercises.kinds.threshold.recorded import read_search
-from grader.exercises.kinds.threshold.search import CERTAIN, FALLBACK, explain
+from grader.exercises.kinds.threshold.range_mistakes import explain_coarse_search
+from grader.exercises.kinds.threshold.search import CERTAIN_RULES, FALLBACK_RULES, explain_searches
+from grader.exercises.kinds.threshold.search_trace import read_search
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.servo import Servo
+from grader.numerics.stability.servo import Servo
 
 SAME_EVERYWHERE = (
     "The function gave the same answer for every model, although their limits differ. Measure the model you were given."
 )
 
-KEPT = (
+CACHED_RESULTS = (
     "The function gave the same answer for every model, although their limits differ: in later calls it simulated "
     "nothing, and returned what an earlier call had found. Keep no results between calls, or keep them by model too."
 )
@@ -46,7 +54,7 @@ METHOD_TOLERANCE = 0.005
 
 
 @dataclass(frozen=True)
-class Asked:
+class ClaimContext:
     """The question behind one claim: its cell, and the cell of the first case under the same integrator."""
 
     parameters: ThresholdParameters
@@ -54,7 +62,7 @@ class Asked:
     first: Cell
 
 
-Gives = Callable[[Asked, Claim], bool]
+Predicate = Callable[[ClaimContext, Claim], bool]
 
 
 @dataclass(frozen=True)
@@ -67,12 +75,12 @@ class WrongMethod:
 
     id: str
     sentence: str
-    gives: Gives
+    matches: Predicate
     all_claims: bool = False
     of_numbers: bool = True
 
 
-def servo_of(cell: Cell) -> Servo | None:
+def read_servo(cell: Cell) -> Servo | None:
     """Inertia and gains read off a model of one joint and one position servo; None for any other model."""
     model = cell.scene.model
     if model.nv != 1 or model.nu != 1:
@@ -83,40 +91,42 @@ def servo_of(cell: Cell) -> Servo | None:
     return Servo(float(model.dof_M0[0]), kp, kv)
 
 
-def formula(value: Callable[[Servo], float]) -> Gives:
-    """The method that reports a closed form."""
+def make_formula_test(value: Callable[[Servo], float]) -> Predicate:
+    """Returns the method that reports a closed form."""
 
-    def gives(asked: Asked, claim: Claim) -> bool:
-        servo = servo_of(asked.cell)
+    def matches(context: ClaimContext, claim: Claim) -> bool:
+        servo = read_servo(context.cell)
         if servo is None:
             return False
         limit = value(servo)
         if not isinstance(claim, Bracket):
-            return isinstance(claim, NoLimit) and limit > asked.parameters.search_s[1]
+            return isinstance(claim, NoLimit) and limit > context.parameters.search_s[1]
         tolerance = FORMULA_TOLERANCE if claim.number is None else NUMBER_TOLERANCE
         ends = (claim.low, claim.high, (claim.low + claim.high) / 2)
         return any(abs(end - limit) <= tolerance * limit for end in ends)
 
-    return gives
+    return matches
 
 
-def simulated(
+def make_simulation_test(
     change: Callable[[Scene], Scene | None] = lambda scene: scene, *, code: int | None = None, seconds: float = 0
-) -> Gives:
-    """The method that bisects correctly, but another scene, another integrator, or another run length."""
+) -> Predicate:
+    """Returns the method that bisects correctly, but another scene, another integrator, or another run length."""
 
-    def gives(asked: Asked, claim: Claim) -> bool:
-        scene = change(asked.cell.scene)
-        return scene is not None and claim_fits(asked, claim, scene, code, seconds=seconds)
+    def matches(context: ClaimContext, claim: Claim) -> bool:
+        scene = change(context.cell.scene)
+        return scene is not None and is_bisection_of(context, claim, scene, code, seconds=seconds)
 
-    return gives
+    return matches
 
 
-def claim_fits(asked: Asked, claim: Claim, scene: Scene, code: int | None = None, *, seconds: float = 0) -> bool:
+def is_bisection_of(
+    context: ClaimContext, claim: Claim, scene: Scene, code: int | None = None, *, seconds: float = 0
+) -> bool:
     """Whether a bisection of this scene ends in this claim; the run may be one step longer or shorter."""
-    integrator = asked.cell.integrator.code if code is None else code
-    horizon = seconds or asked.parameters.horizon_s
-    shortest, longest = asked.parameters.search_s
+    integrator = context.cell.integrator.code if code is None else code
+    horizon = seconds or context.parameters.horizon_s
+    shortest, longest = context.parameters.search_s
     if isinstance(claim, NoLimit):
         return not warns(scene, integrator, longest, horizon)
     if not isinstance(claim, Bracket) or not shortest / 2 <= claim.low <= claim.high <= 2 * longest:
@@ -125,8 +135,8 @@ def claim_fits(asked: Asked, claim: Claim, scene: Scene, code: int | None = None
     return not warns(scene, integrator, low, horizon - low) and warns(scene, integrator, high, horizon + high)
 
 
-def without_kv(scene: Scene) -> Scene:
-    """The servo without its damper."""
+def remove_kv(scene: Scene) -> Scene:
+    """Returns the servo without its damper."""
 
     def change(model: mujoco.MjModel) -> None:
         model.actuator_biasprm[:, 2] = 0
@@ -134,8 +144,8 @@ def without_kv(scene: Scene) -> Scene:
     return scene.changed(change)
 
 
-def damped_joint(scene: Scene) -> Scene | None:
-    """The damper in the joint instead of the servo."""
+def move_damping_to_joint(scene: Scene) -> Scene | None:
+    """Returns the damper in the joint instead of the servo."""
     if scene.model.nv != 1 or scene.model.nu != 1:
         return None
 
@@ -146,116 +156,118 @@ def damped_joint(scene: Scene) -> Scene | None:
     return scene.changed(change)
 
 
-def pgs(asked: Asked, claim: Claim) -> bool:
+def uses_pgs(context: ClaimContext, claim: Claim) -> bool:
     """Another constraint solver, which matters under `discrete` alone."""
 
     def change(model: mujoco.MjModel) -> None:
         model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
 
-    return asked.cell.integrator.code == DISCRETE.code and claim_fits(asked, claim, asked.cell.scene.changed(change))
+    return context.cell.integrator.code == DISCRETE.code and is_bisection_of(
+        context, claim, context.cell.scene.changed(change)
+    )
 
 
-def in_milliseconds(asked: Asked, claim: Claim) -> bool:
+def is_in_milliseconds(context: ClaimContext, claim: Claim) -> bool:
     """The right claim, a thousand times as large."""
-    return isinstance(claim, Bracket) and judge_claim(asked.parameters, asked.cell, claim.scaled(1e-3)).passed
+    return isinstance(claim, Bracket) and judge_claim(context.parameters, context.cell, claim.scale(1e-3)).passed
 
 
-def in_hertz(asked: Asked, claim: Claim) -> bool:
+def is_in_hertz(context: ClaimContext, claim: Claim) -> bool:
     """The reciprocal of the right claim."""
-    if not isinstance(claim, Bracket) or not all(end > 1 for end in claim.given):
+    if not isinstance(claim, Bracket) or not all(end > 1 for end in claim.numbers):
         return False
-    ends = sorted(1 / end for end in claim.given)
-    timestep = around(ends[0]) if len(ends) == 1 else Bracket(*ends)
-    return judge_claim(asked.parameters, asked.cell, timestep).passed
+    ends = sorted(1 / end for end in claim.numbers)
+    timestep = bracket_around(ends[0]) if len(ends) == 1 else Bracket(*ends)
+    return judge_claim(context.parameters, context.cell, timestep).passed
 
 
-def swapped(asked: Asked, claim: Claim) -> bool:
+def has_swapped_ends(context: ClaimContext, claim: Claim) -> bool:
     """The right bracket with swapped ends."""
     if not isinstance(claim, Bracket) or claim.number is not None or claim.width >= 0:
         return False
-    return judge_claim(asked.parameters, asked.cell, Bracket(claim.high, claim.low)).passed
+    return judge_claim(context.parameters, context.cell, Bracket(claim.high, claim.low)).passed
 
 
-def too_wide(asked: Asked, claim: Claim) -> bool:
+def is_too_wide(context: ClaimContext, claim: Claim) -> bool:
     """A bracket that holds the limit but is too wide."""
-    if not isinstance(claim, Bracket) or claim.width <= asked.parameters.width_s:
+    if not isinstance(claim, Bracket) or claim.width <= context.parameters.width_s:
         return False
-    return claim_fits(asked, claim, asked.cell.scene)
+    return is_bisection_of(context, claim, context.cell.scene)
 
 
-def nothing_unstable(asked: Asked, claim: Claim) -> bool:
+def is_no_limit(context: ClaimContext, claim: Claim) -> bool:
     """None where there is a limit."""
     return isinstance(claim, NoLimit)
 
 
-def swings_out(asked: Asked, timestep_s: float) -> bool:
+def swings_out(context: ClaimContext, timestep_s: float) -> bool:
     """Whether a coordinate moves further from zero than its start."""
     rollout = simulate(
-        asked.cell.scene,
-        seconds=asked.parameters.horizon_s,
+        context.cell.scene,
+        seconds=context.parameters.horizon_s,
         timestep_s=timestep_s,
-        integrator=asked.cell.integrator.code,
+        integrator=context.cell.integrator.code,
     )
-    start = np.abs(asked.cell.scene.start.qpos)
+    start = np.abs(context.cell.scene.start.qpos)
     return rollout.diverged_at_step is not None or bool(np.any(np.abs(rollout.qpos) > start * (1 + 1e-9)))
 
 
-def overshoots(asked: Asked, claim: Claim) -> bool:
+def is_overshoot_limit(context: ClaimContext, claim: Claim) -> bool:
     """A limit where the motion first swings further out than it started."""
-    if not isinstance(claim, Bracket) or not asked.parameters.search_s[0] <= claim.low <= claim.high:
+    if not isinstance(claim, Bracket) or not context.parameters.search_s[0] <= claim.low <= claim.high:
         return False
-    return not swings_out(asked, claim.low * (1 - 1e-3)) and swings_out(asked, claim.high * (1 + 1e-3))
+    return not swings_out(context, claim.low * (1 - 1e-3)) and swings_out(context, claim.high * (1 + 1e-3))
 
 
-def exchanged(asked: Asked, claim: Claim) -> bool:
+def has_exchanged_integrators(context: ClaimContext, claim: Claim) -> bool:
     """The limit of implicitfast under Euler, and the other way round."""
-    other = {EULER.code: IMPLICITFAST, IMPLICITFAST.code: EULER}.get(asked.cell.integrator.code)
-    cell = asked.cell if other is None else replace(asked.cell, integrator=other)
-    return judge_claim(asked.parameters, cell, claim).passed
+    other = {EULER.code: IMPLICITFAST, IMPLICITFAST.code: EULER}.get(context.cell.integrator.code)
+    cell = context.cell if other is None else replace(context.cell, integrator=other)
+    return judge_claim(context.parameters, cell, claim).passed
 
 
-def another_model(asked: Asked, claim: Claim) -> bool:
+def is_limit_of_first_model(context: ClaimContext, claim: Claim) -> bool:
     """The limit of the first model, reported for another one."""
-    return asked.first.case != asked.cell.case and claim_fits(asked, claim, asked.first.scene)
+    return context.first.case != context.cell.case and is_bisection_of(context, claim, context.first.scene)
 
 
-def gains_on_the_file(asked: Asked, claim: Claim) -> bool:
+def is_limit_of_gains_on_file(context: ClaimContext, claim: Claim) -> bool:
     """The limit of the given gains on the mass and length of the model file."""
-    given = asked.cell.scene.model
+    given = context.cell.scene.model
 
     def change(model: mujoco.MjModel) -> None:
         model.actuator_gainprm[:], model.actuator_biasprm[:] = given.actuator_gainprm, given.actuator_biasprm
 
-    return claim_fits(asked, claim, asked.cell.scene_as_written.changed(change))
+    return is_bisection_of(context, claim, context.cell.scene_as_written.changed(change))
 
 
-def model_of_the_file(asked: Asked, claim: Claim) -> bool:
+def is_limit_of_file(context: ClaimContext, claim: Claim) -> bool:
     """The limit of the model file without the case's numbers."""
-    return claim_fits(asked, claim, asked.cell.scene_as_written)
+    return is_bisection_of(context, claim, context.cell.scene_as_written)
 
 
 METHODS: tuple[WrongMethod, ...] = (
     WrongMethod(
         "milliseconds",
         "You reported milliseconds, not seconds: divide by 1000.",
-        in_milliseconds,
+        is_in_milliseconds,
     ),
     WrongMethod(
         "hertz",
         "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f.",
-        in_hertz,
+        is_in_hertz,
     ),
     WrongMethod(
         "swapped",
         "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
-        swapped,
+        has_swapped_ends,
     ),
     WrongMethod(
         "nothing unstable",
         "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
         "start with {start}, and look at data.warning (or at data.time running backwards), because after a warning "
         "MuJoCo resets the state to one at rest.",
-        nothing_unstable,
+        is_no_limit,
         all_claims=True,
         of_numbers=False,
     ),
@@ -263,89 +275,91 @@ METHODS: tuple[WrongMethod, ...] = (
         "search ends early",
         "You returned None for some models that have a limit: search up to {longest} ms, and return None only if the "
         "run is stable there.",
-        nothing_unstable,
+        is_no_limit,
         of_numbers=False,
     ),
     WrongMethod(
         "bound",
         "You reported the bound 2*sqrt(I/kp), which ignores the damper{shift}; simulate instead of computing it.",
-        formula(lambda servo: servo.bound_s),
+        make_formula_test(lambda servo: servo.bound_s),
     ),
     WrongMethod(
         "damping bound",
         "You reported the damping bound 2*I/kv, which ignores the spring and holds for explicit damping only.",
-        formula(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
+        make_formula_test(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
     ),
     WrongMethod(
         "smaller bound",
         "You reported the smaller of the bounds 2*sqrt(I/kp) and 2*I/kv; spring and damper act together, so simulate.",
-        formula(lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)),
+        make_formula_test(
+            lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)
+        ),
     ),
     WrongMethod(
         "half the bound",
         "You reported sqrt(I/kp) = 1/omega; the explicit spring limit is twice that, and the damper moves it again.",
-        formula(lambda servo: servo.bound_s / 2),
+        make_formula_test(lambda servo: servo.bound_s / 2),
     ),
     WrongMethod(
         "period",
         "You reported the period 2*pi*sqrt(I/kp) of the oscillation, not a stability limit.",
-        formula(lambda servo: pi * servo.bound_s),
+        make_formula_test(lambda servo: pi * servo.bound_s),
     ),
     WrongMethod(
         "too wide",
         "Your brackets hold the limit but are too wide: go on halving until they are no wider than {width} ms.",
-        too_wide,
+        is_too_wide,
     ),
     WrongMethod(
         "model of the file",
         "You measured the model of the file, with the file's gains: measure the model you were given.",
-        model_of_the_file,
+        is_limit_of_file,
     ),
     WrongMethod(
         "mass of the file",
         "You took the gains of the model you were given, but mass and length from the file: measure the model you were "
         "given.",
-        gains_on_the_file,
+        is_limit_of_gains_on_file,
         all_claims=True,
     ),
     WrongMethod(
         "another model",
         "You reported the limits of the first model for every model: measure the model you were given.",
-        another_model,
+        is_limit_of_first_model,
     ),
     WrongMethod(
         "Euler everywhere",
         "Every integrator got Euler's limit: either model.opt.integrator is not set, or the servo's torque is computed "
         "in Python (as for a motor), which is explicit whatever the integrator.",
-        simulated(code=EULER.code),
+        make_simulation_test(code=EULER.code),
         all_claims=True,
     ),
     WrongMethod(
         "PGS",
         "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit.",
-        pgs,
+        uses_pgs,
     ),
     WrongMethod(
         "kv forgotten",
         "Your limits are those of a servo without its damping kv: keep the actuator's third bias parameter, -kv.",
-        simulated(without_kv),
+        make_simulation_test(remove_kv),
     ),
     WrongMethod(
         "damped joint",
         "Your limits are those of a pendulum with the joint's damping in place of the servo's kv: Euler treats a "
         "joint's damping implicitly, an actuator's explicitly.",
-        simulated(damped_joint),
+        make_simulation_test(move_damping_to_joint),
     ),
     WrongMethod(
         "RK4",
         "Every integrator got RK4's limit: set model.opt.integrator to the integrator you are given.",
-        simulated(code=RK4.code),
+        make_simulation_test(code=RK4.code),
         all_claims=True,
     ),
     WrongMethod(
         "implicitfast everywhere",
         "Every integrator got implicitfast's limit: set model.opt.integrator to the integrator you are given.",
-        simulated(code=IMPLICITFAST.code),
+        make_simulation_test(code=IMPLICITFAST.code),
         all_claims=True,
     ),
     WrongMethod(
@@ -353,59 +367,69 @@ METHODS: tuple[WrongMethod, ...] = (
         "Your limits under Euler and under implicitfast are exchanged: the servo's damping lowers Euler's limit and "
         "raises implicitfast's. In a formula turn the sign of kv, which actuator_biasprm[0, 2] holds as -kv; in a "
         "simulation set model.opt.integrator to the integrator you are given.",
-        exchanged,
+        has_exchanged_integrators,
         all_claims=True,
     ),
     WrongMethod(
         "half a second",
         "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s.",
-        simulated(seconds=0.5),
+        make_simulation_test(seconds=0.5),
     ),
     WrongMethod(
         "one second",
         "Your runs are too short: within one second a slow divergence does not show yet. Run for {horizon} s.",
-        simulated(seconds=1.0),
+        make_simulation_test(seconds=1.0),
     ),
     WrongMethod(
         "overshoot",
         "You called an overshoot unstable: the motion first swings out further than it started, but then decays. Count "
         "a run as unstable where MuJoCo raises a warning.",
-        overshoots,
+        is_overshoot_limit,
     ),
 )
 
 
-def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
     """Returns the sentence of the first method that explains every wrong claim, or None."""
-    if same_everywhere(judged):
-        return KEPT if kept_results(judged) else SAME_EVERYWHERE
+    if is_same_for_all_models(judged):
+        return CACHED_RESULTS if has_cached_results(judged) else SAME_EVERYWHERE
     first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
     claims = [
-        (Asked(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
+        (
+            ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]),
+            one.judgement.outcome,
+            one,
+        )
         for one in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
     seen = [one for _, _, one in wrong]
-    if found_earlier(judged, seen):
+    if repeats_earlier_find(judged, seen):
         return FOUND_EARLIER
-    certain = explain(parameters, seen, CERTAIN)
+    certain = explain_searches(parameters, seen, CERTAIN_RULES)
     if certain is not None:
         return certain
     for method in METHODS:
         if method.of_numbers and not any(isinstance(claim, Bracket) for _, claim, _ in wrong):
             continue
-        if wrong and all(method.gives(asked, claim) for asked, claim, _ in (claims if method.all_claims else wrong)):
-            return method.sentence.format(**particulars(parameters, judged))
-    return explain(parameters, seen, FALLBACK) or coarse_though_right(parameters, judged)
+        if wrong and all(
+            method.matches(context, claim) for context, claim, _ in (claims if method.all_claims else wrong)
+        ):
+            return method.sentence.format(**list_particulars(parameters, judged))
+    return explain_searches(parameters, seen, FALLBACK_RULES) or explain_lucky_search(parameters, judged)
 
 
-def coarse_though_right(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> str | None:
+def explain_lucky_search(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
     """Returns the sentence of too coarse a search whose visible answers are right all the same, by luck."""
     visible = [one for one in judged if not one.trial.hidden and not isinstance(one.judgement.outcome, NoLimit)]
-    return explain(parameters, visible, (too_coarse,)) if all(one.judgement.passed for one in visible) else None
+    return (
+        explain_searches(parameters, visible, (explain_coarse_search,))
+        if all(one.judgement.passed for one in visible)
+        else None
+    )
 
 
-def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
+def is_same_for_all_models(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether the claims ignore the model: the same numbers for all models, right for some and wrong for others."""
     by_case: dict[str, dict[str, Claim]] = {}
     for one in judged:
@@ -415,44 +439,44 @@ def same_everywhere(judged: Sequence[Judged[Cell, Claim]]) -> bool:
     return len(answers) > 1 and passed == {True, False} and all(answer == answers[0] for answer in answers)
 
 
-def kept_results(judged: Sequence[Judged[Cell, Claim]]) -> bool:
+def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether the first case was simulated, and no other one."""
     first, *others = dict.fromkeys(one.trial.problem.case for one in judged)
     searches = [(one.trial.problem.case, read_search(one.trace)) for one in judged]
-    if any(search is None or search.others for _, search in searches):
+    if any(search is None or search.other_functions for _, search in searches):
         return False
     stepped = {case for case, search in searches if search and search.total}
     return stepped == {first} and bool(others)
 
 
-def found_earlier(judged: Sequence[Judged[Cell, Claim]], wrong: Sequence[Judged[Cell, Claim]]) -> bool:
+def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so.
 
     In the call itself that timestep, or a larger one, raised no warning.
     """
-    told = [one for one in wrong if not one.trial.hidden]
+    visible = [one for one in wrong if not one.trial.hidden]
     unstable: set[float] = set()
     explained = 0
     for one in judged:
         search, claim = read_search(one.trace), one.judgement.outcome
         if search is None:
             return False
-        if one in told and isinstance(claim, Bracket) and claim.high in unstable:
-            explained += any(run.timestep_s >= claim.high and not run.raised for run in search.runs)
-        unstable |= {run.timestep_s for run in search.runs if run.raised}
-    return bool(told) and explained == len(told)
+        if one in visible and isinstance(claim, Bracket) and claim.high in unstable:
+            explained += any(run.timestep_s >= claim.high and not run.warnings for run in search.runs)
+        unstable |= {run.timestep_s for run in search.runs if run.warnings}
+    return bool(visible) and explained == len(visible)
 
 
-def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, Claim]]) -> dict[str, str]:
+def list_particulars(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> dict[str, str]:
     """Returns what a sentence may say: the exercise's public numbers, and those of its first visible model."""
-    visible = next((servo_of(one.trial.problem) for one in judged if not one.trial.hidden), None)
+    visible = next((read_servo(one.trial.problem) for one in judged if not one.trial.hidden), None)
     shift = (
         f": the servo's own damping lowers Euler's limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms"
         if visible
         else ""
     )
     model = judged[0].trial.problem.scene.model
-    start = ", ".join(f"{joint} at {value:g} {unit_of(model, joint)}" for joint, value in parameters.start.items())
+    start = ", ".join(f"{joint} at {value:g} {find_unit(model, joint)}" for joint, value in parameters.start.items())
     return {
         "shift": shift,
         "start": start,
@@ -462,18 +486,18 @@ def particulars(parameters: ThresholdParameters, judged: Sequence[Judged[Cell, C
     }
 
 
-def unit_of(model: mujoco.MjModel, joint: str) -> str:
+def find_unit(model: mujoco.MjModel, joint: str) -> str:
     """Returns the unit of a joint's coordinate."""
     return "m" if int(model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "rad"
 
 
-def constant_answers(entry: str, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Mapping[str, str]:
+def write_lazy_scripts(entry: str, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]) -> Mapping[str, str]:
     """Returns lazy scripts: for every model they give None, or the right answers of the first visible case."""
     scripts = {"None for every model": f"def {entry}(model, integrator):\n    return None\n"}
     visible = next((trial.problem.case for trial in trials if not trial.hidden), None)
     answers: dict[int, tuple[float, float] | None] = {}
     for cell in (trial.problem for trial in trials if trial.problem.case == visible):
-        span = span_of(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
+        span = find_span(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
         answers[cell.integrator.code] = (
             None if span is None else (span[0] - parameters.width_s / 2, span[0] + parameters.width_s / 2)
         )

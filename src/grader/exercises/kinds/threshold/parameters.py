@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
 
+from grader.domain.numbers import Positive, Range, Real
 from grader.exercises.kind import DrawnCase
 from grader.exercises.parameters import Case, ExerciseParameters, WrongParameter
 from grader.numerics.integrators import BY_NAME, Integrator
@@ -16,21 +18,52 @@ from grader.numerics.scene import Scene
 IntegratorName = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
 
 
+STEPS_MAX = 1_000_000
+"""Most steps of one run: 2 s of computing for the lesson's servo."""
+
+
+def check_search(search_s: Range) -> Range:
+    """Returns the range of timesteps [s] itself. Raises PydanticCustomError for one that cannot be searched."""
+    if not 1e-5 <= search_s.low < search_s.high <= 1:
+        raise PydanticCustomError("search", "must be [shortest, longest], two timesteps from 0.00001 to 1 s")
+    return search_s
+
+
+def check_horizon(horizon_s: float, info: ValidationInfo) -> float:
+    """Returns the horizon [s] itself. Raises PydanticCustomError where a run has no step, or too many."""
+    shortest, longest = info.data.get("search_s", (horizon_s, horizon_s))
+    if not longest <= horizon_s <= STEPS_MAX * shortest:
+        limits = {"least": f"{longest:g}", "most": f"{STEPS_MAX * shortest:g}", "steps": STEPS_MAX}
+        why = "must be from {least} (one step at the longest timestep) to {most} ({steps} steps at the shortest)"
+        raise PydanticCustomError("horizon", why, limits)
+    return horizon_s
+
+
+def check_width(width_s: float, info: ValidationInfo) -> float:
+    """Returns the width [s] itself. Raises PydanticCustomError for one with which every bracket is right."""
+    shortest, longest = info.data.get("search_s", (0, width_s + 1))
+    if width_s >= longest - shortest:
+        span = {"span": f"{longest - shortest:g}"}
+        raise PydanticCustomError("width", "must be less than the range of the search, which is {span} s wide", span)
+    return width_s
+
+
+def check_integrators(names: tuple[IntegratorName, ...]) -> tuple[IntegratorName, ...]:
+    """Returns the names themselves. Raises PydanticCustomError where one is repeated."""
+    if len(set(names)) < len(names):
+        raise PydanticCustomError("integrators", "names an integrator twice: name each once")
+    return names
+
+
 class ThresholdParameters(ExerciseParameters):
     """Search and width in s, horizon in s; `start` names joints of one degree of freedom [rad or m]."""
 
     model: str
-    start: dict[str, float] = Field(min_length=1)
-    horizon_s: float = Field(default=3.0, gt=0, le=60)
-    search_s: tuple[float, float] = (0.001, 0.050)
-    width_s: float = Field(default=0.0005, gt=0)
-    integrators: tuple[IntegratorName, ...] = Field(min_length=1)
-
-    @model_validator(mode="after")
-    def _check_search(self) -> Self:
-        if not 1e-5 <= self.search_s[0] < self.search_s[1] <= 1:
-            raise ValueError("search_s must be [shortest, longest], between 0.00001 and 1 s")
-        return self
+    start: dict[str, Real] = Field(min_length=1)
+    search_s: Annotated[Range, AfterValidator(check_search)] = Range(0.001, 0.050)
+    horizon_s: Annotated[Positive, AfterValidator(check_horizon)] = Field(default=3.0, le=60, validate_default=True)
+    width_s: Annotated[float, AfterValidator(check_width)] = Field(default=0.0005, ge=1e-6, validate_default=True)
+    integrators: Annotated[tuple[IntegratorName, ...], AfterValidator(check_integrators)] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
@@ -49,22 +82,22 @@ class Cell:
     @cached_property
     def scene(self) -> Scene:
         """The scene of the case. Raises WrongParameter, ValueError."""
-        return pose(self.xml, self.start)
+        return pose_scene(self.xml, self.start)
 
     @cached_property
     def scene_as_written(self) -> Scene:
         """The scene of the model as its author wrote it. Raises as `scene`."""
-        return pose(self.xml_as_written, self.start)
+        return pose_scene(self.xml_as_written, self.start)
 
 
 @lru_cache(maxsize=64)
-def pose(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
+def pose_scene(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
     """Returns the scene of a model with the joints of `start` moved. Raises WrongParameter, ValueError."""
     scene = Scene.from_xml(xml)
     qpos = np.array(scene.start.qpos)
     for joint, value in start:
         try:
-            where = scene.qpos_of(joint)
+            where = scene.find_qpos(joint)
         except KeyError as error:
             raise WrongParameter(f"start.{joint}", str(error.args[0])) from error
         if where.stop - where.start != 1:
@@ -73,7 +106,7 @@ def pose(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
     return scene.at(qpos=qpos)
 
 
-def cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
+def build_cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
     """Returns a case's cells, one for each integrator."""
     start = tuple(parameters.start.items())
     made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, start)

@@ -9,31 +9,31 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kind import Judged, Trial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, at_rest, span_of
+from grader.exercises.kind import JudgedTrial, Trial
+from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, find_rest, find_span
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.numerics.linear import EPS, spectral_radius
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
+from grader.numerics.stability.linear import EPS, compute_spectral_radius
 
 POINTS_MAX = 200
 LINE_POINTS = 25
 
 
-def evidence_of(parameters: ThresholdParameters, visible: Sequence[Judged[Cell, Claim]]) -> dict[str, Any]:
+def build_evidence(parameters: ThresholdParameters, visible: Sequence[JudgedTrial[Cell, Claim]]) -> dict[str, Any]:
     """Returns `angles`, `claims`, `limits` and `stability`, each a list with the trial's id as `case`.
 
     `claims` holds what the learner said; `limits` and `stability` are part of the solution.
     """
     return {
-        "angles": [picture for one in visible for picture in angles(parameters, one.trial, one.judgement.outcome)],
-        "claims": [claim_picture(parameters, one.trial, one.judgement.outcome) for one in visible],
-        "limits": [limits(parameters, one.trial) for one in visible],
-        "stability": [stability(parameters, one.trial) for one in visible],
+        "angles": [picture for one in visible for picture in draw_angles(parameters, one.trial, one.judgement.outcome)],
+        "claims": [draw_claim(parameters, one.trial, one.judgement.outcome) for one in visible],
+        "limits": [draw_limits(parameters, one.trial) for one in visible],
+        "stability": [draw_stability(parameters, one.trial) for one in visible],
     }
 
 
-def claim_picture(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> dict[str, Any]:
+def draw_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> dict[str, Any]:
     """Returns the claimed bracket [ms] on the axis of the search [ms]; `claim_ms` is None where there is no bracket."""
     bracket = [claim.low, claim.high] if isinstance(claim, Bracket) else None
     is_drawn = bracket is not None and all(map(isfinite, bracket))
@@ -42,35 +42,35 @@ def claim_picture(parameters: ThresholdParameters, trial: Trial[Cell], claim: Cl
         "integrator": trial.problem.integrator.name,
         "search_ms": [1000 * one for one in parameters.search_s],
         "horizon_s": parameters.horizon_s,
-        "claim_ms": [figures(1000 * one) for one in bracket] if bracket is not None and is_drawn else None,
+        "claim_ms": [round_figures(1000 * one) for one in bracket] if bracket is not None and is_drawn else None,
         "said_none": isinstance(claim, NoLimit),
     }
 
 
-def limits(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
+def draw_limits(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
     """Returns the linear limit and the limit within the horizon [ms], None where nothing of the search is unstable.
 
     `spring_ms` is the limit of the same scene without its damping: 2 over the largest frequency.
     """
     scene, code = trial.problem.scene, trial.problem.integrator.code
-    span = span_of(scene, code, parameters.search_s, parameters.horizon_s)
-    spring = undamped_limit(scene)
+    span = find_span(scene, code, parameters.search_s, parameters.horizon_s)
+    spring = find_undamped_limit(scene)
     return {
         "case": trial.id,
-        "linear_ms": None if span is None else figures(1000 * span[0]),
-        "within_ms": None if span is None else figures(1000 * span[1]),
-        "spring_ms": None if spring is None else figures(1000 * spring),
+        "linear_ms": None if span is None else round_figures(1000 * span[0]),
+        "within_ms": None if span is None else round_figures(1000 * span[1]),
+        "spring_ms": None if spring is None else round_figures(1000 * spring),
     }
 
 
 @lru_cache(maxsize=64)
-def undamped_limit(scene: Scene) -> float | None:
+def find_undamped_limit(scene: Scene) -> float | None:
     """Returns 2 / omega [s], omega the largest frequency of small motions at rest without velocity-dependent forces.
 
     The accelerations are differenced at zero velocity. None without an equilibrium or an oscillation.
     Source: explicit (semi-implicit) Euler on q'' = -omega^2 q is stable up to h = 2 / omega.
     """
-    rest = at_rest(scene)
+    rest = find_rest(scene)
     if rest is None:
         return None
     with rest.borrow() as workspace:
@@ -90,21 +90,21 @@ def undamped_limit(scene: Scene) -> float | None:
     return 2 / sqrt(squared) if isfinite(squared) and squared > (0.01 * pi) ** 2 else None
 
 
-def figures(value: float) -> float:
+def round_figures(value: float) -> float:
     """Returns a number to seven figures."""
     return float(f"{value:.7g}")
 
 
-def angles(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> list[dict[str, Any]]:
+def draw_angles(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim) -> list[dict[str, Any]]:
     """Returns the runs at both ends of a bracket, as far as they lie within the search."""
     shortest, longest = parameters.search_s
     if not isinstance(claim, Bracket):
         return []
     ends = zip(("lower end", "upper end"), (claim.low, claim.high), strict=True)
-    return [angle(parameters, trial, end, h) for end, h in ends if shortest <= h <= 2 * longest]
+    return [draw_angle(parameters, trial, end, h) for end, h in ends if shortest <= h <= 2 * longest]
 
 
-def angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timestep_s: float) -> dict[str, Any]:
+def draw_angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timestep_s: float) -> dict[str, Any]:
     """Simulates at one end, and returns some points of the run."""
     scene, code = trial.problem.scene, trial.problem.integrator.code
     steps = round(parameters.horizon_s / timestep_s)
@@ -114,31 +114,31 @@ def angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, timeste
         "end": end,
         "timestep_ms": 1000 * timestep_s,
         "diverged": rollout.diverged_at_step is not None,
-        "time_s": thinned(rollout.time),
-        "angle": thinned(rollout.qpos[:, 0]),
+        "time_s": thin(rollout.time),
+        "angle": thin(rollout.qpos[:, 0]),
     }
 
 
-def thinned(values: NDArray[np.float64]) -> list[float]:
+def thin(values: NDArray[np.float64]) -> list[float]:
     """Returns at most POINTS_MAX of the values to seven figures; the first and the last are kept."""
     chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS_MAX)).round().astype(int))
-    return [figures(value) for value in values[chosen]]
+    return [round_figures(value) for value in values[chosen]]
 
 
-def stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
+def draw_stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
     """Returns the spectral radius of one step at rest against the timestep; above 1 a small deviation grows."""
     line = np.linspace(*parameters.search_s, LINE_POINTS)
     return {
         "case": trial.id,
-        "timestep_ms": [figures(1000 * h) for h in line],
-        "radius": list(radii(trial.problem.scene, trial.problem.integrator.code, tuple(line.tolist()))),
+        "timestep_ms": [round_figures(1000 * h) for h in line],
+        "radius": list(compute_radii(trial.problem.scene, trial.problem.integrator.code, tuple(line.tolist()))),
     }
 
 
 @lru_cache(maxsize=64)
-def radii(scene: Scene, code: int, timesteps_s: tuple[float, ...]) -> tuple[float, ...]:
+def compute_radii(scene: Scene, code: int, timesteps_s: tuple[float, ...]) -> tuple[float, ...]:
     """Returns the spectral radius at each timestep, to seven figures; none if the scene has no equilibrium."""
-    rest = at_rest(scene)
+    rest = find_rest(scene)
     if rest is None:
         return ()
-    return tuple(figures(spectral_radius(rest, timestep_s=h, integrator=code)) for h in timesteps_s)
+    return tuple(round_figures(compute_spectral_radius(rest, timestep_s=h, integrator=code)) for h in timesteps_s)

@@ -8,53 +8,53 @@ from itertools import pairwise
 
 from mujoco import mjtWarning
 
-from grader.exercises.kind import Judged
+from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit
+from grader.exercises.kinds.threshold.observation import CLOSE, Observation, Rule
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.range_mistakes import (
-    edge_of_search,
-    ends_untried,
-    never_stepped,
-    nothing_simulated,
-    odd_return,
-    places_in_a_list,
-    printed_only,
-    rounded_ends,
-    too_coarse,
-    turned_round,
-    value_and_uncertainty,
+    explain_coarse_search,
+    explain_list_indices,
+    explain_narrow_search,
+    explain_no_simulation,
+    explain_no_step,
+    explain_printed_result,
+    explain_rounded_ends,
+    explain_uncertainty,
+    explain_unreadable_result,
+    explain_untried_ends,
+    explain_upward_search,
 )
-from grader.exercises.kinds.threshold.recorded import read_search
 from grader.exercises.kinds.threshold.run_mistakes import (
-    REPEATED,
-    actuators_off,
-    far_beyond,
-    linearised,
-    never_reset,
-    one_timestep,
-    other_integrator,
-    other_model,
-    other_start,
-    other_target,
-    reset_each_step,
-    rolled_out,
-    start_no_number,
-    too_short,
+    REPEATED_MIN,
+    explain_actuators_off,
+    explain_far_timesteps,
+    explain_linearisation,
+    explain_missing_reset,
+    explain_nan_start,
+    explain_other_integrator,
+    explain_other_model,
+    explain_other_start,
+    explain_other_target,
+    explain_reset_each_step,
+    explain_rollout,
+    explain_short_runs,
+    explain_single_timestep,
 )
-from grader.exercises.kinds.threshold.seen import CLOSE, Rule, Seen
+from grader.exercises.kinds.threshold.search_trace import read_search
 
 UNSTABLE = {int(getattr(mjtWarning, f"mjWARN_{name}")): name for name in ("BADQPOS", "BADQVEL", "BADQACC", "BADCTRL")}
 """The kinds of warning that make a run unstable, by their places in data.warning."""
 
 
-def overlooked(seen: Seen) -> str | None:
-    """A run with a warning counts as stable."""
-    missed = next((run for run in seen.called_stable if any(run.warned >> bit & 1 for bit in UNSTABLE)), None)
+def explain_overlooked_warning(observed: Observation) -> str | None:
+    """Returns the sentence where a run with a warning counts as stable."""
+    missed = next((run for run in observed.stable_runs if any(run.new_warnings >> bit & 1 for bit in UNSTABLE)), None)
     if missed is None:
         return None
-    kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.warned >> bit & 1)
-    at, differs = seen.at(missed.timestep_s), seen.search.differs
-    if seen.search.cleared:
+    kinds = " and ".join(name for bit, name in UNSTABLE.items() if missed.new_warnings >> bit & 1)
+    at, differs = observed.describe_timestep(missed.timestep_s), observed.search.differing_fields
+    if observed.search.was_reset:
         return (
             f"{at} MuJoCo raised {kinds}, and your answer calls that timestep stable. Your script resets the data "
             "after the run, which sets data.warning back to 0: read the numbers of BADQPOS, BADQVEL and BADQACC before."
@@ -71,28 +71,28 @@ def overlooked(seen: Seen) -> str | None:
     )
 
 
-def of_none(rule: Rule) -> Rule:
+def restrict_to_no_limit(rule: Rule) -> Rule:
     """Restricts a rule to the claim that nothing is unstable."""
-    return lambda seen: rule(seen) if isinstance(seen.claim, NoLimit) else None
+    return lambda observed: rule(observed) if isinstance(observed.claim, NoLimit) else None
 
 
-def own_criterion(seen: Seen) -> str | None:
-    """A run without a warning counts as unstable."""
-    calm = next((run for run in seen.called_unstable if not run.raised), None)
+def explain_own_criterion(observed: Observation) -> str | None:
+    """Returns the sentence where a run without a warning counts as unstable."""
+    calm = next((run for run in observed.unstable_runs if not run.warnings), None)
     if calm is None:
         return None
-    horizon_s = seen.parameters.horizon_s
-    early = calm.lasted_s < 0.9 * horizon_s and seen.shown
-    when = f" within {calm.lasted_s:.2g} s, where you ended it" if early else f" within {horizon_s:g} s"
+    horizon_s = observed.parameters.horizon_s
+    early = calm.duration_s < 0.9 * horizon_s and observed.may_tell_numbers
+    when = f" within {calm.duration_s:.2g} s, where you ended it" if early else f" within {horizon_s:g} s"
     return (
-        f"{seen.at(calm.timestep_s)} your run raised no warning{when}, and you call it unstable. Here a run is "
-        "unstable when MuJoCo raises a warning, not when the motion is large or inaccurate."
+        f"{observed.describe_timestep(calm.timestep_s)} your run raised no warning{when}, and you call it unstable. "
+        "Here a run is unstable when MuJoCo raises a warning, not when the motion is large or inaccurate."
     )
 
 
-def counters_stood(seen: Seen) -> str | None:
-    """Warnings of an earlier run are counted again."""
-    if not any(run.stood for run in seen.called_unstable):
+def explain_old_warnings(observed: Observation) -> str | None:
+    """Returns the sentence where warnings of an earlier run are counted again."""
+    if not any(run.old_warnings for run in observed.unstable_runs):
         return None
     return (
         "Warnings of an earlier run still stood in data.warning when a run began, so that it counts as unstable. "
@@ -100,17 +100,17 @@ def counters_stood(seen: Seen) -> str | None:
     )
 
 
-def never_lowered(seen: Seen) -> str | None:
-    """Once a run was unstable, all smaller timesteps count as unstable, down to the shortest."""
-    runs, parameters = seen.search.runs, seen.parameters
-    first = next((index for index, run in enumerate(runs) if run.raised), len(runs))
-    calm = [run for run in runs[first:] if not run.raised]
-    if not isinstance(seen.claim, Bracket) or len(calm) < REPEATED or seen.search.total > len(runs):
+def explain_sticky_flag(observed: Observation) -> str | None:
+    """Returns the sentence where all timesteps after the first unstable one count as unstable."""
+    runs, parameters = observed.search.runs, observed.parameters
+    first = next((index for index, run in enumerate(runs) if run.warnings), len(runs))
+    calm = [run for run in runs[first:] if not run.warnings]
+    if not isinstance(observed.claim, Bracket) or len(calm) < REPEATED_MIN or observed.search.total > len(runs):
         return None
-    if any(run.lasted_s < 0.9 * parameters.horizon_s for run in calm):
+    if any(run.duration_s < 0.9 * parameters.horizon_s for run in calm):
         return None
     falls = all(after.timestep_s < before.timestep_s for before, after in pairwise(runs[first:]))
-    if not falls or seen.claim.high > calm[-1].timestep_s * (1 + CLOSE):
+    if not falls or observed.claim.high > calm[-1].timestep_s * (1 + CLOSE):
         return None
     return (
         "After your first unstable run every later one counts as unstable, although MuJoCo raised no warning in most "
@@ -118,15 +118,15 @@ def never_lowered(seen: Seen) -> str | None:
     )
 
 
-def wrong_way_round(seen: Sequence[Seen]) -> str | None:
-    """Runs with a warning count as stable in some trials, and runs without one as unstable in all others."""
-    nothing = [one for one in seen if isinstance(one.claim, NoLimit)]
-    numbers = [one for one in seen if one not in nothing]
-    if not nothing or not numbers or not all(one.search.runs for one in seen):
+def explain_inverted_test(observed: Sequence[Observation]) -> str | None:
+    """Returns the sentence where runs with a warning count as stable, and in other trials those without as unstable."""
+    nothing = [one for one in observed if isinstance(one.claim, NoLimit)]
+    numbers = [one for one in observed if one not in nothing]
+    if not nothing or not numbers or not all(one.search.runs for one in observed):
         return None
-    if not all(run.raised for one in nothing for run in one.search.runs):
+    if not all(run.warnings for one in nothing for run in one.search.runs):
         return None
-    if any(run.raised for one in numbers for run in one.search.runs) or not all(one.called_unstable for one in numbers):
+    if any(run.warnings for one in numbers for run in one.search.runs) or not all(one.unstable_runs for one in numbers):
         return None
     return (
         "Your test is the wrong way round: a run in which MuJoCo raised a warning counts as stable, and one without a "
@@ -134,62 +134,64 @@ def wrong_way_round(seen: Sequence[Seen]) -> str | None:
     )
 
 
-CERTAIN: tuple[Rule, ...] = (
-    printed_only,
-    never_stepped,
-    odd_return,
-    far_beyond,
-    reset_each_step,
-    actuators_off,
-    one_timestep,
-    never_reset,
-    other_integrator,
-    start_no_number,
-    other_start,
-    other_target,
-    too_short,
-    rounded_ends,
-    of_none(rolled_out),
-    of_none(linearised),
-    of_none(overlooked),
-    of_none(edge_of_search),
+CERTAIN_RULES: tuple[Rule, ...] = (
+    explain_printed_result,
+    explain_no_step,
+    explain_unreadable_result,
+    explain_far_timesteps,
+    explain_reset_each_step,
+    explain_actuators_off,
+    explain_single_timestep,
+    explain_missing_reset,
+    explain_other_integrator,
+    explain_nan_start,
+    explain_other_start,
+    explain_other_target,
+    explain_short_runs,
+    explain_rounded_ends,
+    restrict_to_no_limit(explain_rollout),
+    restrict_to_no_limit(explain_linearisation),
+    restrict_to_no_limit(explain_overlooked_warning),
+    restrict_to_no_limit(explain_narrow_search),
 )
 """What the runs show without doubt; the first that explains every wrong claim is told."""
 
-FALLBACK: tuple[Rule, ...] = (
-    value_and_uncertainty,
-    places_in_a_list,
-    turned_round,
-    edge_of_search,
-    too_coarse,
-    overlooked,
-    counters_stood,
-    other_model,
-    never_lowered,
-    own_criterion,
-    nothing_simulated,
-    ends_untried,
+FALLBACK_RULES: tuple[Rule, ...] = (
+    explain_uncertainty,
+    explain_list_indices,
+    explain_upward_search,
+    explain_narrow_search,
+    explain_coarse_search,
+    explain_overlooked_warning,
+    explain_old_warnings,
+    explain_other_model,
+    explain_sticky_flag,
+    explain_own_criterion,
+    explain_no_simulation,
+    explain_untried_ends,
 )
 """What is told where no wrong method is recognised by its claims."""
 
 
-def explain(parameters: ThresholdParameters, wrong: Sequence[Judged[Cell, Claim]], rules: Sequence[Rule]) -> str | None:
+def explain_searches(
+    parameters: ThresholdParameters, wrong: Sequence[JudgedTrial[Cell, Claim]], rules: Sequence[Rule]
+) -> str | None:
     """Returns the sentence of the first rule that explains every wrong claim of the visible trials.
 
     If all visible claims are right, it must explain those of the hidden trials, of whose runs only the first are known.
     """
     told = [one for one in wrong if not one.trial.hidden] or wrong
-    seen = [
-        Seen(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)
+    observed = [
+        Observation(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)
         for one in told
         if (search := read_search(one.trace)) is not None
     ]
-    if not seen or len(seen) < len(told):
+    if not observed or len(observed) < len(told):
         return None
-    if (turned := wrong_way_round(seen)) is not None:
+    if (turned := explain_inverted_test(observed)) is not None:
         return turned
     for rule in rules:
-        sentences = [rule(one) for one in seen]
+        sentences = [rule(one) for one in observed]
         if all(sentences):
             return sentences[0]
     return None

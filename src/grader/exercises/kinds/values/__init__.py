@@ -1,26 +1,29 @@
-"""The `values` kind: compares the results of functions with an author's program, or puts them into a residual."""
+"""The `values` kind judges the results of functions.
+
+It compares them with those of an author's program, or puts them into a residual, and names the mistake that gives them.
+"""
 
 from collections.abc import Mapping, Sequence
 from inspect import getsource
 from typing import Any
 
-from grader.domain.quiz import CodeQuestion
-from grader.exercises.kind import DrawnCase, Intervals, Judged, Judgement, Kind, Results, Trial
+from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.values import driver
-from grader.exercises.kinds.values.judge import Outcome, expected_of, judge_calls, tolerance
+from grader.exercises.kinds.values.judge import Comparisons, compute_expected, compute_tolerance, judge_calls
 from grader.exercises.kinds.values.mistakes import name_the_mistake
 from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
-from grader.exercises.kinds.values.pictures import evidence_of
+from grader.exercises.kinds.values.pictures import build_evidence
+from grader.questions.kinds.script import ScriptQuestion
 
 
-class Values(Kind[ValuesParameters, Problem, Outcome]):
+class Values(Kind[ValuesParameters, Problem, Comparisons]):
     """Judges the results of functions: one trial for each case, in which every call must be right."""
 
     parameters = ValuesParameters
     driver = getsource(driver)
     needs_model = False
 
-    def trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
+    def build_trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""
         problem = pose_case(parameters, drawn)
         return [Trial(drawn.case.id, problem.inputs(), problem, entries=(problem.name,))]
@@ -30,42 +33,48 @@ class Values(Kind[ValuesParameters, Problem, Outcome]):
         problem = trial.problem
         for call in problem.calls:
             try:
-                expected = expected_of(problem, call)
+                expected = compute_expected(problem, call)
             except Exception as error:  # an author's program may raise anything
                 raise ValueError(f"the author's program fails: {type(error).__name__}: {error}") from error
             if expected is None:
                 return
 
-    def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
+    def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Comparisons]:
         """Compares every call with the author's program, or computes its residual."""
         return judge_calls(trial.problem, results)
 
-    def mistake(self, parameters: ValuesParameters, judged: Sequence[Judged[Problem, Outcome]]) -> str | None:
+    def name_mistake(
+        self, parameters: ValuesParameters, judged: Sequence[JudgedTrial[Problem, Comparisons]]
+    ) -> str | None:
         """Returns the sentence of the first mistake that explains the wrong results."""
         return name_the_mistake(parameters, judged)
 
-    def pictures(self, parameters: ValuesParameters, visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
+    def build_pictures(
+        self, parameters: ValuesParameters, visible: Sequence[JudgedTrial[Problem, Comparisons]]
+    ) -> dict[str, Any]:
         """Returns a table of computed and expected results."""
-        return evidence_of(visible)
+        return build_evidence(visible)
 
-    def lazy_answers(
-        self, question: CodeQuestion, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]
+    def write_lazy_answers(
+        self, question: ScriptQuestion, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]
     ) -> Mapping[str, str]:
         """Returns a script whose functions return 0."""
         names = dict.fromkeys(trial.problem.name for trial in trials)
         return {"0 for every call": "".join(f"def {name}(*arguments):\n    return 0.0\n\n" for name in names)}
 
-    def accepted(self, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
+    def list_accepted(
+        self, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]
+    ) -> Sequence[Intervals] | None:
         """Returns the intervals of each call's results; calls are independent unless they share a drawn model."""
         (trial,) = trials
         parts: list[list[tuple[float, float]]] = []
         for call in trial.problem.calls:
-            expected = expected_of(trial.problem, call)
+            expected = compute_expected(trial.problem, call)
             if expected is None:
                 return None
             part = []
             for result, right in zip(trial.problem.function.results, expected, strict=True):
-                around = tolerance(result, right)
+                around = compute_tolerance(result, right)
                 part += [(value - around, value + around) for value in right.ravel().tolist()]
             parts.append(part)
         return parts if trial.problem.independent else [[interval for part in parts for interval in part]]

@@ -38,11 +38,11 @@ class Listener(io.TextIOBase):
 
     def __init__(self, stream: Any) -> None:
         self.stream = stream
-        self.heard = False
+        self.has_text = False
 
     def write(self, text: str) -> int:
         """Returns the number of characters."""
-        self.heard = self.heard or bool(text.strip())
+        self.has_text = self.has_text or bool(text.strip())
         self.stream.write(text)
         return len(text)
 
@@ -56,7 +56,7 @@ def trial(functions: Sequence[Function], inputs: Mapping[str, Any], submit: Call
     (entry,) = functions
     used, changed = dict[str, None](), dict[str, None]()
     try:
-        make_calls(watching(entry, changed), used, inputs, submit)
+        make_calls(note_changes(entry, changed), used, inputs, submit)
     finally:
         note("used", {"functions": [*used][:NAMES_MAX], "changed": [*changed][:NAMES_MAX]})
 
@@ -68,17 +68,17 @@ def make_calls(
     for index, call in enumerate(inputs["calls"]):
         listener = Listener(sys.stdout)
         with contextlib.redirect_stdout(listener):
-            watched = function if index else using(function, used)
-            found = results_of(watched, compiled(inputs["model"]), call, inputs["results"])
-        if isinstance(found, str):
-            submit(f"other{index}", np.frombuffer(found.encode(errors="replace"), dtype=np.uint8))
-            submit(f"printed{index}", np.array([listener.heard], dtype=np.uint8))
+            watched = function if index else note_functions(function, used)
+            values = call_function(watched, compile_model(inputs["model"]), call, inputs["results"])
+        if isinstance(values, str):
+            submit(f"other{index}", np.frombuffer(values.encode(errors="replace"), dtype=np.uint8))
+            submit(f"printed{index}", np.array([listener.has_text], dtype=np.uint8))
             continue
-        for position, values in enumerate(found):
-            submit(f"r{index}_{position}", values)
+        for position, array in enumerate(values):
+            submit(f"r{index}_{position}", array)
 
 
-def using(function: Function, used: dict[str, None]) -> Function:
+def note_functions(function: Function, used: dict[str, None]) -> Function:
     """Returns a function that notes in `used` which functions of MuJoCo it calls."""
     left = [EVENTS_MAX]
 
@@ -99,22 +99,22 @@ def using(function: Function, used: dict[str, None]) -> Function:
     return call
 
 
-def watching(function: Function, changed: dict[str, None]) -> Function:
+def note_changes(function: Function, changed: dict[str, None]) -> Function:
     """Returns a function that notes in `changed` which of its arguments differ afterwards, and in which part."""
 
     def call(*arguments: object) -> object:
-        before = [parts_of(index, argument) for index, argument in enumerate(arguments)]
+        before = [read_parts(index, argument) for index, argument in enumerate(arguments)]
         try:
             return function(*arguments)
         finally:
             for index, (argument, old) in enumerate(zip(arguments, before, strict=True)):
-                new = parts_of(index, argument)
+                new = read_parts(index, argument)
                 changed.update((name, None) for name, value in old.items() if new.get(name) != value)
 
     return call
 
 
-def parts_of(index: int, argument: object) -> dict[str, bytes]:
+def read_parts(index: int, argument: object) -> dict[str, bytes]:
     """Returns the bytes of what a function may change in an argument, by name."""
     if isinstance(argument, np.ndarray):
         return {f"argument {index + 1}": argument.tobytes()}
@@ -127,12 +127,12 @@ def parts_of(index: int, argument: object) -> dict[str, bytes]:
     return {}
 
 
-def compiled(xml: str) -> mujoco.MjModel | None:
+def compile_model(xml: str) -> mujoco.MjModel | None:
     """Returns the model of a case; None where `xml` is empty."""
     return mujoco.MjModel.from_xml_string(xml) if xml else None
 
 
-def results_of(
+def call_function(
     function: Function,
     model: mujoco.MjModel | None,
     call: Mapping[str, Any],
@@ -144,26 +144,26 @@ def results_of(
     `call` has `arguments` (numbers, nested lists, "model", "data") and `start`, the state in which `data` is given.
     Each of `results` has a `name`, and a `field` if it is left in `data`. The function is called `times` over.
     """
-    data = None if model is None else started(model, call["start"])
-    given = {"model": model, "data": data}
+    data = None if model is None else start_data(model, call["start"])
+    objects = {"model": model, "data": data}
     returned: object = None
     for _ in range(times):
         arguments = [
-            given[one] if isinstance(one, str) else np.array(one, dtype=np.float64) if isinstance(one, list) else one
+            objects[one] if isinstance(one, str) else np.array(one, dtype=np.float64) if isinstance(one, list) else one
             for one in call["arguments"]
         ]
         returned = function(*arguments)
     returned_names = [str(one["name"]) for one in results if one["field"] is None]
-    parts = separated(returned, returned_names)
+    parts = separate(returned, returned_names)
     if parts is None:
         return repr(returned)[:TEXT_CHARS_MAX]
     values = iter(parts)
-    found = [numbers(next(values) if one["field"] is None else getattr(data, one["field"])) for one in results]
+    found = [to_numbers(next(values) if one["field"] is None else getattr(data, one["field"])) for one in results]
     whole = [one for one in found if one is not None]
     return whole if len(whole) == len(found) else repr(returned)[:TEXT_CHARS_MAX]
 
 
-def started(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
+def start_data(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
     """Returns a new data in the state of a call; derived quantities are not computed."""
     data = mujoco.MjData(model)
     if start["key"] is not None:
@@ -174,7 +174,7 @@ def started(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
     return data
 
 
-def separated(returned: object, names: Sequence[str]) -> list[Any] | None:
+def separate(returned: object, names: Sequence[str]) -> list[Any] | None:
     """Returns one value for each name: of a dict by name, else in order; None if there are more or fewer."""
     if not names:
         return []
@@ -188,17 +188,17 @@ def separated(returned: object, names: Sequence[str]) -> list[Any] | None:
     return list(returned) if is_row and len(returned) == len(names) else None  # type: ignore[arg-type, call-overload]
 
 
-def numbers(value: object) -> Rows | None:
+def to_numbers(value: object) -> Rows | None:
     """Returns finite real numbers as an array; None for anything else, such as texts and truth values."""
     try:
-        found = np.asarray(value)
+        array = np.asarray(value)
     except (ValueError, TypeError):
         return None
-    if found.dtype.kind not in "iuf" or not all_finite(found):
+    if array.dtype.kind not in "iuf" or not are_all_finite(array):
         return None
-    return np.array(found, dtype=np.float64)
+    return np.array(array, dtype=np.float64)
 
 
-def all_finite(values: Any) -> bool:
+def are_all_finite(values: Any) -> bool:
     """Whether every number is finite."""
     return bool(np.all(np.isfinite(values)))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.kind import Judgement, Results
-from grader.exercises.kinds.values.driver import Rows, numbers
+from grader.exercises.kinds.values.driver import Rows, to_numbers
 from grader.exercises.kinds.values.parameters import Call, Problem, Result
 
 ELEMENTS_SHOWN = 12
@@ -32,13 +32,13 @@ class Comparison:
     detail: str = ""
 
 
-Outcome = tuple[Comparison, ...]
+Comparisons = tuple[Comparison, ...]
 
 
 def read_answer(problem: Problem, results: Results, index: int) -> Answer:
     """Returns the answer of one call; arrays that the driver never sends count as no result."""
-    found = [results.get(f"r{index}_{position}") for position in range(len(problem.function.results))]
-    values = [None if value is None or value.dtype != np.float64 else numbers(value) for value in found]
+    arrays = [results.get(f"r{index}_{position}") for position in range(len(problem.function.results))]
+    values = [None if value is None or value.dtype != np.float64 else to_numbers(value) for value in arrays]
     if not any(value is None for value in values):
         return Answer(tuple(value for value in values if value is not None))
     text = results.get(f"other{index}", np.empty(0, np.uint8))
@@ -46,33 +46,33 @@ def read_answer(problem: Problem, results: Results, index: int) -> Answer:
     return Answer(None, text.tobytes()[:200].decode(errors="replace"), bool(np.any(printed == 1)))
 
 
-def tolerance(result: Result, expected: Rows) -> float:
+def compute_tolerance(result: Result, expected: Rows) -> float:
     """Returns the largest allowed difference, in the result's unit."""
     return result.atol + result.rtol * float(np.max(np.abs(expected), initial=0.0))
 
 
 def fits(result: Result, got: Rows, expected: Rows) -> bool:
     """Whether shape and numbers agree."""
-    return got.shape == expected.shape and largest(got - expected) <= tolerance(result, expected)
+    return got.shape == expected.shape and find_largest(got - expected) <= compute_tolerance(result, expected)
 
 
-def largest(values: Rows) -> float:
+def find_largest(values: Rows) -> float:
     """Returns the largest size of any element."""
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def expected_of(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
+def compute_expected(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
     """Returns the author's results; None where a residual decides. Raises ValueError if the program has none."""
     if problem.function.residual is not None:
         return None
-    answer = problem.answer(call)
+    answer = problem.compute_results(call)
     if isinstance(answer, str):
         names = ", ".join(result.name for result in problem.function.results)
         raise ValueError(f"{problem.name} of the author's program must give {names} as finite numbers, not {answer}")
     return tuple(answer)
 
 
-def judge_calls(problem: Problem, results: Results) -> Judgement[Outcome]:
+def judge_calls(problem: Problem, results: Results) -> Judgement[Comparisons]:
     """Judges every call of a trial; all must be right."""
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
         outcome = tuple(
@@ -83,34 +83,34 @@ def judge_calls(problem: Problem, results: Results) -> Judgement[Outcome]:
     names = [result.name for result in problem.function.results]
     return Judgement(
         passed=wrong is None,
-        message=wrong[1].why if wrong else agreement(problem),
+        message=wrong[1].why if wrong else describe_agreement(problem),
         outcome=outcome,
         detail=f"In call {wrong[0] + 1}: {wrong[1].detail}" if wrong and wrong[1].detail else "",
-        measured=shown.answer.text if shown.answer.values is None else listed(names, shown.answer.values),
-        expected=None if shown.expected is None else listed(names, shown.expected),
+        measured=shown.answer.text if shown.answer.values is None else list_results(names, shown.answer.values),
+        expected=None if shown.expected is None else list_results(names, shown.expected),
     )
 
 
-def agreement(problem: Problem) -> str:
+def describe_agreement(problem: Problem) -> str:
     """Returns the sentence of a trial that passed."""
     residual = problem.function.residual
     if residual is not None:
-        return f"Every residual is at most {residual.atol:g}{unit(residual.unit)}."
+        return f"Every residual is at most {residual.atol:g}{prefix_unit(residual.unit)}."
     return "Every result agrees with the reference within its tolerance."
 
 
-def listed(names: list[str], values: tuple[Rows, ...]) -> dict[str, Any]:
+def list_results(names: list[str], values: tuple[Rows, ...]) -> dict[str, Any]:
     """Returns results by name as plain JSON, long ones cut off."""
-    return {name: shortened(value) for name, value in zip(names, values, strict=True)}
+    return {name: shorten(value) for name, value in zip(names, values, strict=True)}
 
 
-def shortened(values: Rows) -> Any:
+def shorten(values: Rows) -> Any:
     """Returns a number, or a list of at most ELEMENTS_SHOWN of them, to seven figures."""
     figures = [float(f"{value:.7g}") for value in values.ravel()[:ELEMENTS_SHOWN].tolist()]
     return figures[0] if values.ndim == 0 else figures
 
 
-def unit(text: str) -> str:
+def prefix_unit(text: str) -> str:
     """Returns a unit with the space that separates it from a number; empty for no unit."""
     return f" {text}" if text else ""
 
@@ -118,33 +118,33 @@ def unit(text: str) -> str:
 def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
     """Compares the answer of one call with the author's program."""
     if answer.values is None:
-        what = " and ".join(filter(None, (returned_names(problem), field_names(problem))))
-        expected = expected_of(problem, call)
+        what = " and ".join(filter(None, (describe_returned(problem), describe_fields(problem))))
+        expected = compute_expected(problem, call)
         return Comparison(
             call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
     if problem.function.residual is not None:
         return compare_residual(problem, call, answer, answer.values)
-    expected = expected_of(problem, call)
+    expected = compute_expected(problem, call)
     assert expected is not None
     for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
         if got.shape != right.shape:
             detail = f"{result.name} has the shape {got.shape}, not {right.shape}."
             return Comparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
         if not fits(result, got, right):
-            off = f"{result.name} is off by {largest(got - right):.3g}{unit(result.unit)}"
-            detail = f"{off}; {tolerance(result, right):.2g}{unit(result.unit)} is allowed."
+            off = f"{result.name} is off by {find_largest(got - right):.3g}{prefix_unit(result.unit)}"
+            detail = f"{off}; {compute_tolerance(result, right):.2g}{prefix_unit(result.unit)} is allowed."
             return Comparison(call, answer, expected, f"{result.name} is wrong.", detail)
     return Comparison(call, answer, expected, "")
 
 
-def returned_names(problem: Problem) -> str:
+def describe_returned(problem: Problem) -> str:
     """Returns the results that the function must return, in words."""
     names = [result.name for result in problem.function.results if result.field is None]
     return f"return {', '.join(names)}" if names else ""
 
 
-def field_names(problem: Problem) -> str:
+def describe_fields(problem: Problem) -> str:
     """Returns the fields of data in which the function must leave results, in words."""
     names = [f"data.{result.field}" for result in problem.function.results if result.field is not None]
     return f"leave {', '.join(names)}" if names else ""
@@ -155,21 +155,21 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     residual = problem.function.residual
     assert residual is not None
     try:
-        size = residual_of(problem, call, values)
+        size = compute_residual(problem, call, values)
     except Exception:  # the author's own function, over results of any shape
         return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
         return Comparison(call, answer, None, "")
-    detail = f"it is {size:.3g}{unit(residual.unit)}; {residual.atol:g}{unit(residual.unit)} is allowed."
+    detail = f"it is {size:.3g}{prefix_unit(residual.unit)}; {residual.atol:g}{prefix_unit(residual.unit)} is allowed."
     why = f"Your results do not satisfy the exercise's own equation: {residual.function} should be 0 for them."
     return Comparison(call, answer, None, why, detail)
 
 
-def residual_of(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:
+def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:
     """Returns the largest element of the residual. Raises ValueError if it is not finite, and what the author does."""
     residual = problem.function.residual
     assert residual is not None
-    rest = problem.remainder(call, values)
+    rest = problem.compute_remainder(call, values)
     if rest is None:
         raise ValueError(f"{residual.function} must return finite numbers")
-    return largest(rest)
+    return find_largest(rest)

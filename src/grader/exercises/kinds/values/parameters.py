@@ -3,19 +3,26 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
 from types import MappingProxyType
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import mujoco
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from grader.domain.numbers import NotNegative, Positive, Value, WholeRange, WholeValue
 from grader.errors import GraderError
 from grader.exercises.kind import DrawnCase, TextOf
-from grader.exercises.kinds.values.driver import Rows, compiled, results_of, started
-from grader.exercises.parameters import Case, ExerciseParameters, Strict, Value, WrongParameter
+from grader.exercises.kinds.values.driver import Rows, call_function, compile_model, start_data
+from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+
+ELEMENTS_MAX = 10_000
+"""Most numbers of an array, or of a part of the state."""
+
+Values = Annotated[tuple[Value, ...], Field(max_length=ELEMENTS_MAX)]
 
 
 class Result(Strict):
@@ -27,8 +34,8 @@ class Result(Strict):
     name: str = Field(min_length=1)
     field: Literal["qpos", "qvel", "act", "ctrl", "qacc", "qfrc_applied", "time"] | None = None
     unit: str = ""
-    atol: float = Field(default=0.0, ge=0)
-    rtol: float = Field(default=1e-9, ge=0, lt=1)
+    atol: NotNegative = 0.0
+    rtol: NotNegative = Field(default=1e-9, lt=1)
 
     @model_validator(mode="after")
     def _check_tolerance(self) -> Self:
@@ -41,7 +48,7 @@ class Residual(Strict):
     """A function of the author's program that gets a call's arguments, then its results, and must return about 0."""
 
     function: str = Name
-    atol: float = Field(gt=0)
+    atol: Positive
     unit: str = ""
 
 
@@ -59,12 +66,12 @@ class Function(Strict):
 class Array(Strict):
     """An array argument: numbers and ranges in reading order, and its shape if it has more than one dimension."""
 
-    array: tuple[Value, ...] = Field(min_length=1)
-    shape: tuple[int, ...] | None = None
+    array: Values = Field(min_length=1)
+    shape: tuple[Annotated[int, Field(ge=1, le=ELEMENTS_MAX)], ...] | None = Field(default=None, max_length=8)
 
     @model_validator(mode="after")
     def _check_shape(self) -> Self:
-        if self.shape is not None and np.prod(self.shape) != len(self.array):
+        if self.shape is not None and prod(self.shape) != len(self.array):
             raise ValueError(f"shape {list(self.shape)} does not hold {len(self.array)} numbers")
         return self
 
@@ -72,27 +79,40 @@ class Array(Strict):
 class Integer(Strict):
     """A whole number, or the first and the last of a range."""
 
-    integer: int | tuple[int, int]
+    integer: WholeValue
 
 
-Argument = Literal["model", "data"] | Value | Array | Integer
+def choose_argument(argument: Any) -> str:
+    """Returns how an argument is written: "name", "number" (or a range), "array" or "integer"."""
+    if isinstance(argument, str | Array | Integer):
+        return {str: "name", Array: "array", Integer: "integer"}[type(argument)]
+    return ("integer" if "integer" in argument else "array") if isinstance(argument, Mapping) else "number"
+
+
+Argument = Annotated[
+    Annotated[Literal["model", "data"], Tag("name")]
+    | Annotated[Value, Tag("number")]
+    | Annotated[Array, Tag("array")]
+    | Annotated[Integer, Tag("integer")],
+    Discriminator(choose_argument),
+]
 
 
 class Start(Strict):
     """The state in which `data` is given: a keyframe, and parts that replace its own."""
 
     key: str | None = None
-    qpos: tuple[Value, ...] | None = None
-    qvel: tuple[Value, ...] | None = None
-    act: tuple[Value, ...] | None = None
-    ctrl: tuple[Value, ...] | None = None
+    qpos: Values | None = None
+    qvel: Values | None = None
+    act: Values | None = None
+    ctrl: Values | None = None
 
 
 class ValuesCase(Case):
     """Some `calls` of one `function` (by default the first), each with arguments and a start drawn anew."""
 
     function: str | None = None
-    arguments: tuple[Argument, ...] = ()
+    arguments: tuple[Argument, ...] = Field(default=(), max_length=20)
     start: Start = Start()
     calls: int = Field(default=1, ge=1, le=20)
 
@@ -108,9 +128,9 @@ class ValuesParameters(ExerciseParameters):
     """`program` is the path of the author's program in the content folder."""
 
     program: str = Field(min_length=1)
-    functions: tuple[Function, ...] = Field(min_length=1)
-    cases: tuple[ValuesCase, ...] = Field(min_length=1)
-    mistakes: tuple[WrongProgram, ...] = ()
+    functions: tuple[Function, ...] = Field(min_length=1, max_length=20)
+    cases: tuple[ValuesCase, ...] = Field(min_length=1, max_length=CASES_MAX)
+    mistakes: tuple[WrongProgram, ...] = Field(default=(), max_length=50)
 
 
 Program = Mapping[str, Any]
@@ -150,7 +170,7 @@ class Problem:
         """Returns the inputs of the driver."""
         return {"model": self.xml, "results": self.results, "calls": [call.inputs() for call in self.calls]}
 
-    def answer(
+    def compute_results(
         self,
         call: Call,
         program: Program | None = None,
@@ -158,13 +178,13 @@ class Problem:
         times: int = 1,
     ) -> list[Rows] | str:
         """Returns the results of the program's function; `change` changes the model first."""
-        model = compiled(self.xml)
+        model = compile_model(self.xml)
         if model is not None and change is not None:
             change(model)
         function = (self.program if program is None else program)[self.name]
-        return results_of(function, model, call.inputs(), self.results, times)
+        return call_function(function, model, call.inputs(), self.results, times)
 
-    def remainder(self, call: Call, values: tuple[Rows, ...]) -> Rows | None:
+    def compute_remainder(self, call: Call, values: tuple[Rows, ...]) -> Rows | None:
         """Returns the residual of the student's results; None if it is not finite. Raises what the residual raises."""
         assert self.function.residual is not None
         residual = self.program[self.function.residual.function]
@@ -173,12 +193,12 @@ class Problem:
         def remaining(*arguments: object) -> object:
             return residual(*arguments, *given)
 
-        found = results_of(remaining, compiled(self.xml), call.inputs(), [{"name": "residual", "field": None}])
+        found = call_function(remaining, compile_model(self.xml), call.inputs(), [{"name": "residual", "field": None}])
         return None if isinstance(found, str) else found[0]
 
 
 @lru_cache(maxsize=64)
-def loaded(path: str, text: str) -> Program:
+def run_program(path: str, text: str) -> Program:
     """Runs an author's program in a namespace of its own. Raises ValueError if that fails."""
     names: dict[str, Any] = {"__name__": "program", "__file__": path}
     try:
@@ -189,10 +209,10 @@ def loaded(path: str, text: str) -> Program:
     return MappingProxyType(names)
 
 
-def program_of(path: str, text_of: TextOf, key: str, *functions: str) -> Program:
+def load_program(path: str, text_of: TextOf, key: str, *functions: str) -> Program:
     """Returns a program of the content folder that defines `functions`. Raises WrongParameter."""
     try:
-        program = loaded(path, text_of(path))
+        program = run_program(path, text_of(path))
     except (GraderError, ValueError) as error:
         raise WrongParameter(key, str(error)) from error
     for name in functions:
@@ -216,16 +236,16 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Pro
         known[name],
         drawn.xml,
         tuple(draw_call(case, drawn.rng) for _ in range(case.calls)),
-        program_of(parameters.program, drawn.content.text_of, "program", wanted),
+        load_program(parameters.program, drawn.content.text_of, "program", wanted),
         tuple(
-            (program_of(one.program, drawn.content.text_of, f"mistakes.{index}.program"), one.sentence)
+            (load_program(one.program, drawn.content.text_of, f"mistakes.{index}.program"), one.sentence)
             for index, one in enumerate(parameters.mistakes)
         ),
         independent=not any(isinstance(value, tuple) for value in case.set.values()),
     )
-    model = compiled(problem.xml)
+    model = compile_model(problem.xml)
     if model is not None:
-        started(model, problem.calls[0].start)
+        start_data(model, problem.calls[0].start)
     return problem
 
 
@@ -238,7 +258,7 @@ def draw_call(case: ValuesCase, rng: np.random.Generator) -> Call:
     """Draws the arguments and the start of one call."""
     arguments = tuple(draw_argument(argument, rng) for argument in case.arguments)
     state = {
-        name: None if values is None else [number(value, rng) for value in values]
+        name: None if values is None else [draw_number(value, rng) for value in values]
         for name, values in case.start
         if name != "key"
     }
@@ -251,12 +271,12 @@ def draw_argument(argument: Argument, rng: np.random.Generator) -> Any:
         return argument
     if isinstance(argument, Integer):
         ends = argument.integer
-        return int(rng.integers(ends[0], ends[1], endpoint=True)) if isinstance(ends, tuple) else ends
+        return int(rng.integers(ends[0], ends[1], endpoint=True)) if isinstance(ends, WholeRange) else ends
     if isinstance(argument, Array):
-        return np.reshape([number(value, rng) for value in argument.array], argument.shape or -1).tolist()
-    return number(argument, rng)
+        return np.reshape([draw_number(value, rng) for value in argument.array], argument.shape or -1).tolist()
+    return draw_number(argument, rng)
 
 
-def number(value: Value, rng: np.random.Generator) -> float:
+def draw_number(value: Value, rng: np.random.Generator) -> float:
     """Returns a number unchanged, or draws one from its range: in full precision, so that no value is likely."""
     return float(rng.uniform(*value)) if isinstance(value, tuple) else value

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from grader.exercises.kind import Judged
-from grader.exercises.kinds.values.judge import Outcome, shortened
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.values.judge import Comparisons, shorten
 from grader.exercises.kinds.values.parameters import Problem
 
 ROWS_MAX = 40
 
 
-def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
+def build_evidence(visible: Sequence[JudgedTrial[Problem, Comparisons]]) -> dict[str, Any]:
     """Returns `values`: one row for each result of a call that gave results; `expected` is None for a residual."""
     rows = [
         {
@@ -19,8 +19,8 @@ def evidence_of(visible: Sequence[Judged[Problem, Outcome]]) -> dict[str, Any]:
             "arguments": list(compared.call.arguments),
             "result": result.name,
             "unit": result.unit,
-            "computed": shortened(compared.answer.values[position]),
-            "expected": None if compared.expected is None else shortened(compared.expected[position]),
+            "computed": shorten(compared.answer.values[position]),
+            "expected": None if compared.expected is None else shorten(compared.expected[position]),
         }
         for one in visible
         for index, compared in enumerate(one.judgement.outcome)

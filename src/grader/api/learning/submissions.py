@@ -1,0 +1,324 @@
+"""`/submissions` and `/answers:validate`."""
+
+import json
+import zlib
+from collections.abc import Callable, Coroutine, Sequence
+from datetime import datetime
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Header, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import to_json
+from sqlalchemy.orm import Session
+from starlette.exceptions import HTTPException
+
+from grader.api.paging import Page, PageParams, page_of
+from grader.courses.answering.access import LearnerAccess, read_access, redact_verdict, require_opened
+from grader.courses.answering.intake import NewAnswer, Receipt
+from grader.courses.answering.stopping import stop
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity, Role
+from grader.courses.reviewing.blinding import Blinded, blinded
+from grader.courses.rules.policy import Shown
+from grader.domain.verdict import Status, Verdict
+from grader.errors import CallerError, InvalidAnswer, NotFound
+from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
+from grader.gate.callers import Learner
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices, Services, services_in
+from grader.store import submissions
+from grader.store.submissions import SubmissionFilter
+from grader.store.tables import Submission
+
+router = APIRouter()
+
+
+SHORT_CHARACTERS = 1000
+"""Answers up to here are read and graded in the event loop."""
+
+
+class AnswerBody(BaseModel):
+    """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
+    parts a list of indices or ids, or an object with a text, a number or an id for each.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    quiz: str = Field(max_length=64)
+    question: str = Field(max_length=64)
+    answer: Any
+
+
+IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=255)]
+"""The same key makes the same submission."""
+
+
+class SubmissionView(BaseModel):
+    """A submission. `withheld` says when the feedback comes, where it may not be seen yet.
+
+    Lists leave out `answer`; only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is
+    a pseudonym for instructors while the answer waits for a reviewer, and `learner` is None.
+    """
+
+    id: str
+    quiz: str
+    question: str
+    learner: str | None
+    user: str
+    status: Literal["queued", "running", "graded", "needs_review"]
+    attempt: int
+    created_at: datetime
+    revision: int
+    verdict: Verdict | None
+    withheld: str | None = None
+    answer: Any = None
+    seed: int | None = None
+
+
+class Interpretation(BaseModel):
+    """What was understood of an answer, or the reason why it cannot be read."""
+
+    valid: bool
+    read_as: str | None
+    message: str | None
+
+
+class AnswerRoute(APIRoute):
+    """A route that takes an answer of a caller in one of `roles`.
+
+    Admission has only recalled the credential, and storing an answer checks it. A refused request stores nothing, so
+    its credential is checked here: 401 comes before 403, and both before any error of the body.
+    """
+
+    roles: tuple[Role, ...] = (Role.STUDENT, Role.INSTRUCTOR)
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler of FastAPI, with the checks."""
+        handle = super().get_route_handler()
+
+        async def handle_or_authenticate(request: Request) -> Response:
+            try:
+                identity_in(request.scope).require(*self.roles)
+                return await handle(request)
+            except (CallerError, HTTPException, RequestValidationError):
+                await authenticate_again(request.scope, services_in(request.app).database)
+                raise
+
+        return handle_or_authenticate
+
+
+SECURITY: dict[str, Any] = {"security": [{"HTTPBearer": []}]}
+"""Documents the token in OpenAPI, as `bearer` does: FastAPI would run a dependency with every request."""
+
+answers = APIRouter(prefix=PREFIX, route_class=AnswerRoute)
+
+
+@answers.post(
+    "/submissions",
+    status_code=201,
+    response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 409, 413, 422, 429, more={202: {"model": SubmissionView}}),
+    openapi_extra=SECURITY,
+)
+async def create_submission(request: Request, body: AnswerBody, idempotency_key: IdempotencyKey = None) -> Response:
+    """Hands in an answer: 201 with the verdict if it is instant, else 202."""
+    services, who = services_in(request.app), identity_in(request.scope)
+    read = partial(read_answer, services, who, body, idempotency_key)
+    answer = read() if is_short(body.answer) else await run_in_threadpool(read)
+    return created(SUBMISSIONS, await services.writer.put(answer))
+
+
+def is_short(answer: Any) -> bool:
+    """Whether an answer is read and graded in some tenths of a millisecond: a change of threads costs as much."""
+    return isinstance(answer, int | float) or (isinstance(answer, str) and len(answer) <= SHORT_CHARACTERS)
+
+
+def read_answer(services: Services, who: Identity, body: AnswerBody, key: str | None) -> NewAnswer:
+    """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable."""
+    pipeline = services.content.of(who.course).pipeline
+    parsed = pipeline.read(body.quiz, body.question, body.answer)
+    verdict = pipeline.judge(parsed) if parsed.is_instant else None
+    return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
+
+
+def created(path: str, receipt: Receipt) -> Response:
+    """The response to an answer that was taken: its submission lies below the path."""
+    submission = receipt.submission
+    shown = {"seed": None, **view_for(receipt.access, submission, receipt.verdict)}
+    headers = {"Location": f"{path}/{submission.id}", "ETag": etag_for(receipt.access, submission, shown)}
+    return Response(to_json(shown, inf_nan_mode="null"), receipt.http_status, headers, "application/json")
+
+
+@router.get("/submissions", response_model=Page, responses=refusals(401, 403, 422, 429))
+def list_submissions(query: PageParams, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
+    """Lists submissions, newest first: the learner's own, or for an instructor all of the course."""
+    learner = query.learner if who.is_instructor else who.id
+    wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, learner)
+    with services.database.read() as session:
+        rows = submissions.page(session, wanted, query.start, query.limit + 1)
+        access = read_access(session, services.content.of(who.course).library, who)
+        shown = seen_by(session, services, who, rows)
+    names = shown.names
+    if names and (query.user or wanted.learner):  # who asks for a learner by name knows whose it is
+        names = {}
+        with services.database.write() as session:
+            record(session, who, who.course, Action.LOOKED_UP, query.user or query.learner or "")
+    items = [view_for(access, row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False) for row in rows]
+    return page_of(items, query, "/submissions", response)
+
+
+@router.get(
+    "/submissions/{submission_id}",
+    response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 422, 429),
+)
+def show_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
+    """Shows one submission with its verdict; its ETag changes whenever the submission does."""
+    with services.database.read() as session:
+        return document(session, services, who, visible(session, submission_id, who), response)
+
+
+@router.post(
+    "/submissions/{submission_id}:stop",
+    response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 409, 422, 429),
+)
+def stop_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
+    """Takes one's own script out of the queue, which uses no attempt. 409 once it runs."""
+    library = services.content.of(who.course).library
+    with services.database.write() as session:
+        stopped = stop(services.database, library, session, who, submission_id)
+        return document(session, services, who, stopped, response)
+
+
+def document(
+    session: Session, services: Services, who: Identity, submission: Submission, response: Response
+) -> dict[str, Any]:
+    """One submission as the user may see it now; sets the ETag of the response."""
+    blind = seen_by(session, services, who, [submission])
+    at = submission.quiz, submission.question
+    access = read_access(session, services.content.of(who.course).library, who, at)
+    shown = view_for(access, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
+    response.headers["ETag"] = etag_for(access, submission, shown)
+    return shown
+
+
+@router.post("/answers:validate", responses=refusals(401, 403, 404, 409, 413, 422, 429))
+def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> Interpretation:
+    """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
+    pipeline = services.content.of(who.course).pipeline
+    require_opened(pipeline.library, body.quiz, who.role)
+    try:
+        read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))
+    except InvalidAnswer as error:
+        return Interpretation(valid=False, read_as=None, message=str(error))
+    return Interpretation(valid=True, read_as=read_as, message=None)
+
+
+def visible(session: Session, submission_id: str, who: Identity) -> Submission:
+    """The submission. Raises NotFound if it does not exist, or is not the caller's to see."""
+    submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
+    if submission is None or not who.may_see(submission.learner, submission.course):
+        raise NotFound("There is no such submission.")
+    return submission
+
+
+def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
+    """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
+    verdicts = submissions.verdicts(session, rows)
+    return blinded(services.desk_of(who.course), session, who, rows, verdicts)
+
+
+def view_for(
+    access: LearnerAccess,
+    submission: Submission,
+    verdict: Any | None,
+    pseudonym: str | None = None,
+    *,
+    with_answer: bool = True,
+) -> dict[str, Any]:
+    """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only.
+
+    Before the feedback, later revisions do not show.
+    """
+    decision = access.decide(submission.quiz, submission.question)
+    shown = view(
+        submission,
+        redact_verdict(verdict, decision),
+        pseudonym,
+        with_answer=with_answer,
+        with_seed=access.role == Role.INSTRUCTOR,
+    )
+    if decision.shown is Shown.RECEIPT:
+        shown["revision"] = min(1, submission.revision)
+    return shown | {"withheld": decision.withheld}
+
+
+def view(
+    submission: Submission,
+    verdict: Any | None,
+    pseudonym: str | None = None,
+    *,
+    with_answer: bool = True,
+    with_seed: bool = False,
+) -> dict[str, Any]:
+    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says.
+
+    A `pseudonym` replaces the learner's name and id.
+    """
+    shown = {
+        "id": submission.id,
+        "quiz": submission.quiz,
+        "question": submission.question,
+        "learner": submission.learner if pseudonym is None else None,
+        "user": pseudonym or submission.user,
+        "status": status_with(submission, verdict),
+        "attempt": submission.attempt,
+        "created_at": submission.created_at,
+        "revision": submission.revision,
+        "verdict": verdict,
+    }
+    if with_answer:
+        shown["answer"] = json.loads(submission.answer) if submission.answer else None
+    if with_seed:
+        shown["seed"] = submission.seed
+    return shown
+
+
+def status_with(submission: Submission, verdict: Any | None) -> str:
+    """The status of a submission whose verdict is shown as given: a withheld one must not differ by its status."""
+    if submission.status not in submissions.AT_REST or verdict is None:
+        return submission.status
+    waits = verdict["status"] == Status.NEEDS_REVIEW
+    return submissions.NEEDS_REVIEW if waits else submissions.GRADED
+
+
+def etag_for(access: LearnerAccess, submission: Submission, shown: dict[str, Any]) -> str:
+    """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less.
+
+    Before the feedback it depends on what is shown alone, so that it does not tell of a later verdict.
+    """
+    level = access.decide(submission.quiz, submission.question).shown
+    if access.role != Role.STUDENT or level is Shown.FEEDBACK:
+        return etag_of(submission)
+    if level is Shown.RECEIPT:
+        verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it
+        told = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
+        return f'"{submission.id[-8:]}-r{zlib.crc32(told.encode()):08x}"'
+    return f'{etag_of(submission)[:-1]}-{zlib.crc32(f"{level}".encode()):08x}"'
+
+
+def is_current(submission: Submission, if_match: str) -> bool:
+    """Whether an `If-Match` header names the submission as it is now, by an ETag of `etag_of` or `etag_for`."""
+    version = etag_of(submission)[:-1]
+    tags = [tag.strip() for tag in if_match.split(",")]
+    return "*" in tags or any(tag == f'{version}"' or tag.startswith(f"{version}-") for tag in tags)
+
+
+def etag_of(submission: Submission) -> str:
+    """Changes whenever the submission does."""
+    return f'"{submission.id[-8:]}-{submission.version}"'

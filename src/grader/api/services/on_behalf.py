@@ -1,0 +1,125 @@
+"""`/lms/submissions`: answers that another service hands in for learners whom it knows."""
+
+from collections.abc import Callable, Coroutine
+from dataclasses import replace
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+
+from grader.api.learning.submissions import (
+    SECURITY,
+    AnswerBody,
+    AnswerRoute,
+    IdempotencyKey,
+    SubmissionView,
+    created,
+    document,
+    read_answer,
+)
+from grader.courses.answering.intake import NewAnswer
+from grader.courses.people.external import External, checked, learner_behind
+from grader.courses.people.identity import Identity, Role
+from grader.errors import CallerError, NotFound
+from grader.gate.admission import ON_BEHALF, PREFIX, identity_in
+from grader.gate.callers import Service
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices, Services, services_in
+from grader.store import people, submissions
+from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
+
+router = APIRouter()
+
+
+class LearnerBody(BaseModel):
+    """A learner as another system knows them. A `name` is what instructors see; without one they see the id."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    namespace: str = Field(max_length=NAMESPACE)
+    id: str = Field(max_length=EXTERNAL_ID)
+    name: str | None = Field(default=None, max_length=NAME)
+
+
+class OnBehalfBody(AnswerBody):
+    """An answer to one question by a learner of another system."""
+
+    learner: LearnerBody
+
+
+class OnBehalfRoute(AnswerRoute):
+    """Its requests are counted here and not by admission: by learner, or as the service's if they name none."""
+
+    roles = (Role.SERVICE,)
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler of `AnswerRoute`, which counts a request whose body cannot be read."""
+        handle = super().get_route_handler()
+
+        async def handle_or_count(request: Request) -> Response:
+            try:
+                return await handle(request)
+            except (RequestValidationError, HTTPException):
+                services_in(request.app).admission.by_user.spend(identity_in(request.scope).id)
+                raise
+
+        return handle_or_count
+
+
+answers = APIRouter(prefix=PREFIX, route_class=OnBehalfRoute)
+
+
+@answers.post(
+    "/lms/submissions",
+    status_code=201,
+    response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 409, 413, 422, 429, more={202: {"model": SubmissionView}}),
+    openapi_extra=SECURITY,
+)
+async def create_submission_on_behalf(
+    request: Request, body: OnBehalfBody, idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Hands in an answer for a learner, who becomes a member at first sight: 201 with the verdict, else 202."""
+    services, who = services_in(request.app), identity_in(request.scope)
+    try:
+        learner = checked(body.learner.namespace, body.learner.id)
+    except CallerError:
+        services.admission.by_user.spend(who.id)
+        raise
+    services.admission.by_user.spend((who.course, learner))
+    answer = await run_in_threadpool(read_answer_of, services, who, learner, body, idempotency_key)
+    return created(ON_BEHALF, await services.writer.put(answer))
+
+
+def read_answer_of(
+    services: Services, who: Identity, learner: External, body: OnBehalfBody, key: str | None
+) -> NewAnswer:
+    """As `read_answer`, for a learner, who becomes a member only with an answer that can be read.
+
+    Raises Forbidden for one who was removed.
+    """
+    answer = read_answer(services, who, body, key)
+    return replace(answer, who=learner_behind(services.database, who, learner, body.learner.name))
+
+
+@router.get(
+    "/lms/submissions/{submission_id}",
+    response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 422, 429),
+)
+def show_submission_on_behalf(
+    submission_id: str, who: Service, services: AppServices, response: Response
+) -> dict[str, Any]:
+    """Shows a submission of a learner whom another system knows, as that learner may see it now."""
+    with services.database.read() as session:
+        submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
+        if submission is None or submission.course != who.course:
+            raise NotFound("There is no such submission.")
+        member = people.get(session, submission.learner, who.course)
+        if member is None or member.namespace is None:
+            raise NotFound("There is no such submission.")
+        theirs = replace(who, id=member.id, user=member.name, role=Role.STUDENT)
+        return document(session, services, theirs, submission, response)

@@ -1,0 +1,134 @@
+"""`/gradebook.csv`: the points that count, of every learner, for a spreadsheet or an LMS."""
+
+import json
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
+from itertools import groupby
+from operator import attrgetter, itemgetter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from fastapi.responses import Response
+from sqlalchemy.orm import Session
+
+from grader.courses.people.namesakes import marks_in
+from grader.courses.reviewing.blinding import unseen_by
+from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv
+from grader.domain.markup import plain_text
+from grader.gate.callers import IfNoneMatch, Staff
+from grader.gate.conditional import etag_of, is_unchanged
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices
+from grader.questions import Question, Quiz
+from grader.store import people, results
+from grader.store.results import LearnerAt
+
+router = APIRouter()
+
+NAMED = "name:"
+CANVAS = "canvas"
+"""The namespace of the ids that Canvas gives its users; ids of any other one are written as those of a school."""
+
+
+@router.get(
+    "/gradebook.csv",
+    response_class=Response,
+    responses=refusals(
+        401, 403, 404, 422, 429,
+        more={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+    ),
+)  # fmt: skip
+def gradebook(
+    who: Staff,
+    services: AppServices,
+    quiz: Annotated[str | None, Query(max_length=64)] = None,
+    form: Annotated[Form, Query(alias="format")] = Form.GENERIC,
+    *,
+    bom: bool = False,
+    known: IfNoneMatch = "",
+) -> Response:
+    """Sends the gradebook of one quiz, or of all of them, as CSV: a row for each learner who has answered.
+
+    Then one without points for each who has not begun, if more than a browser session knows them. In the generic form
+    `user` is the learner's name, which several may bear, and `id` tells them apart; for Canvas a mark follows the name.
+    An instructor who must not see a first mark yet gets an empty cell in its place.
+    """
+    library = services.content.of(who.course).library
+    quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
+    columns, ids = columns_of(quizzes), [one.id for one in quizzes]
+    with services.database.read() as session:
+        instructors = results.instructors(session, who.course)
+        state = results.state(session, who.course, ids)
+        unseen = unseen_by(session, who).results
+        marks = marks_in(session, who.course) if form is Form.CANVAS else {}
+        absent = [row_of(one.id, one, {}, marks) for one in people.without_results(session, who.course, ids)]
+        known_now = sorted(instructors), state, sorted(unseen), absent, sorted(marks)
+        etag = etag_of(who.course, form, bom, columns, known_now)
+        if is_unchanged(known, etag):
+            return Response(status_code=304, headers={"ETag": etag})
+        present = read_rows(session, who.course, ids, instructors, unseen, marks=marks)
+        body = "".join(gradebook_csv([*present, *absent], columns, form, bom=bom)).encode()
+    name = f"gradebook{'' if quiz is None else f'-{quiz}'}.csv"
+    headers = {"ETag": etag, "Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(body, media_type="text/csv; charset=utf-8", headers=headers)
+
+
+def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
+    """A column for every question."""
+    return [
+        Column(quiz.id, question.id, title_of(quiz, question), question.points)
+        for quiz in quizzes
+        for question in quiz.questions
+    ]
+
+
+def title_of(quiz: Quiz, question: Question) -> str:
+    """What an LMS calls the assignment of a question: its own title, else that of the quiz and its id."""
+    own = question.title or question.label
+    return plain_text(own) if own else f"{plain_text(quiz.title)}: {question.id}"
+
+
+def read_rows(
+    session: Session, course: str, quizzes: Sequence[str], instructors: Collection[str], unseen: Collection[LearnerAt],
+    *, marks: Mapping[str, str],
+) -> list[Row]:  # fmt: skip
+    """Reads the row of each learner with results, by name, without instructors' own tries and `unseen` marks."""
+    hidden: dict[str, set[tuple[str, str]]] = defaultdict(set)
+    for place in unseen:
+        hidden[place.learner].add((place.quiz, place.question))
+    rows = []
+    for learner, group in groupby(results.points_by_learner(session, course, quizzes), key=itemgetter(0)):
+        if learner in instructors:
+            continue
+        theirs = list(group)
+        points = {place: value for row in theirs for place, value in points_of(row.quiz, row.points).items()}
+        if learner in hidden:
+            points = {place: value for place, value in points.items() if place not in hidden[learner]}
+        rows.append(row_of(learner, theirs[0], points, marks))
+    return sorted(rows, key=attrgetter("user", "id"))
+
+
+@lru_cache(maxsize=4096)
+def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
+    """Points by (quiz, question) from those by question as JSON text. Learners with equal points share it."""
+    return {(quiz, question): one for question, one in json.loads(points).items()}
+
+
+def row_of(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
+    """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member.
+
+    `marks` has those of learners whose name another bears too.
+    """
+    is_named = known.account is not None and known.account.startswith(NAMED)
+    is_canvas = known.namespace == CANVAS
+    return Row(
+        user=known.name,
+        login=known.name if is_named else "",
+        id=learner,
+        email=known.email or "",
+        lms_id=known.external_id if is_canvas else "",
+        sis_id="" if is_canvas else known.external_id or "",
+        points=points,
+        mark=marks.get(learner, ""),
+    )

@@ -1,0 +1,266 @@
+"""`/members`, `/invitations`, `/tokens`, `/course`, `/audit`: who takes part in a course, for its instructors."""
+
+from collections.abc import Sequence
+from datetime import timedelta
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
+
+from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
+from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
+from grader.courses.people import invitations, members, tokens
+from grader.courses.people.external import known_as
+from grader.courses.people.identity import Role, Scope
+from grader.courses.people.invitations import Invitation
+from grader.courses.reviewing.blinding import Unseen, seen_detail, unseen_by
+from grader.errors import NotFound, Unprocessable
+from grader.gate.callers import Instructor
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices, Services
+from grader.store import courses as stored_courses
+from grader.store import people as stored_people
+from grader.store import platforms
+from grader.store.courses import AuditEntry
+from grader.store.tables import Member
+
+router = APIRouter()
+
+
+class ListQuery(BaseModel):
+    """Which page of a list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    cursor: str | None = None
+    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
+
+    @property
+    def page(self) -> PageQuery:
+        """The same, as `page_of` needs it."""
+        return PageQuery(cursor=self.cursor, limit=self.limit)
+
+
+ListParams = Annotated[ListQuery, Query()]
+
+
+class RoleBody(BaseModel):
+    """A member's new role."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    role: Role
+
+
+class InvitationBody(BaseModel):
+    """Whom to invite: new or old members by their names, or one member by id."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    names: list[str] = Field(default_factory=list, max_length=invitations.NAMES_AT_ONCE)
+    role: Role = Role.STUDENT
+    member: str | None = None
+
+
+class TokenBody(BaseModel):
+    """A token to create. Without `scopes` it may do what the role may; without `days` it does not expire."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    user: str
+    role: Role
+    scopes: list[Scope] | None = None
+    days: float | None = Field(default=None, gt=0, le=tokens.DAYS_MAX)
+
+
+@router.get("/members", response_model=Page[MemberView], responses=refusals(401, 403, 422, 429))
+def list_members(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Lists the members of the course in the order of their ids."""
+    page = query.page
+    with services.database.read() as session:
+        found = stored_people.page(session, who.course, page.start, page.limit + 1)
+        views = member_views(session, who.course, found)
+    return page_of(views, page, "/members", response)
+
+
+@router.patch("/members/{member_id}", response_model=MemberView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
+def change_role(member_id: str, body: RoleBody, who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Changes a member's role: tokens, sessions and links end, and the member signs in again with a new link.
+
+    A restricted token changes no role.
+    """
+    with services.database.write() as session:
+        changed = members.change_role(session, who, member_id, body.role)
+        return member_views(session, who.course, [changed])[0]
+
+
+@router.delete("/members/{member_id}", status_code=204, responses=refusals(401, 403, 404, 409, 422, 429))
+def remove_member(member_id: str, who: Instructor, services: AppServices) -> None:
+    """Ends a member's tokens, sessions and links. The answers stay."""
+    with services.database.write() as session:
+        members.remove(session, who, member_id)
+
+
+@router.get("/invitations", response_model=Page[CredentialView], responses=refusals(401, 403, 429))
+def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Lists the links that were neither used nor revoked, newest first."""
+    with services.database.read() as session:
+        found = invitations.pending(session, who.course)
+    return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
+
+
+@router.post(
+    "/invitations",
+    status_code=201,
+    response_model=Page[NewInvitation],
+    responses=refusals(401, 403, 404, 409, 413, 422, 429),
+)
+def invite(body: InvitationBody, who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+    """Makes a single-use link for each name, or for one member. The links are shown this once.
+
+    409 for a name that is a member with another role: an invitation changes none. A restricted token invites students.
+    """
+    if bool(body.names) == (body.member is not None):
+        raise Unprocessable("Give either `names` or `member`.")
+    with services.database.write() as session:
+        if body.member is None:
+            made = invitations.invite(session, who, who.course, body.names, body.role)
+        else:
+            member = stored_people.get(session, body.member, who.course)
+            if member is None:
+                raise NotFound("There is no such member.")
+            made = [invitations.invite_member(session, who, member)]
+    origin = services.origin_of(request)
+    return {"items": [invitation_view(one, origin) for one in made], "next_cursor": None}
+
+
+@router.delete("/invitations/{invitation_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
+def revoke_invitation(invitation_id: str, who: Instructor, services: AppServices) -> None:
+    """Ends a link that was not used yet."""
+    with services.database.write() as session:
+        invitations.revoke(session, who, invitation_id)
+
+
+@router.get("/tokens", response_model=Page[CredentialView], responses=refusals(401, 403, 429))
+def list_tokens(who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Lists the tokens that are valid, newest first; never their secrets."""
+    with services.database.read() as session:
+        found = tokens.tokens(session, who.course)
+    return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
+
+
+@router.post("/tokens", status_code=201, response_model=NewToken, responses=refusals(401, 403, 409, 413, 422, 429))
+def create_token(body: TokenBody, who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Creates a token. It is shown this once.
+
+    409 for a name that is a member with another role. A restricted token creates tokens of students, within its own
+    scopes and its own time.
+    """
+    lifetime = None if body.days is None else timedelta(days=body.days)
+    with services.database.write() as session:
+        text = tokens.create_token(
+            session, body.user, body.role, who.course, scopes=body.scopes, lifetime=lifetime, by=who
+        )
+    return {"token": text}
+
+
+@router.delete("/tokens/{token_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
+def revoke_token(token_id: str, who: Instructor, services: AppServices) -> None:
+    """Revokes one token by its id, which is the middle part of its text."""
+    with services.database.write() as session:
+        tokens.revoke(session, token_id, who.course, who)
+
+
+@router.get("/course", response_model=CourseView, responses=refusals(401, 403, 429))
+def show_course(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+    """The course, and the link with which learners join it; null while it is closed to them."""
+    with services.database.read() as session:
+        link = stored_courses.link_of(session, who.course)
+    return {"course": who.course, "join_url": None if link is None else join_url(services, request, link.code)}
+
+
+@router.put("/course/link", response_model=CourseView, responses=refusals(401, 403, 429))
+def rotate_link(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+    """Opens the course to everybody with the new link; an earlier one ends."""
+    with services.database.write() as session:
+        code = invitations.rotate_link(session, who)
+    return {"course": who.course, "join_url": join_url(services, request, code)}
+
+
+@router.delete("/course/link", status_code=204, responses=refusals(401, 403, 429))
+def close_link(who: Instructor, services: AppServices) -> None:
+    """Ends the link; learners who joined stay."""
+    with services.database.write() as session:
+        invitations.close_link(session, who)
+
+
+@router.get("/audit", response_model=Page[AuditView], responses=refusals(401, 403, 422, 429))
+def list_audit(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Lists who did what in the course, newest first."""
+    page = query.page
+    before = page.start
+    if before is not None and not before.isdecimal():
+        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
+    with services.database.read() as session:
+        found = stored_courses.audit_page(session, who.course, None if before is None else int(before), page.limit + 1)
+        unseen = unseen_by(session, who)
+    return page_of([entry_view(entry, unseen) for entry in found], page, "/audit", response)
+
+
+def join_url(services: Services, request: Request, code: str) -> str:
+    """The link with which learners join a course."""
+    return f"{services.origin_of(request)}/join?code={code}"
+
+
+def member_views(session: Session, course: str, members: Sequence[Member]) -> list[dict[str, Any]]:
+    """Members as JSON, each with where they come from."""
+    launched = platforms.courses_of(session, [member.id for member in members])
+    sharing = stored_people.sharing_email(session, course, members)
+    return [
+        member_view(member)
+        | {
+            "platforms": [{"platform": name, "course": title} for name, title in launched.get(member.id, ())],
+            "same_email": sharing.get(member.id, []),
+        }
+        for member in members
+    ]
+
+
+def member_view(member: Member) -> dict[str, Any]:
+    """A member as JSON. `way_in` is name, oidc, lms, lti or browser: how the member is found again."""
+    way_in = "browser" if member.account is None else member.account.partition(":")[0]
+    return {
+        "id": member.id,
+        "name": member.name,
+        "role": member.role,
+        "way_in": way_in,
+        "created_at": member.created_at,
+        "learner": vars(known_as(member)),
+        "email": member.email,
+    }
+
+
+def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
+    """A new invitation with its link."""
+    return {
+        "id": invitation.code.split("_")[1],
+        "name": invitation.member.name,
+        "member": invitation.member.id,
+        "role": invitation.member.role,
+        "url": f"{origin}/signin?code={invitation.code}",
+        "expires_at": invitation.expires_at,
+    }
+
+
+def entry_view(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
+    """An entry of the audit log as JSON, without first marks that are unseen; `id` is text, as everywhere."""
+    return {
+        "id": str(entry.id),
+        "at": entry.at,
+        "actor": entry.actor,
+        "name": entry.name,
+        "action": entry.action,
+        "subject": entry.subject,
+        "detail": seen_detail(entry, unseen),
+    }

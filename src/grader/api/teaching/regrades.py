@@ -1,0 +1,163 @@
+"""`/regrades`: grades submissions again after a change of the content, in the background, or tries it out."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, PageQuery, next_link, page_of, read_cursor, write_cursor
+from grader.courses.regrading import regrades
+from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
+from grader.courses.reviewing.blinding import blinded_differences
+from grader.errors import Unprocessable
+from grader.gate.admission import PREFIX
+from grader.gate.callers import Instructor
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices
+from grader.store import regrades as stored
+
+router = APIRouter()
+
+Id = Annotated[str, Field(max_length=32, pattern=NO_NUL)]
+
+
+class Submissions(BaseModel):
+    """Submissions that are named one by one."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    submission_ids: list[Id] = Field(min_length=1, max_length=IDS_MAX)
+
+
+class RegradeBody(BaseModel):
+    """What to grade again: a quiz or one question of it; `dry_run` tells the difference and changes nothing."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    quiz: str = Field(max_length=64, pattern=NO_NUL)
+    question: str | None = Field(default=None, max_length=64, pattern=NO_NUL)
+    scope: Scope | Submissions
+    dry_run: bool = True
+
+    @property
+    def wanted(self) -> Wanted:
+        """The same, without HTTP."""
+        scope = self.scope if isinstance(self.scope, str) else tuple(self.scope.submission_ids)
+        return Wanted(self.quiz, self.question, scope, self.dry_run)
+
+
+class Progress(BaseModel):
+    """How many submissions are in the scope and regraded, and what became of them."""
+
+    total: int
+    done: int
+    outcomes: dict[str, int]
+
+
+class RegradeView(BaseModel):
+    """A regrade. `reason` says why it failed."""
+
+    id: str
+    quiz: str
+    question: str | None
+    scope: Scope | Submissions
+    dry_run: bool
+    status: Literal["queued", "running", "done", "cancelled", "failed"]
+    reason: str | None
+    content_digest: str
+    created_by: str
+    created_at: datetime
+    finished_at: datetime | None
+    progress: Progress
+
+
+class RegradePage(RegradeView):
+    """A regrade with one page of its differences, one for each learner and question."""
+
+    items: list[dict[str, Any]]
+    next_cursor: str | None
+
+
+class DifferenceQuery(BaseModel):
+    """Which page of the differences; `changed` leaves out learners whose verdicts stay."""
+
+    cursor: str | None = None
+    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
+    changed: bool = False
+
+    @property
+    def place(self) -> int:
+        """The last place of the page before. Raises Unprocessable."""
+        text = "0" if self.cursor is None else read_cursor(self.cursor)
+        if not text.isdecimal() or len(text) > 9:
+            raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
+        return int(text)
+
+
+class ListQuery(BaseModel):
+    """Which page of the list."""
+
+    cursor: str | None = None
+    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
+
+
+@router.post(
+    "/regrades",
+    status_code=202,
+    response_model=RegradeView,
+    responses=refusals(401, 403, 404, 409, 413, 422, 429),
+)
+def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Queues a regrade by the content that is loaded now. 409 while another one changes the same quiz."""
+    made = regrades.create(services.database, services.content.of(who.course).library, who, body.wanted)
+    response.headers["Location"] = f"{PREFIX}/regrades/{made.id}"
+    with services.database.read() as session:
+        return view(made, stored.progress(session, made))
+
+
+@router.get("/regrades", response_model=Page, responses=refusals(401, 403, 422, 429))
+def list_regrades(
+    query: Annotated[ListQuery, Query()], who: Instructor, services: AppServices, response: Response
+) -> dict[str, Any]:
+    """Lists the regrades of the course, newest first, without their differences."""
+    page = PageQuery(cursor=query.cursor, limit=query.limit)
+    with services.database.read() as session:
+        found = stored.page(session, who.course, page.start, page.limit + 1)
+        items = [view(one, stored.progress(session, one)) for one in found]
+    return page_of(items, page, "/regrades", response)
+
+
+@router.get("/regrades/{regrade_id}", response_model=RegradePage, responses=refusals(401, 403, 404, 422, 429))
+def show_regrade(
+    regrade_id: str,
+    query: Annotated[DifferenceQuery, Query()],
+    who: Instructor,
+    services: AppServices,
+    response: Response,
+) -> dict[str, Any]:
+    """Shows how far a regrade is, and the difference that it makes for each learner at each question."""
+    with services.database.read() as session:
+        regrade = regrades.get(session, regrade_id, who.course)
+        counts = stored.progress(session, regrade)
+        found = regrades.page_of(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
+        items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, found)
+    cursor = None
+    if len(items) > query.limit:
+        items = items[: query.limit]
+        cursor = write_cursor(str(items[-1]["place"]))
+        following = query.model_copy(update={"cursor": cursor})
+        response.headers["Link"] = next_link(f"/regrades/{regrade.id}", following)
+    return view(regrade, counts) | {"items": items, "next_cursor": cursor}
+
+
+@router.post(
+    "/regrades/{regrade_id}:cancel",
+    response_model=RegradeView,
+    responses=refusals(401, 403, 404, 409, 422, 429),
+)
+def cancel_regrade(regrade_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Ends a regrade; what it has changed stays. 409 if it is over."""
+    with services.database.write() as session:
+        cancelled = regrades.cancel(session, who, regrade_id)
+        return view(cancelled, stored.progress(session, cancelled))

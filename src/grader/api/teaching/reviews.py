@@ -1,0 +1,301 @@
+"""`/reviews`: submissions that wait for a reviewer, claims on them, and the reviewers' marks."""
+
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
+
+from fastapi import APIRouter, Header, Query, Response
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from sqlalchemy.orm import Session
+
+from grader.api.learning.submissions import SubmissionView, etag_of, is_current, view, visible
+from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, page_of
+from grader.api.teaching.saved_comments import comment_view
+from grader.courses.people.identity import Identity
+from grader.courses.reviewing import reviews, rubric_changes
+from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.comments import REVIEW_CHARACTERS_MAX
+from grader.courses.rules.rubric import Mark, rubric_of
+from grader.domain.rubric import ITEMS_MAX
+from grader.errors import Outdated, Unconditional
+from grader.gate.callers import Instructor
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices, Services
+from grader.questions import kind_of
+from grader.store import reviews as stored
+from grader.store import saved_comments, submissions
+from grader.store.submissions import SubmissionFilter
+from grader.store.tables import Review, ReviewClaim, Submission, now
+
+router = APIRouter()
+
+CHANGED = "The submission has changed since you saw it; look at it again."
+
+
+class ReviewQuery(PageQuery):
+    """The query parameters of the list of what waits: for a first mark, or with `second` for a second one by you."""
+
+    second: bool = False
+
+
+class ClaimBody(BaseModel):
+    """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course.
+
+    With `second`, one that waits for a second mark.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    quiz: str | None = Field(default=None, pattern=NO_NUL)
+    question: str | None = Field(default=None, pattern=NO_NUL)
+    submission_id: str | None = None
+    second: bool = False
+
+    @model_validator(mode="after")
+    def _id_or_quiz(self) -> Self:
+        if self.question is not None and self.quiz is None:
+            raise ValueError("give `quiz` with `question`")
+        if self.submission_id is not None and self.quiz is not None:
+            raise ValueError("give either `submission_id` or `quiz`")
+        return self
+
+
+class HeldBody(BaseModel):
+    """A submission that the caller has claimed."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    submission_id: str
+
+
+class QuestionBody(BaseModel):
+    """One question."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    quiz: str = Field(max_length=64, pattern=NO_NUL)
+    question: str = Field(max_length=64, pattern=NO_NUL)
+
+
+class ReviewBody(BaseModel):
+    """A reviewer's mark: the ids of the `rubric` items that hold, or `points`; with both, the points count."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    points: float | None = Field(default=None, ge=0, strict=True)
+    rubric: list[Annotated[str, Field(max_length=64)]] | None = Field(default=None, max_length=ITEMS_MAX)
+    comment: str = Field(default="", max_length=REVIEW_CHARACTERS_MAX, pattern=NO_NUL)
+
+    @model_validator(mode="after")
+    def _points_or_items(self) -> Self:
+        if self.points is None and self.rubric is None:
+            raise ValueError("give `points`, or the items of the `rubric`")
+        return self
+
+    @property
+    def mark(self) -> Mark:
+        """The same, as reviewing works with it; each item once."""
+        ticked = None if self.rubric is None else tuple(dict.fromkeys(self.rubric))
+        return Mark(ticked, self.points, self.comment.strip())
+
+
+class ReviewView(SubmissionView):
+    """A submission for its reviewer, with the claim on it, the rubric, the reference answer and saved comments."""
+
+    claim: dict[str, Any] | None
+    reference: str | None = None
+    rubric: list[dict[str, Any]]
+    comments: list[dict[str, Any]]
+
+
+class SecondMark(BaseModel):
+    """A second mark, and whether it agrees with the first. It does not show the first one's points."""
+
+    submission_id: str
+    points: float
+    comment: str
+    agrees: bool
+
+
+IfMatch = Annotated[str | None, Header(max_length=255)]
+DECIDING = refusals(401, 403, 404, 409, 412, 413, 422, 428, 429)
+
+
+@router.get("/reviews", response_model=Page, responses=refusals(401, 403, 422, 429))
+def list_reviews(
+    query: Annotated[ReviewQuery, Query()], who: Instructor, services: AppServices, response: Response
+) -> dict[str, Any]:
+    """Lists the submissions that wait for a mark, oldest first; in anonymous quizzes under pseudonyms.
+
+    An attempt does not wait while a newer one replaces it, unless the average counts. `second` lists what waits for
+    the caller's second mark. `user` finds nothing in anonymous quizzes.
+    """
+    wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question)
+    queue = reviews.queue_of(services.desk_of(who.course), wanted, who.id if query.second else None)
+    with services.database.read() as session:
+        waiting = stored.page(session, queue, query.start, query.limit + 1, now())
+        shown = views(session, services, who, [submission for submission, _ in waiting])
+    items = [{**one, "claim": claim_view(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
+    return page_of(items, query, "/reviews", response)
+
+
+@router.get("/reviews/disagreements", response_model=Page, responses=refusals(401, 403, 422, 429))
+def list_disagreements(query: PageParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Lists the submissions whose two marks differ by more than the tolerance, oldest first.
+
+    `PUT /submissions/{id}/review` decides one. Until then the first mark counts.
+    """
+    wanted = SubmissionFilter(who.course, None, query.quiz, query.question)
+    with services.database.read() as session:
+        found = stored.disagreements(session, wanted, query.start, query.limit + 1)
+        shown = views(session, services, who, [submission for submission, _ in found])
+    items = [{**one, **both_marks(review)} for one, (_, review) in zip(shown, found, strict=True)]
+    return page_of(items, query, "/reviews/disagreements", response)
+
+
+@router.post("/reviews:claim", response_model=ReviewView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
+def claim_review(body: ClaimBody, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Claims a submission for 15 minutes, so that no other instructor reviews it. 404 if none needs a review.
+
+    Claiming again what one holds prolongs the claim.
+    """
+    desk = services.desk_of(who.course)
+    with services.database.write() as session:
+        desk.lock(session, who.course)
+        if body.submission_id is not None:
+            submission = visible(session, body.submission_id, who)
+        else:
+            wanted = SubmissionFilter(who.course, None, body.quiz, body.question)
+            queue = reviews.queue_of(desk, wanted, who.id if body.second else None)
+            submission = reviews.next_to_claim(session, queue, who)
+        claim = reviews.claim(session, who, submission, second=body.second)
+        (shown,) = views(session, services, who, [submission], with_answer=True)
+        shown |= helps(session, services, submission)
+    response.headers["ETag"] = etag_of(submission)
+    return {**shown, "claim": claim_view(claim)}
+
+
+@router.post("/reviews:heartbeat", responses=refusals(401, 403, 404, 409, 413, 422, 429))
+def keep_claim(body: HeldBody, who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Prolongs the caller's claim to 15 minutes from now. 409 once it has ended."""
+    with services.database.write() as session:
+        services.desk_of(who.course).lock(session, who.course)
+        return claim_view(reviews.prolong(session, who, visible(session, body.submission_id, who))) or {}
+
+
+@router.post("/reviews:release", status_code=204, responses=refusals(401, 403, 404, 413, 422, 429))
+def release_claim(body: HeldBody, who: Instructor, services: AppServices) -> None:
+    """Ends the caller's claim, if there is one."""
+    with services.database.write() as session:
+        services.desk_of(who.course).lock(session, who.course)
+        reviews.release(session, who, visible(session, body.submission_id, who))
+
+
+@router.post("/reviews:recompute", responses=refusals(401, 403, 404, 413, 422, 429))
+def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dict[str, int]:
+    """Computes the points of a question's reviews again from its rubric as it is now; returns how many changed.
+
+    The service does so by itself whenever the content is loaded.
+    """
+    desk = services.desk_of(who.course)
+    waiting = rubric_changes.outdated(desk, body.quiz, body.question, who.course)
+    return {"changed": sum(rubric_changes.recompute(desk, one, who) for one in waiting)}
+
+
+@router.get(
+    "/submissions/{submission_id}/review",
+    response_model=ReviewView,
+    responses=refusals(401, 403, 404, 422, 429),
+)
+def show_for_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+    """Shows a submission as its reviewer sees it, without claiming it."""
+    with services.database.read() as session:
+        submission = visible(session, submission_id, who)
+        (shown,) = views(session, services, who, [submission], with_answer=True)
+        shown |= helps(session, services, submission)
+        claim = stored.claim_on(session, submission.id, now())
+    response.headers["ETag"] = etag_of(submission)
+    return {**shown, "claim": claim_view(claim)}
+
+
+@router.put("/submissions/{submission_id}/review", response_model=SubmissionView, responses=DECIDING)
+def review(
+    submission_id: str,
+    body: ReviewBody,
+    who: Instructor,
+    services: AppServices,
+    response: Response,
+    *,
+    if_match: IfMatch = None,
+) -> dict[str, Any]:
+    """Adds the reviewer's verdict: its points count, and the learner sees the comment. Decides a disagreement."""
+    desk = services.desk_of(who.course)
+    with services.database.write() as session:
+        submission = visible(session, submission_id, who)
+        desk.hold(session, submission)
+        refuse_outdated(submission, if_match)
+        reviews.decide(desk, session, who, submission, body.mark)
+        session.flush()
+        (shown,) = views(session, services, who, [submission], with_answer=True)
+    response.headers["ETag"] = etag_of(submission)
+    return shown
+
+
+@router.put("/submissions/{submission_id}/review/second", responses=DECIDING)
+def review_again(
+    submission_id: str, body: ReviewBody, who: Instructor, services: AppServices, *, if_match: IfMatch = None
+) -> SecondMark:
+    """Keeps a second mark, which no learner sees; the first goes on counting. 409 unless one is waited for."""
+    desk = services.desk_of(who.course)
+    with services.database.write() as session:
+        submission = visible(session, submission_id, who)
+        desk.hold(session, submission)
+        refuse_outdated(submission, if_match)
+        kept = reviews.mark_second(desk, session, who, submission, body.mark)
+    agrees = kept.second == stored.AGREED
+    return SecondMark(
+        submission_id=submission_id, points=kept.second_points or 0.0, comment=body.mark.comment, agrees=agrees
+    )
+
+
+def views(
+    session: Session, services: Services, who: Identity, rows: Sequence[Submission], *, with_answer: bool = False
+) -> list[dict[str, Any]]:
+    """Submissions as plain JSON for a reviewer, who sees neither names in anonymous quizzes nor the other's mark."""
+    verdicts = submissions.verdicts(session, rows)
+    seen = blinded(services.desk_of(who.course), session, who, rows, verdicts, always=True)
+    return [
+        view(row, seen.verdicts.get(row.id), seen.names.get(row.id), with_answer=with_answer, with_seed=True)
+        for row in rows
+    ]
+
+
+def helps(session: Session, services: Services, submission: Submission) -> dict[str, Any]:
+    """What helps a reviewer: the reference answer and the rubric, if the content still has them, and comments."""
+    question = services.desk_of(submission.course).question(submission)
+    at = (submission.course, submission.quiz, submission.question)
+    return {
+        "reference": None if question is None else kind_of(question).reference(question),
+        "rubric": [] if question is None else [item.model_dump() for item in rubric_of(question)],
+        "comments": [comment_view(comment) for comment in saved_comments.of_question(session, *at)],
+    }
+
+
+def refuse_outdated(submission: Submission, if_match: str | None) -> None:
+    """Checks that the reviewer saw the newest state. Raises Unconditional, Outdated."""
+    if if_match is None:
+        raise Unconditional("Send If-Match with the ETag of the submission that you review.")
+    if not is_current(submission, if_match):
+        raise Outdated(CHANGED)
+
+
+def claim_view(claim: ReviewClaim | None) -> dict[str, Any] | None:
+    """The reviewer who holds a submission, and until when."""
+    return None if claim is None else {"by": claim.name, "expires_at": claim.expires_at}
+
+
+def both_marks(review: Review) -> dict[str, Any]:
+    """The two marks of a disagreement; the first one's items and comment are in the verdict."""
+    ticked = None if review.second_ticked is None else json.loads(review.second_ticked)
+    second = {"by": review.second_name, "points": review.second_points, "comment": review.second_comment}
+    return {"first": {"by": review.name, "points": review.points}, "second": second | {"rubric": ticked}}

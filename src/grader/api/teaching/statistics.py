@@ -1,0 +1,47 @@
+"""`/quizzes/{quiz}/statistics`: difficulty, discrimination, wrong answers and named mistakes, for instructors."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import Response
+
+from grader.api.views import StatisticsView
+from grader.courses.reporting.quiz_statistics import QuizStatistics
+from grader.courses.rules.statistics import QuestionStatistics
+from grader.gate.callers import IfNoneMatch, Instructor
+from grader.gate.conditional import etag_of, is_unchanged
+from grader.gate.problems import refusals
+from grader.gate.services import AppServices
+
+router = APIRouter()
+
+
+@router.get(
+    "/quizzes/{quiz_id}/statistics",
+    responses=refusals(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}}),
+)
+def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known: IfNoneMatch = "") -> Response:
+    """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
+    library = services.content.of(who.course).library
+    version = services.statistics.version(library, quiz_id, who)
+    etag = etag_of(version.parts)
+    if is_unchanged(known, etag):
+        return Response(status_code=304, headers={"ETag": etag})
+    body = as_json(quiz_id, services.statistics.compute(version))
+    return Response(body, media_type="application/json", headers={"ETag": etag})
+
+
+def as_json(quiz: str, statistics: QuizStatistics) -> bytes:
+    """The statistics of a quiz as JSON."""
+    questions = [item(one) for one in statistics.questions]
+    return json.dumps({"quiz": quiz, "learners": statistics.learners, "questions": questions}).encode()
+
+
+def item(one: QuestionStatistics) -> dict[str, Any]:
+    """The statistics of one question as plain JSON; counts as lists, the largest mistake first."""
+    return asdict(one) | {
+        "options": [{"option": option, "learners": n} for option, n in one.options.items()],
+        "mistakes": [{"diagnosis": diagnosis, "learners": n} for diagnosis, n in one.mistakes.items()],
+    }

@@ -1,0 +1,115 @@
+"""Commands for teachers: `grader pack | roster`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from grader.commands.operate import opened
+from grader.errors import Unprocessable
+
+if TYPE_CHECKING:
+    from grader.courses.people.roster import Entry
+
+
+Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
+Course = Annotated[str | None, typer.Option(help="Name of the course.")]
+
+roster = typer.Typer(help="The people of a course, from and to other systems.", no_args_is_help=True)
+pack = typer.Typer(help="Exercises for other graders.", no_args_is_help=True)
+
+
+@pack.callback()
+def packing() -> None:
+    """Exercises for other graders."""
+
+
+@pack.command("gradescope")
+def pack_for_gradescope(
+    quiz: str,
+    question: str,
+    out: Annotated[
+        Path | None, typer.Option(help="A zip file or a folder; QUIZ-QUESTION.zip here if not given.")
+    ] = None,
+    allow_t2: Annotated[
+        bool, typer.Option("--allow-t2", help="Accept a container without user namespaces, as GRADER_ALLOW_T2 does.")
+    ] = False,
+) -> None:
+    """Write the autograder of one exercise for Gradescope, and print its path."""
+    from grader.library import load
+    from grader.pack import pack_gradescope
+    from grader.settings import Settings
+
+    place = Path(f"{quiz}-{question}.zip") if out is None else out
+    print(pack_gradescope(load(Settings().content), quiz, question, place, allow_t2=allow_t2))
+
+
+@roster.command("import")
+def import_roster(
+    file: Annotated[Path, typer.Argument(help="A CSV file, or a OneRoster zip file or folder.")],
+    namespace: Annotated[str, typer.Option(help="The system whose ids the file has.")] = "roster",
+    course: Course = None,
+    data: Data = None,
+    *,
+    course_class: Annotated[
+        str | None, typer.Option("--class", help="The classSourcedId, where OneRoster's files have several.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Change nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")] = False,
+) -> None:
+    """Make the people on a roster members: all of them, or none if a row is faulty."""
+    from grader.courses.people.enrolment import enrol
+    from grader.courses.people.identity import DEFAULT_COURSE
+
+    name, entries = entries_in(file, namespace, course_class)
+    with opened(data) as database, database.write() as session:
+        done = enrol(database, session, None, course or DEFAULT_COURSE, entries, file=name, dry_run=dry_run)
+    if as_json:
+        print(json.dumps(vars(done)))
+        return
+    would = "would be " if dry_run else ""
+    print(f"{done.created} {would}created, {done.changed} {would}changed, {done.unchanged} unchanged")
+
+
+def entries_in(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
+    """The name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
+    from grader.courses.people import oneroster, roster
+
+    if file.is_dir():
+        users, enrollments = (
+            roster.decoded(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
+        )
+        return oneroster.USERS, oneroster.read_files(users, enrollments, namespace, course_class)
+    if file.suffix == ".zip":
+        return oneroster.USERS, oneroster.read_zip(file.read_bytes(), namespace, course_class)
+    return roster.FILE, roster.read_roster(roster.decoded(roster.FILE, file.read_bytes()), namespace)
+
+
+@roster.command("export")
+def export_roster(
+    out: Annotated[Path | None, typer.Option(help="A file; for CSV, stdout if not given.")] = None,
+    form: Annotated[Literal["csv", "oneroster"], typer.Option("--format", help="The form.")] = "csv",
+    namespace: Annotated[str, typer.Option(help="The system whose ids OneRoster's files get.")] = "roster",
+    course: Course = None,
+    data: Data = None,
+) -> None:
+    """Write the members of a course as CSV, or as a OneRoster zip file."""
+    from grader.courses.people import oneroster, roster
+    from grader.courses.people.enrolment import roster_of, roster_with_ids
+    from grader.courses.people.identity import DEFAULT_COURSE
+
+    name = course or DEFAULT_COURSE
+    if form == "oneroster" and out is None:
+        raise Unprocessable("Name the zip file with --out.")
+    with opened(data) as database, database.read() as session:
+        if form == "csv":
+            written = "".join(roster.write_roster(roster_of(session, name))).encode()
+        else:
+            written = oneroster.write_zip(roster_with_ids(session, name, namespace), name)
+    if out is None:
+        sys.stdout.buffer.write(written)
+    else:
+        out.write_bytes(written)
+        print(out)

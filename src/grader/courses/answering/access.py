@@ -1,0 +1,162 @@
+"""What a learner may do and see: reads what the policy needs, and redacts verdicts by it. Every face asks here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.identity import Identity
+from grader.courses.rules.policy import (
+    ROLES_THAT_SEE_ALL,
+    UNRESTRICTED,
+    Decision,
+    Shown,
+    before_opening,
+    decide,
+    decide_without_content,
+    has_opened,
+    redact,
+    spoken,
+)
+from grader.domain.policy import Extension, Progress
+from grader.domain.verdict import Status, Verdict
+from grader.errors import Conflict, NotFound
+from grader.library import Library
+from grader.questions import Question, Quiz
+from grader.store import extensions, results, submissions
+from grader.store.tables import Result, now
+
+COUNTS = {"best": "the best one counts", "latest": "the latest one counts", "average": "their average counts"}
+
+
+@dataclass(frozen=True)
+class LearnerAccess:
+    """What one user's attempts, extensions and the published quizzes allow them at one moment."""
+
+    library: Library
+    role: str
+    at: datetime
+    progress: Mapping[tuple[str, str], Progress]
+    extensions: Mapping[str, Extension]
+    published: Mapping[str, datetime]
+    _decisions: dict[tuple[str, str], Decision] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def decide(self, quiz: str, question: str) -> Decision:
+        """What the user may do and see at a question, also one that the content has lost."""
+        at = quiz, question
+        if at not in self._decisions:
+            self._decisions[at] = self._apply_policy(quiz, question)
+        return self._decisions[at]
+
+    def _apply_policy(self, quiz: str, question: str) -> Decision:
+        if self.role in ROLES_THAT_SEE_ALL:
+            return UNRESTRICTED
+        try:
+            part, policy = self.library.question(quiz, question), self.library.quiz(quiz).policy
+        except NotFound:
+            return decide_without_content(self.role)
+        extension, published_at = self.extensions.get(quiz), self.published.get(quiz)
+        progress = self.progress_at(quiz, question)
+        return decide(policy, extension, part, progress, self.at, role=self.role, published_at=published_at)
+
+    def progress_at(self, quiz: str, question: str) -> Progress:
+        """What the user's attempts at a question come to."""
+        return self.progress.get((quiz, question), Progress())
+
+    def with_attempt(self, at: tuple[str, str], status: Status | None) -> "LearnerAccess":
+        """The access after one more attempt at a (quiz, question); without a status while it has no verdict."""
+        return replace(self, progress={**self.progress, at: self.progress_at(*at).after(status)})
+
+    def notice(self, quiz: Quiz, question: Question) -> str:
+        """What holds at a question now, in sentences: attempts, dates, and what an answer would get."""
+        decision, used = self.decide(quiz.id, question.id), self.progress_at(quiz.id, question.id).used
+        if decision.why_not is not None:
+            return decision.why_not
+        said = []
+        if decision.attempts_left is not None:
+            of = decision.attempts_left + used
+            said.append(f"{decision.attempts_left} of {of} attempts left; {COUNTS[quiz.policy.counts]}.")
+        if decision.multiplier is not None and decision.multiplier < 1:
+            said.append(f"It is late: an answer now gets {decision.multiplier:.0%} of its points.")
+        elif decision.due is not None:
+            said.append(f"Due on {spoken(decision.due)}.")
+        if decision.closes is not None and decision.closes != decision.due:
+            said.append(f"Answers are taken until {spoken(decision.closes)}.")
+        return " ".join(said)
+
+    def has_opened(self, quiz: str) -> bool:
+        """Whether the user may read the questions of a quiz. Raises NotFound."""
+        return has_opened(self.library.quiz(quiz).policy, self.at, self.role)
+
+
+def require_opened(library: Library, quiz: str, role: str) -> None:
+    """Raises Conflict where a learner may not read the questions of a quiz yet, and NotFound without such a quiz."""
+    policy, clock = library.quiz(quiz).policy, now()
+    if not has_opened(policy, clock, role):
+        raise Conflict(before_opening(policy, clock))
+
+
+def read_access(session: Session, library: Library, who: Identity, at: tuple[str, str] | None = None) -> LearnerAccess:
+    """The access of a user at all questions, or `at` one (quiz, question) only, which takes fewer queries."""
+    if at is None:
+        progress = submissions.progress(session, who.course, who.id)
+        policies = {quiz.id: quiz.policy for quiz in library.quizzes.values()}
+    else:
+        progress = {at: submissions.progress_at(session, who.course, who.id, *at)}
+        policies = {at[0]: library.quizzes[at[0]].policy} if at[0] in library.quizzes else {}
+    extensible = [quiz for quiz in policies if may_be_extended(library, quiz, None if at is None else at[1])]
+    unpublished = [quiz for quiz, policy in policies.items() if policy.feedback == "after_publish"]
+    extended = extensions.of_learner(session, who.course, who.id, extensible) if extensible else {}
+    published = extensions.published(session, who.course, unpublished) if unpublished else {}
+    return LearnerAccess(library, who.role, now(), progress, extended, published)
+
+
+def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
+    """Whether an extension could change anything at a question or any: where there are dates, or limited attempts."""
+    policy, questions = library.quizzes[quiz].policy, library.quizzes[quiz].questions
+    limits = [one.attempts for one in questions if question in (None, one.id)]
+    return policy.due is not None or policy.attempts is not None or any(one is not None for one in limits)
+
+
+def redact_verdict(verdict: Any | None, decision: Decision) -> Any | None:
+    """A verdict, new or stored, as plain JSON, without what is not to be seen yet; the only way to a learner."""
+    if isinstance(verdict, Verdict):
+        return redact(verdict, decision).model_dump(mode="json")
+    if verdict is None or decision.shown is Shown.SOLUTION:
+        return verdict
+    return redact_verdict(Verdict.model_validate(verdict), decision)
+
+
+def describe_progress(session: Session, access: LearnerAccess, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:
+    """The learner's progress by question, as plain JSON: attempts, dates, and what counts once it may be seen.
+
+    `notice` says the same in sentences, for pages.
+    """
+    stored = results.of_learner(session, who.course, who.id, quiz.id)
+    return {part.id: describe_progress_at(access, quiz, part, stored.get(part.id)) for part in quiz.questions}
+
+
+def describe_progress_at(
+    access: LearnerAccess, quiz: Quiz, question: Question, result: Result | None
+) -> dict[str, Any]:
+    """One question of `describe_progress`."""
+    decision = access.decide(quiz.id, question.id)
+    seen = result if decision.shown >= Shown.FEEDBACK else None
+    return {
+        "attempts_used": access.progress_at(quiz.id, question.id).used,
+        "attempts_left": decision.attempts_left,
+        "may_answer": decision.may_answer,
+        "multiplier": decision.multiplier,
+        "due": decision.due,
+        "closes": decision.closes,
+        "result": None if seen is None else describe_result(seen),
+        "notice": access.notice(quiz, question),
+    }
+
+
+def describe_result(result: Result) -> dict[str, Any]:
+    """What counts for a learner at a question, as plain JSON."""
+    names = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final", "revision")
+    return {name: getattr(result, name) for name in names}

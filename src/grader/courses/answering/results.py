@@ -1,0 +1,248 @@
+"""Keeps the results: what counts for each learner at each question, in the transaction of every verdict."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import COMMAND_LINE, Action, record
+from grader.courses.people.identity import Identity
+from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted, due_of
+from grader.courses.sending import outbox
+from grader.domain.policy import Extension, Policy
+from grader.domain.verdict import Status, Verdict
+from grader.library import Library
+from grader.store import extensions, results, submissions
+from grader.store.engine.database import Database
+from grader.store.question_states import QuestionState, SourceAttempt
+from grader.store.results import COUNTED, Columns, LearnerAt
+from grader.store.tables import Member, Submission
+
+
+def append_verdict(
+    database: Database,
+    library: Library,
+    session: Session,
+    submission: Submission,
+    verdict: Verdict,
+    *,
+    cause: str,
+    reviewer: str | None = None,
+) -> None:
+    """Adds a verdict as the submission's newest revision, and counts the learner's result again."""
+    database.lock_learner(session, submission.course, submission.learner)
+    submissions.append_verdict(session, submission, verdict, cause, reviewer)
+    session.flush()
+    recount(session, library, LearnerAt.of(submission), NewSubmission(library, submission, verdict))
+
+
+@dataclass(frozen=True)
+class NewSubmission:
+    """A new submission, with its verdict or waiting for one."""
+
+    library: Library
+    submission: Submission
+    verdict: Verdict | None
+
+    @cached_property
+    def place(self) -> LearnerAt:
+        """The result that it counts for."""
+        return LearnerAt.of(self.submission)
+
+
+def count_new(session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState]) -> None:
+    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date.
+
+    The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
+    decide together what counts now: the time does not grow with the number of attempts.
+    """
+    changed, revised, averages = dict[LearnerAt, Columns](), list[Columns](), dict[LearnerAt, Library]()
+    for one in new:
+        state, before = states[one.place], states[one.place].result
+        if before is not None and find_policy(one.library, one.place.quiz).counts == "average":
+            averages[one.place] = one.library
+        elif (values := count_one_more(one, state)) is not None:
+            state.result = after = results.change(before, one.place, values)
+            if after is not before:
+                changed[one.place] = after
+            if before is None or after["revision"] != before["revision"]:
+                revised.append(after)
+            if values["submission_id"] == one.submission.id:
+                state.source = make_source(one.submission, one.verdict)
+    results.save(session, list(changed.values()), revised)
+    outbox.note(session, {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in revised})
+    for place, library in averages.items():
+        recount(session, library, place)
+
+
+def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] | None:
+    """The columns of a result after one more submission; None if it changes nothing."""
+    before, submission, verdict = state.result, new.submission, new.verdict
+    if verdict is None:
+        return None if before is None else {name: before[name] for name in COUNTED} | {"is_final": False}
+    if not verdict.status.uses_attempt:
+        return None
+    sources = [state.source, make_source(submission, verdict)]
+    attempts = [make_attempt(source) for source in sources if source is not None]
+    policy, worth = find_policy(new.library, submission.quiz), {submission.id: verdict.max_points}
+    values = count_attempts(attempts, policy, state.extension or NO_EXTENSION, worth, before)
+    if state.source is None:
+        values |= describe_first_answer(verdict.status, verdict.evidence)
+    diagnoses = [] if before is None else json.loads(before["diagnoses"])
+    return values | {"diagnoses": dump_diagnoses([*diagnoses, verdict.diagnosis])}
+
+
+def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmission | None = None) -> None:
+    """Counts a result from all attempts; `new` is what has just got a verdict. The caller holds the learner's lock."""
+    before, rows = results.read_columns(session, key), results.attempts_of(session, key)
+    decided = [row for row in rows if row.outcome is not None]
+    if before is None and not decided:
+        return
+    policy, extension = read_rules(session, library, key)
+    worth = {row.id: row.max_points for row in decided}
+    values = count_attempts([make_attempt(row) for row in rows], policy, extension, worth, before)
+    values |= describe_answers(session, [row.id for row in decided], before, new)
+    after = results.change(before, key, values)
+    is_revised = before is None or after["revision"] != before["revision"]
+    results.save(session, [after] if after is not before else [], [after] if is_revised else [])
+    if is_revised:
+        outbox.note(session, [key])
+
+
+def describe_answers(
+    session: Session, decided: Sequence[str], before: Columns | None, new: NewSubmission | None
+) -> dict[str, Any]:
+    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict.
+
+    A first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read.
+    """
+    if before is not None and new is not None and new.verdict is not None and new.submission.revision == 1:
+        if new.submission.id not in decided:
+            return {}
+        is_first = decided[0] == new.submission.id
+        first = describe_first_answer(new.verdict.status, new.verdict.evidence) if is_first else {}
+        return first | {"diagnoses": dump_diagnoses([*json.loads(before["diagnoses"]), new.verdict.diagnosis])}
+    verdicts = submissions.verdicts_of(session, decided)
+    oldest = verdicts[decided[0]] if decided else None
+    first = describe_first_answer(Status(oldest["status"]), oldest["evidence"]) if oldest else {}
+    return first | {"diagnoses": dump_diagnoses([verdict["diagnosis"] for verdict in verdicts.values()])}
+
+
+def predict_points(
+    session: Session, library: Library, key: LearnerAt, verdicts: Mapping[str, tuple[Status, float]]
+) -> float | None:
+    """The points that would count if submissions had these statuses and points; None if nothing would count yet."""
+    attempts = {row.id: make_attempt(row) for row in results.attempts_of(session, key)}
+    for one in submissions.several(session, list(verdicts)):
+        status, points = verdicts[one.id]
+        attempts[one.id] = Attempt(one.id, one.attempt, one.created_at, status, points, status.uses_attempt)
+    now_counted = counted([attempts[one] for one in sorted(attempts)], *read_rules(session, library, key))
+    return now_counted.points if now_counted.sources or results.find(session, key) else None
+
+
+def recount_quiz(database: Database, library: Library, course: str, quiz: str) -> int:
+    """Counts every result of a quiz again, after its policy has changed, one learner at a time. Returns how many."""
+    with database.read() as session:
+        keys = results.keys(session, course, quiz)
+    for key in keys:
+        with database.write() as session:
+            database.lock_learner(session, course, key.learner)
+            recount(session, library, key)
+    with database.write() as session:
+        outbox.release(database, session, course, quiz)
+    return len(keys)
+
+
+def grant(
+    database: Database,
+    library: Library,
+    session: Session,
+    learner: Member,
+    quiz: str,
+    *,
+    granted: Extension,
+    by: Identity | None,
+) -> None:
+    """Gives a learner an extension of a quiz, and counts the learner's results in it again.
+
+    `by` is None for the command line. Raises NotFound if the course has no such quiz.
+    """
+    library.quiz(quiz)
+    database.lock_learner(session, learner.course, learner.id)
+    extensions.put(session, (learner.course, quiz, learner.id), granted, COMMAND_LINE if by is None else by.user)
+    session.flush()
+    for learner_at in results.keys(session, learner.course, quiz, learner.id):
+        recount(session, library, learner_at)
+    outbox.release(database, session, learner.course, quiz, learner.id)
+    detail = granted.model_dump(mode="json")
+    record(session, by, learner.course, Action.EXTENDED, quiz, member=learner.id, name=learner.name, **detail)
+
+
+def read_rules(session: Session, library: Library, key: LearnerAt) -> tuple[Policy, Extension]:
+    """The policy of a quiz, and the learner's extension of it."""
+    policy = find_policy(library, key.quiz)
+    if policy.due is None:  # an extension moves dates, and attempts do not matter here
+        return policy, NO_EXTENSION
+    theirs = extensions.of_learner(session, key.course, key.learner, [key.quiz])
+    return policy, theirs.get(key.quiz, NO_EXTENSION)
+
+
+def find_policy(library: Library, quiz: str) -> Policy:
+    """The policy of a quiz; the default policy where the quiz is gone."""
+    return library.quizzes[quiz].policy if quiz in library.quizzes else Policy()
+
+
+def make_source(submission: Submission, verdict: Verdict | None) -> SourceAttempt:
+    """A new submission as an attempt."""
+    points = None if verdict is None else verdict.points
+    return SourceAttempt(submission.id, submission.attempt, submission.created_at, submission.outcome, points)
+
+
+def make_attempt(row: Any) -> Attempt:
+    """A stored attempt."""
+    status = None if row.outcome is None else Status(row.outcome)
+    return Attempt(row.id, row.attempt, row.created_at, status, row.points or 0.0)
+
+
+def count_attempts(
+    attempts: Sequence[Attempt],
+    policy: Policy,
+    extension: Extension,
+    worth: Mapping[str, float],
+    before: Columns | None,
+) -> dict[str, Any]:
+    """What counts, as columns of a result; `worth` are the maximal points by submission where they have changed."""
+    total = counted(attempts, policy, extension)
+    due = due_of(policy, extension)
+    source = total.sources[-1] if total.sources else None
+    if source is None:
+        assert before is not None
+        counts: dict[str, Any] = {"submission_id": before["submission_id"], "attempt": None}
+    else:
+        counts = {"submission_id": source.id, "attempt": source.number}
+    return counts | {
+        "points": total.points,
+        "max_points": worth.get(counts["submission_id"]) or (before["max_points"] if before is not None else 0.0),
+        "is_late": due is not None and any(one.at > due for one in total.sources),
+        "is_final": total.is_final,
+    }
+
+
+def describe_first_answer(status: Status, evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of the first attempt: its status, and the option or the number that was given, or several of them."""
+    option, value = evidence.get("option"), evidence.get("value")
+    several = {name: values for name, values in (("option", option), ("value", value)) if isinstance(values, list)}
+    return {
+        "first_status": status.value,
+        "first_option": None if "option" in several else option,
+        "first_value": None if "value" in several else value,
+        "first_several": json.dumps(several) if several else None,
+    }
+
+
+def dump_diagnoses(diagnoses: Sequence[str | None]) -> str:
+    """Diagnoses, each once, as the JSON list that a result keeps."""
+    return json.dumps(sorted({one for one in diagnoses if one}))

@@ -1,0 +1,162 @@
+"""The members of a course: named by an instructor, or come by themselves; who may act on whom, and who has which role.
+
+`give_role` is the only function that changes a role, whatever asks for it: pages, API, commands, rosters, platforms.
+"""
+
+import secrets
+from collections.abc import Sequence
+
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import COMMAND_LINE, Action, record
+from grader.courses.people.identity import (
+    DEFAULT_COURSE,
+    FAILED,
+    Identity,
+    Role,
+    checked_name,
+    checked_role,
+    still_holds,
+)
+from grader.errors import Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
+from grader.store import credentials, people
+from grader.store.tables import Member, new_member_id, now
+
+STUDENTS_ALONE = "A restricted token and a service reach students alone: this takes an instructor without restriction."
+
+
+def is_restricted(by: Identity | None) -> bool:
+    """Whether the caller reaches students alone: a token with scopes, or a service. `None` is the command line."""
+    return by is not None and (by.scopes is not None or not by.is_instructor)
+
+
+def require_reach(by: Identity | None, role: str) -> None:
+    """Raises Forbidden unless the caller may act on somebody of this role."""
+    if role != Role.STUDENT and is_restricted(by):
+        raise Forbidden(STUDENTS_ALONE)
+
+
+def require_credential(session: Session, by: Identity | None) -> None:
+    """Raises Unauthorized if the caller's credential has ended between the request and the change that it asks for."""
+    if by is not None and not still_holds(session, by):
+        raise Unauthorized(FAILED)
+
+
+def named(session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None) -> Member:
+    """The member of this name that an instructor or operator made; made now, with the role, at the first call.
+
+    Members who chose their name themselves are never found by it. One who was removed is a member again.
+    Raises Unprocessable, and Forbidden where `by` may not act on them.
+    """
+    name = checked_name("user", name)
+    course = checked_name("course", DEFAULT_COURSE if course is None else course)
+    if is_restricted(by):
+        earlier = people.with_account(session, course, f"name:{name}")
+        require_reach(by, role if earlier is None else earlier.role)
+        if earlier is not None and earlier.removed_at is not None:
+            raise Forbidden(f"{name} was removed: only an instructor without restriction brings members back.")
+    return with_account(session, f"name:{name}", name, role, course)
+
+
+def other_roles(some: Sequence[Member]) -> str:
+    """Why these members get no link and no token for another role than theirs."""
+    each = ", ".join(f"{one.name} ({one.role})" for one in some)
+    return (
+        f"In the course already with another role: {each}. Links and tokens change no role. Ask for the role that they "
+        "have, or change it first: on the page People, by PATCH /api/v1/members/{id}, or by `grader roster import`."
+    )
+
+
+def known(session: Session, name: str, course: str) -> bool:
+    """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
+    found = people.with_account(session, course, f"name:{checked_name('user', name)}")
+    return found is not None and found.removed_at is None
+
+
+def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
+    """The member with this account; made now with the name and role at the first call."""
+    if found := people.with_account(session, course, account):
+        found.removed_at = None
+        return found
+    member = Member(id=new_member_id(), course=course, name=name, account=account, role=role.value)
+    try:
+        with session.begin_nested():
+            session.add(member)
+    except IntegrityError:  # another process has just made it
+        found = people.with_account(session, course, account)
+        assert found is not None
+        return found
+    return member
+
+
+def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
+    """Makes a learner whose browser session is the only way back; without a name, one is made up. Raises Unprocessable.
+
+    The name is a label: others may bear it too.
+    """
+    chosen = f"learner-{secrets.token_hex(3)}" if name is None else checked_name("learner", name.strip())
+    member = Member(id=new_member_id(), course=course, name=chosen, role=Role.STUDENT.value)
+    session.add(member)
+    session.flush()
+    return member
+
+
+def remove(session: Session, by: Identity, member_id: str) -> None:
+    """Ends a member's tokens, sessions and links; the answers stay.
+
+    Raises NotFound, Conflict, Forbidden, Unauthorized.
+    """
+    require_credential(session, by)
+    member = other(session, by, member_id)
+    credentials.revoke_all(session, member.id, now())
+    member.removed_at = now()
+    record(session, by, by.course, Action.MEMBER_REMOVED, member.name, member=member.id)
+
+
+def change_role(session: Session, by: Identity, member_id: str, role: str) -> Member:
+    """Gives another member a role. Raises NotFound, Conflict, Unprocessable, Forbidden, Unauthorized."""
+    require_credential(session, by)
+    if is_restricted(by):
+        raise Forbidden(STUDENTS_ALONE)
+    member = other(session, by, member_id)
+    give_role(session, by, member, checked_person(role))
+    return member
+
+
+def give_role(
+    session: Session, by: Identity | None, member: Member, role: Role, *, unsigned: str = COMMAND_LINE
+) -> None:
+    """Changes the role of a member, if it is another; every session, token and link of theirs ends with the old one.
+
+    Where `by` is None, the audit log names `unsigned`. Raises Forbidden for a restricted token and a service.
+    """
+    if member.role == role:
+        return
+    if is_restricted(by):
+        raise Forbidden(STUDENTS_ALONE)
+    member.role = role.value
+    credentials.revoke_all(session, member.id, now())
+    record(
+        session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, member=member.id,
+        role=role.value,
+    )  # fmt: skip
+
+
+def checked_person(role: str) -> Role:
+    """The role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
+    checked = checked_role(role)
+    if checked is Role.SERVICE:
+        raise Unprocessable("A service uses a token, not a link: grader token create --role service.")
+    return checked
+
+
+def other(session: Session, by: Identity, member_id: str) -> Member:
+    """A member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
+    member = people.get(session, member_id, by.course)
+    if member is None:
+        raise NotFound("There is no such member.")
+    if member.id == by.id:
+        raise Conflict("Ask another instructor to change your own membership.")
+    require_reach(by, member.role)
+    return member

@@ -1,0 +1,202 @@
+"""A roster as OneRoster's users.csv and enrollments.csv, in a zip file.
+
+Source: 1EdTech OneRoster 1.2, CSV binding. Files of version 1.1 are read too: their users.csv has a column `role`.
+"""
+
+import io
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from grader.courses.people.identity import Role
+from grader.courses.people.roster import (
+    FAULTS_MAX,
+    NAMESPACE,
+    Entry,
+    Line,
+    Note,
+    decoded,
+    email_in,
+    entries_of,
+    external_in,
+    name_in,
+    read_lines,
+    required,
+)
+from grader.courses.rules.csv_cells import guarded, lines
+from grader.errors import Fault, FaultyRows, Unprocessable
+
+USERS, ENROLLMENTS, MANIFEST = "users.csv", "enrollments.csv", "manifest.csv"
+FILE_BYTES_MAX = 16 << 20
+MEMBERS_MAX = 64
+
+USER_COLUMNS = (
+    "sourcedId", "status", "dateLastModified", "enabledUser", "username", "userIds", "givenName", "familyName",
+    "middleName", "identifier", "email", "sms", "phone", "agentSourcedIds", "grades", "password",
+    "userMasterIdentifier", "resourceSourcedIds", "preferredGivenName", "preferredMiddleName", "preferredFamilyName",
+    "primaryOrgSourcedId", "pronouns",
+)  # fmt: skip
+ENROLLMENT_COLUMNS = (
+    "sourcedId", "status", "dateLastModified", "classSourcedId", "schoolSourcedId", "userSourcedId", "role", "primary",
+    "beginDate", "endDate",
+)  # fmt: skip
+ROLES = {"student": Role.STUDENT, "teacher": Role.INSTRUCTOR}
+"""The roles of a class that there are here; proctors, aides and administrators are left out."""
+
+BACK = {role: name for name, role in ROLES.items()}
+MISSING = "-"
+"""Stands for a name that a person of one name does not have: both names are required."""
+
+
+def read_zip(data: bytes, namespace: str = NAMESPACE, course_class: str | None = None) -> list[Entry]:
+    """The students and teachers of one class in a OneRoster zip file. Raises Unprocessable, FaultyRows."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            return read_files(text_in(packed, USERS), text_in(packed, ENROLLMENTS), namespace, course_class)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        raise Unprocessable(f"The zip file cannot be read: {error}") from error
+
+
+def text_in(packed: zipfile.ZipFile, name: str) -> str:
+    """The text of a file, in whatever folder of the zip file it lies. Raises Unprocessable."""
+    if len(packed.namelist()) > MEMBERS_MAX:
+        raise Unprocessable(
+            f"The zip file holds more than {MEMBERS_MAX} files: a roster has {USERS} and {ENROLLMENTS}."
+        )
+    found = [one for one in packed.infolist() if one.filename.rpartition("/")[2] == name]
+    if len(found) != 1:
+        raise Unprocessable(f"The zip file holds {name} {len(found)} times: once is needed.")
+    with packed.open(found[0]) as file:
+        data = file.read(FILE_BYTES_MAX + 1)
+    if len(data) > FILE_BYTES_MAX:
+        raise Unprocessable(f"{name} is larger than {FILE_BYTES_MAX >> 20} MB.")
+    return decoded(name, data)
+
+
+def read_files(
+    users: str, enrollments: str, namespace: str = NAMESPACE, course_class: str | None = None
+) -> list[Entry]:
+    """The students and teachers of one class, by the texts of the two files.
+
+    `course_class` is the `classSourcedId` of the class; it may be left out where there is one alone. Left out are
+    people who are not enabled, enrollments in another role, and rows that are to be deleted.
+    Raises Unprocessable, and FaultyRows with all faults.
+    """
+    columns, enrolled = read_lines(ENROLLMENTS, enrollments)
+    required(ENROLLMENTS, columns, ("classSourcedId", "userSourcedId", "role"))
+    roles = roles_of(enrolled, course_class)
+    columns, people = read_lines(USERS, users)
+    required(USERS, columns, ("sourcedId", "givenName", "familyName"))
+    entries = entries_of(people, lambda row, note: entry_of(row, namespace, roles, note))
+    known = {row.get("sourcedId") for row in people}
+    missing = [(user, row) for user, (_, row) in roles.items() if user not in known]
+    if missing:
+        raise FaultyRows(
+            [row.fault("userSourcedId", f"{user} is not in {USERS}") for user, row in missing[:FAULTS_MAX]]
+        )
+    return entries
+
+
+def roles_of(enrolled: Iterable[Line], course_class: str | None) -> dict[str, tuple[Role, Line]]:
+    """Role and row by the id of the person, for one class; who both teaches and learns in it teaches.
+
+    Raises Unprocessable for several classes without a choice, and FaultyRows.
+    """
+    rows = [row for row in enrolled if is_active(row)]
+    classes = sorted({row.get("classSourcedId") for row in rows})
+    if course_class is None and len(classes) > 1:
+        some = ", ".join(classes[:10])
+        raise Unprocessable(f"{ENROLLMENTS} has several classes: choose one by its classSourcedId, of {some}.")
+    if course_class is not None and course_class not in classes:
+        raise Unprocessable(f"{ENROLLMENTS} has no class {course_class!r}.")
+    roles: dict[str, tuple[Role, Line]] = {}
+    faults: list[Fault] = []
+    for row in rows:
+        user, role = row.get("userSourcedId"), ROLES.get(row.get("role").lower())
+        if course_class not in (None, row.get("classSourcedId")) or role is None:
+            continue
+        if not user:
+            faults.append(row.fault("userSourcedId", "is missing"))
+        elif role is Role.INSTRUCTOR or user not in roles:
+            roles[user] = role, row
+    if faults:
+        raise FaultyRows(faults[:FAULTS_MAX])
+    return roles
+
+
+def is_active(row: Line) -> bool:
+    """Whether a row is not to be deleted; a file in bulk mode says nothing."""
+    return row.get("status").lower() in ("", "active")
+
+
+def entry_of(row: Line, namespace: str, roles: dict[str, tuple[Role, Line]], note: Note) -> Entry | None:
+    """The person in a row of users.csv; None if they are not enrolled or not enabled. Faults are noted."""
+    user = row.get("sourcedId")
+    if not user:
+        note("sourcedId", "is missing")
+        return None
+    if user not in roles or not is_active(row) or row.get("enabledUser").lower() not in ("", "true"):
+        return None
+    parts = [row.get(f"preferred{part}") or row.get(part[0].lower() + part[1:]) for part in ("GivenName", "FamilyName")]
+    told = [part for part in parts if part and part != MISSING] or parts[1:]  # of somebody whose name is MISSING itself
+    name = name_in(" ".join(told), note)
+    external = external_in(namespace, user, note)
+    email = email_in(row.get("email"), note) if "email" in row.cells else None
+    return None if external is None else Entry(row.number, name, roles[user][0], email, external)
+
+
+def write_zip(entries: Iterable[Entry], course: str) -> bytes:
+    """The roster as a OneRoster zip file of one class, which is the course. Each entry has an id, its `sourcedId`."""
+    people = [replace(entry, line=number) for number, entry in enumerate(entries, 1)]
+    files = {
+        MANIFEST: manifest(),
+        USERS: [USER_COLUMNS, *(user_row(one) for one in people)],
+        ENROLLMENTS: [ENROLLMENT_COLUMNS, *(enrollment_row(one, course) for one in people)],
+    }
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, rows in files.items():
+            packed.writestr(name, "".join(lines([guarded(cell) for cell in row] for row in rows)))
+    return made.getvalue()
+
+
+def manifest() -> list[Sequence[str]]:
+    """The rows of manifest.csv: which files there are."""
+    names = (
+        "academicSessions", "categories", "classes", "classResources", "courses", "courseResources", "demographics",
+        "enrollments", "lineItemLearningObjectiveIds", "lineItems", "lineItemScoreScales", "orgs",
+        "resultLearningObjectiveIds", "results", "resultScoreScales", "roles", "scoreScales", "userProfiles",
+        "userResources", "users", "resources",
+    )  # fmt: skip
+    here = {USERS, ENROLLMENTS}
+    files = [(f"file.{name}", "bulk" if f"{name}.csv" in here else "absent") for name in names]
+    versions = [("manifest.version", "1.0"), ("oneroster.version", "1.2")]
+    return [("propertyName", "value"), *versions, *files, ("source.systemName", "MuJoCo grader")]
+
+
+def user_row(entry: Entry) -> list[str]:
+    """A row of users.csv."""
+    given, _, family = entry.name.rpartition(" ")
+    given = given.strip() or MISSING
+    if MISSING in (given, family):
+        given, family = MISSING, entry.name
+    cells = {
+        "sourcedId": sourced_id(entry), "enabledUser": "true", "username": entry.name,
+        "givenName": given, "familyName": family, "email": entry.email or "",
+    }  # fmt: skip
+    return [cells.get(column, "") for column in USER_COLUMNS]
+
+
+def enrollment_row(entry: Entry, course: str) -> list[str]:
+    """A row of enrollments.csv."""
+    cells = {
+        "sourcedId": f"{course}-{entry.line}", "classSourcedId": course, "schoolSourcedId": course,
+        "userSourcedId": sourced_id(entry), "role": BACK[entry.role], "primary": "false",
+    }  # fmt: skip
+    return [cells.get(column, "") for column in ENROLLMENT_COLUMNS]
+
+
+def sourced_id(entry: Entry) -> str:
+    """The id of a person in both files."""
+    assert entry.external is not None
+    return entry.external.id

@@ -1,0 +1,211 @@
+"""A roster as our own CSV, and what its rows say; `enrolment` compares it with the members of a course."""
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+from grader.courses.people.external import OWN, External, checked
+from grader.courses.people.identity import Role, checked_name
+from grader.courses.rules.csv_cells import guarded, lines, unguarded
+from grader.errors import Fault, FaultyRows, Unprocessable
+from grader.store.tables import EMAIL
+
+FILE = "roster.csv"
+COLUMNS = ("name", "email", "role", "namespace", "external_id")
+NAMESPACE = "roster"
+"""The namespace of ids where neither the row nor the caller names one."""
+
+ROWS_MAX = 20_000
+FAULTS_MAX = 100
+ADDRESS = re.compile(r"[^\s@,;<>\"]+@[^\s@,;<>\"]+")
+PEOPLE = (Role.STUDENT, Role.INSTRUCTOR)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A person on a roster. `email` is None where the file has no such column, and empty where the cell is.
+
+    Without `external` the person is the member of this name that an instructor or operator made.
+    """
+
+    line: int
+    name: str
+    role: Role
+    email: str | None = None
+    external: External | None = None
+
+    @property
+    def key(self) -> str:
+        """Who is meant: no two entries of a roster may have the same."""
+        return f"name:{self.name}" if self.external is None else self.external.account
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row of a CSV file by column, with the number of the line that it begins on."""
+
+    file: str
+    number: int
+    cells: Mapping[str, str]
+
+    def get(self, column: str) -> str:
+        """The text of a cell, empty if the column is missing; a guard against formulas is taken off."""
+        return unguarded(self.cells.get(column, "").strip())
+
+    def fault(self, column: str, why: str) -> Fault:
+        """What is wrong with one cell."""
+        return Fault(self.file, f"line {self.number}, {column}", why)
+
+
+def decoded(file: str, data: bytes) -> str:
+    """The text of a file, with or without the mark of UTF-8. Raises Unprocessable."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Unprocessable(f"{file} is not UTF-8 at byte {error.start}: save it as CSV UTF-8.") from error
+
+
+def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
+    """The columns of a CSV file, and its rows; empty ones are left out. Columns are parted by commas or semicolons.
+
+    Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells.
+    """
+    first = text.partition("\n")[0]
+    delimiter = ";" if ";" in first and "," not in first else ","
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    rows: list[tuple[int, list[str]]] = []
+    begins = 1
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                rows.append((begins, row))
+            begins = reader.line_num + 1
+            if len(rows) > ROWS_MAX + 1:
+                raise Unprocessable(f"{file} has more than {ROWS_MAX} rows: import it in parts.")
+    except csv.Error as error:
+        raise Unprocessable(f"{file}: line {begins}: {error}") from error
+    if not rows:
+        raise Unprocessable(f"{file} is empty: its first line names the columns.")
+    columns = [cell.strip() for cell in rows[0][1]]
+    long = [Fault(file, f"line {number}", f"has {len(row)} cells, the heading {len(columns)}: quote cells with commas")
+            for number, row in rows[1:] if len(row) > len(columns)]  # fmt: skip
+    if long:
+        raise FaultyRows(long[:FAULTS_MAX])
+    return columns, [Line(file, number, dict(zip(columns, row, strict=False))) for number, row in rows[1:]]
+
+
+def required(file: str, columns: Sequence[str], wanted: Iterable[str], known: Iterable[str] | None = None) -> None:
+    """Raises FaultyRows if a column is missing, there twice or, where `known` says which there are, unknown."""
+    faults = [Fault(file, f"line 1, {name}", "the column is missing") for name in wanted if name not in columns]
+    faults += [Fault(file, f"line 1, {name}", "the column is there twice") for name in twice(columns)]
+    if known is not None:
+        listed = tuple(known)
+        told = f"there is no such column: they are {', '.join(listed)}"
+        faults += [Fault(file, f"line 1, {name}", told) for name in columns if name not in listed]
+    if faults:
+        raise FaultyRows(faults[:FAULTS_MAX])
+
+
+def twice(names: Sequence[str]) -> list[str]:
+    """Names that occur more than once."""
+    return sorted(name for name, count in Counter(names).items() if name and count > 1)
+
+
+def read_roster(text: str, namespace: str = NAMESPACE) -> list[Entry]:
+    """The people on a roster in our own form: `name`, and any of the other COLUMNS.
+
+    `namespace` is that of ids in rows that name none. Raises Unprocessable, and FaultyRows with all faults.
+    """
+    columns, rows = read_lines(FILE, text)
+    required(FILE, columns, ["name"], COLUMNS)
+    has_email = "email" in columns
+    return entries_of(rows, lambda row, note: entry_of(row, namespace, note, has_email=has_email))
+
+
+Note = Callable[[str, str], None]
+"""Notes a fault of a column of the row that is read."""
+
+
+def entries_of(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None]) -> list[Entry]:
+    """What `read` makes of the rows. Raises FaultyRows if it notes faults, or a person is there twice."""
+    faults: list[Fault] = []
+    found: dict[str, Entry] = {}
+    for row in rows:
+        known = len(faults)
+        entry = read(row, lambda column, why, row=row: faults.append(row.fault(column, why)))  # type: ignore[misc]
+        if entry is None or len(faults) > known:
+            continue
+        if (earlier := found.setdefault(entry.key, entry)) is not entry:
+            column = "name" if entry.external is None else "external_id"
+            faults.append(row.fault(column, f"is the person of line {earlier.line}: give each person one row"))
+    if faults:
+        raise FaultyRows(faults[:FAULTS_MAX])
+    return list(found.values())
+
+
+def entry_of(row: Line, namespace: str, note: Note, *, has_email: bool) -> Entry:
+    """The person in a row of our own form; faults are noted."""
+    role = role_in(row.get("role") or Role.STUDENT, note)
+    email = email_in(row.get("email"), note) if has_email else None
+    external_id = row.get("external_id")
+    external = external_in(row.get("namespace") or namespace, external_id, note) if external_id else None
+    if not external_id and row.get("namespace"):
+        note("external_id", "is missing: a namespace says whose id it is")
+    return Entry(row.number, name_in(row.get("name"), note), role, email, external)
+
+
+def name_in(name: str, note: Note) -> str:
+    """The name, if it can be one."""
+    try:
+        return checked_name("person", name)
+    except Unprocessable as error:
+        note("name", str(error))
+        return name
+
+
+def role_in(role: str, note: Note) -> Role:
+    """The role, if a person can have it."""
+    if role not in PEOPLE:
+        note("role", f"is {' or '.join(PEOPLE)}, or empty for a student; not {role!r}")
+        return Role.STUDENT
+    return Role(role)
+
+
+def is_email(text: str) -> bool:
+    """Whether a text can be an address."""
+    return len(text) <= EMAIL and text.isprintable() and ADDRESS.fullmatch(text) is not None
+
+
+def email_in(email: str, note: Note) -> str:
+    """The address, if it can be one."""
+    if email and not is_email(email):
+        note("email", f"is no address: one is name@host, of at most {EMAIL} characters")
+    return email
+
+
+def external_in(namespace: str, external_id: str, note: Note) -> External | None:
+    """The person's id in another system, if it can be one; in the namespace `grader`, the id of a member."""
+    if namespace == OWN:
+        return External(OWN, external_id)
+    try:
+        return checked(namespace, external_id)
+    except Unprocessable as error:
+        note("external_id", str(error))
+        return None
+
+
+def write_roster(entries: Iterable[Entry]) -> Iterator[str]:
+    """The lines of a roster in our own form, which `read_roster` reads back."""
+    return lines(chain([COLUMNS], map(cells_of, entries)))
+
+
+def cells_of(entry: Entry) -> list[str]:
+    """A person as a row of our own form."""
+    external = entry.external or External("", "")
+    return [
+        guarded(cell) for cell in (entry.name, entry.email or "", entry.role.value, external.namespace, external.id)
+    ]

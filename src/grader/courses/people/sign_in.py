@@ -1,0 +1,99 @@
+"""Browser sessions, and the single-use links that open them."""
+
+from dataclasses import dataclass, replace
+from datetime import timedelta
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity, Kind, Role, checked_role, find, identity_of, issue
+from grader.courses.people.members import give_role, named, unnamed
+from grader.errors import Unauthorized
+from grader.store import credentials, people
+from grader.store.tables import Credential, Member, now
+
+LEARNER_SESSION = timedelta(days=180)
+INSTRUCTOR_SESSION = timedelta(hours=12)
+SIGN_IN_CODE = timedelta(hours=24)
+RETURN_CODE = LEARNER_SESSION
+
+PRUNED = (Kind.SESSION, Kind.SIGN_IN)
+"""Kinds of credentials that are deleted once they have ended. Tokens stay listed."""
+
+SPENT = "This sign-in link is unknown, has been used, or is too old. Ask for a new one."
+
+
+@dataclass(frozen=True)
+class BrowserSession:
+    """A new browser session: whose it is, the value of its cookie, and how long both are valid."""
+
+    identity: Identity
+    secret: str
+    lifetime: timedelta
+
+
+def create_sign_in_code(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
+    """Creates a code that opens one browser session for a named member, for the operator, who also gives the role.
+
+    Raises Unprocessable.
+    """
+    checked = checked_role(role)
+    member = named(session, user, checked, course)
+    give_role(session, None, member, checked)
+    return issue(session, Kind.SIGN_IN, member, SIGN_IN_CODE)
+
+
+def start_session(session: Session, member: Member, platform: int | None = None) -> BrowserSession:
+    """Starts a browser session, and deletes sessions and codes that have ended.
+
+    `platform` is the learning platform that launched it; each launch opens another one, so they are short.
+    """
+    people.prune(session, credentials.prune(session, PRUNED, now()))
+    is_short = member.role != Role.STUDENT or platform is not None
+    lifetime = INSTRUCTOR_SESSION if is_short else LEARNER_SESSION
+    secret = issue(session, Kind.SESSION, member, lifetime, platform=platform)
+    session.flush()
+    credential = session.get_one(Credential, secret.split("_")[1])
+    return BrowserSession(replace(identity_of(credential), by_cookie=True), secret, lifetime)
+
+
+def start_anonymous_session(session: Session) -> BrowserSession:
+    """Starts a browser session for a new learner with a made-up name."""
+    return start_session(session, unnamed(session))
+
+
+def identity_behind(session: Session, code: str) -> Identity | None:
+    """Who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
+    credential = find(session, Kind.SIGN_IN, code)
+    return None if credential is None else identity_of(credential)
+
+
+def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:
+    """Exchanges a code for a browser session. Raises Unauthorized if it is unknown, used or expired."""
+    credential = find(session, Kind.SIGN_IN, code)
+    if credential is None or not credentials.revoke(session, credential.id, now()):
+        raise Unauthorized(SPENT)
+    opened = start_session(session, session.get_one(Member, credential.member))
+    record(session, opened.identity, opened.identity.course, Action.SIGNED_IN, opened.identity.user)
+    return opened
+
+
+def create_return_code(session: Session, who: Identity) -> str:
+    """Creates a code with which the owner of a browser session comes back; it revokes the earlier ones.
+
+    An instructor's is as short as any other sign-in code: it must not outlive their session by half a year.
+    """
+    credentials.revoke_all(session, who.id, now(), [Kind.SIGN_IN])
+    member = session.get_one(Member, who.id)
+    return issue(session, Kind.SIGN_IN, member, RETURN_CODE if member.role == Role.STUDENT else SIGN_IN_CODE)
+
+
+def is_only_in_browser(session: Session, who: Identity) -> bool:
+    """Whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
+    return session.get_one(Member, who.id).account is None
+
+
+def end_session(session: Session, cookie: str) -> None:
+    """Revokes the session of a cookie; an invalid cookie is ignored."""
+    if credential := find(session, Kind.SESSION, cookie):
+        credentials.revoke(session, credential.id, now())

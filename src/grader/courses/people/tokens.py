@@ -1,0 +1,113 @@
+"""Bearer tokens: created with scopes and an expiry, listed, revoked."""
+
+from collections.abc import Iterable, Sequence
+from datetime import timedelta
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import (
+    DEFAULT_COURSE,
+    Identity,
+    Kind,
+    Role,
+    Scope,
+    checked_role,
+    checked_scopes,
+    issue,
+)
+from grader.courses.people.members import named, other_roles, require_credential, require_reach
+from grader.errors import Conflict, Forbidden, NotFound
+from grader.store import credentials, people
+from grader.store.tables import Credential, now
+
+DAYS_MAX = 3650
+"""The longest life of a token that is not unlimited [days]."""
+
+
+def create_token(
+    session: Session,
+    user: str,
+    role: Role | str,
+    course: str | None = None,
+    *,
+    scopes: Iterable[str] | None = None,
+    lifetime: timedelta | None = None,
+    by: Identity | None = None,
+) -> str:
+    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict.
+
+    Without `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token
+    creates tokens of students alone, within its own scopes and its own time.
+    """
+    checked, wanted = checked_role(role), None if scopes is None else checked_scopes(scopes)
+    if by is not None and by.scopes is not None:
+        require_within(session, by, by.scopes, wanted, lifetime)
+    require_credential(session, by)
+    require_reach(by, checked)
+    member = named(session, user, checked, course, by=by)
+    if member.role != checked:
+        raise Conflict(other_roles([member]))
+    session.flush()
+    text = issue(session, Kind.TOKEN, member, lifetime, scopes=wanted, by=by)
+    shown = None if wanted is None else sorted(wanted)
+    record(session, by, member.course, Action.TOKEN_CREATED, user, role=checked.value, scopes=shown)
+    return text
+
+
+def require_within(
+    session: Session, by: Identity, own: frozenset[Scope], wanted: frozenset[Scope] | None, lifetime: timedelta | None
+) -> None:
+    """Raises Forbidden if a token would outdo the restricted one that creates it, in scopes or in time."""
+    if wanted is None or not wanted <= own:
+        raise Forbidden("A token can give another only the scopes that it has itself.")
+    credential = credentials.find(session, by.credential, Kind.TOKEN, now())
+    ends = None if credential is None else credential.expires_at
+    if ends is not None and (lifetime is None or now() + lifetime > ends):
+        raise Forbidden(f"A token can give another only the time that it has itself: until {ends:%Y-%m-%d %H:%M} UTC.")
+
+
+def tokens(session: Session, course: str) -> Sequence[Credential]:
+    """The tokens of a course that were not revoked and have not expired, newest first."""
+    return credentials.alive_in(session, course, Kind.TOKEN, now())
+
+
+def revoke(session: Session, token_id: str, course: str, by: Identity | None = None) -> None:
+    """Revokes one token by its id; a restricted token ends those of students and itself.
+
+    Raises NotFound if it is not one of the course, or has ended; Forbidden, Unauthorized.
+    """
+    credential = credentials.find(session, token_id, Kind.TOKEN, now())
+    if credential is None or credential.course != course:
+        raise NotFound("There is no such token.")
+    require_credential(session, by)
+    if by is None or credential.id != by.credential:
+        require_reach(by, credential.role)
+    credentials.revoke(session, credential.id, now())
+    record(session, by, course, Action.TOKEN_REVOKED, credential.user, token=token_id)
+
+
+def revoke_all(session: Session, user: str, course: str | None = None) -> int:
+    """Revokes every bearer token, session and sign-in code of a named member. Returns how many were valid."""
+    member = people.with_account(session, course or DEFAULT_COURSE, f"name:{user}")
+    if member is None:
+        return 0
+    ended = credentials.revoke_all(session, member.id, now())
+    record(session, None, member.course, Action.CREDENTIALS_REVOKED, user, count=ended)
+    return ended
+
+
+def shown(credential: Credential) -> dict[str, Any]:
+    """A token or a link, without its secret."""
+    return {
+        "id": credential.id,
+        "name": credential.user,
+        "member": credential.member,
+        "role": credential.role,
+        "scopes": None if credential.scopes is None else credential.scopes.split(),
+        "created_at": credential.created_at,
+        "created_by": credential.created_by,
+        "expires_at": credential.expires_at,
+        "last_used_at": credential.last_used_at,
+    }

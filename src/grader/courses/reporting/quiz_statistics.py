@@ -1,0 +1,77 @@
+"""The statistics of a quiz from its stored results, for the API and for pages."""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from grader.courses.people.identity import Identity
+from grader.courses.reviewing.blinding import unseen_by
+from grader.courses.rules.statistics import QuestionStatistics, learners_of, statistics_of, tallies_of
+from grader.library import Library
+from grader.questions import Quiz, kind_of
+from grader.store import results
+from grader.store.engine.database import Database
+from grader.store.results import State
+
+VERSIONS_MAX = 256
+"""Statistics that are cached; those of a quiz are a few kilobytes."""
+
+
+@dataclass(frozen=True)
+class QuizStatistics:
+    """The questions of a quiz that have answers, in the order of the quiz, and the number of learners."""
+
+    learners: int
+    questions: tuple[QuestionStatistics, ...]
+
+
+@dataclass(frozen=True)
+class Version:
+    """What the statistics of a quiz depend on: equal versions have equal statistics.
+
+    They are about all learners but `without`, who are instructors that try questions, and leave out the `hidden` pairs
+    of learner and question, whose marks the reader must not see yet.
+    """
+
+    course: str
+    quiz: Quiz = field(compare=False)
+    digest: str
+    """Of the quiz."""
+    without: frozenset[str]
+    hidden: frozenset[tuple[str, str]]
+    state: State
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """The version as values that are the same in every process: sets have no order."""
+        return self.course, self.digest, sorted(self.without), sorted(self.hidden), self.state
+
+
+class Statistics:
+    """Computes the statistics of quizzes; those of the last versions are cached."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self.compute = lru_cache(maxsize=VERSIONS_MAX)(self._compute)
+        """Returns the statistics of a version, read in a transaction of its own."""
+
+    def version(self, library: Library, quiz_id: str, who: Identity) -> Version:
+        """Reads the current version of what this instructor may see. Raises NotFound for an unknown quiz."""
+        quiz, digest = library.quiz(quiz_id), library.digest(quiz_id)
+        with self._database.read() as session:
+            without = frozenset(results.instructors(session, who.course))
+            unseen = unseen_by(session, who).results
+            state = results.state(session, who.course, [quiz_id])
+        hidden = frozenset(
+            (place.learner, place.question) for place in unseen if (place.course, place.quiz) == (who.course, quiz_id)
+        )
+        return Version(who.course, quiz, digest, without, hidden, state)
+
+    def _compute(self, version: Version) -> QuizStatistics:
+        quiz = version.quiz
+        tolerances = {one.id: [number.tolerance for number in kind_of(one).numbers(one)] for one in quiz.questions}
+        with self._database.read() as session:
+            rows = results.of_quiz(session, version.course, quiz.id)
+        visible = (row for row in rows if row[0] not in version.without and row[:2] not in version.hidden)
+        by_question = tallies_of(visible, tolerances)
+        tallies = [by_question[one.id] for one in quiz.questions if one.id in by_question]
+        return QuizStatistics(len(learners_of(tallies)), statistics_of(tallies))

@@ -1,0 +1,54 @@
+"""The desk: what everything about reviewing works with."""
+
+from dataclasses import dataclass
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.pseudonyms import Blinding
+from grader.domain.rubric import SecondMarking
+from grader.errors import NotFound
+from grader.library import Library
+from grader.questions import Question
+from grader.store.engine.database import Database
+from grader.store.tables import Submission
+
+
+@dataclass(frozen=True)
+class Desk:
+    """What reviewing works with: the database, the content as it is now, and what keeps reviewers blind."""
+
+    database: Database
+    library: Library
+    blinding: Blinding
+
+    def lock(self, session: Session, course: str) -> None:
+        """Lets only one transaction at a time claim, mark or recompute in a course."""
+        self.database.lock(session, f"reviews\n{course}")
+
+    def hold(self, session: Session, submission: Submission) -> None:
+        """As `lock`; and until the transaction ends, the submission gets no verdict from any other."""
+        self.lock(session, submission.course)
+        self.database.lock_learner(session, submission.course, submission.learner)
+        session.refresh(submission)
+
+    def question(self, submission: Submission) -> Question | None:
+        """The question as it is now; None if the content has lost it."""
+        try:
+            return self.library.question(submission.quiz, submission.question)
+        except NotFound:
+            return None
+
+    def second_marking(self, submission: Submission) -> SecondMarking:
+        """The rule for second marks of the submission's quiz; by default no answer is marked twice."""
+        quiz = self.library.quizzes.get(submission.quiz)
+        return (quiz and quiz.second_marking) or SecondMarking(share=0.0)
+
+    @property
+    def averaged(self) -> set[str]:
+        """The quizzes in which all attempts count, and so wait for a reviewer."""
+        return {quiz.id for quiz in self.library.quizzes.values() if quiz.policy.counts == "average"}
+
+    def is_anonymous(self, quiz: str) -> bool:
+        """Whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""
+        found = self.library.quizzes.get(quiz)
+        return found is None or found.anonymous

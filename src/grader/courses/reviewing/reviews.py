@@ -1,0 +1,200 @@
+"""Reviewing: claims with heartbeats, first and second marks, and points that follow a changed rubric."""
+
+import json
+from datetime import timedelta
+
+from sqlalchemy.orm import Session
+
+from grader.courses.answering import results
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity
+from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.rubric import Mark, fingerprint, items_of, marked, recomputed, rubric_of, rubric_points
+from grader.domain.verdict import Verdict
+from grader.errors import Conflict, NotFound, Unprocessable
+from grader.questions import Question
+from grader.store import reviews, submissions
+from grader.store.reviews import AGREED, DECIDED, DIFFERS, NONE, WAITING, Queue
+from grader.store.submissions import AT_REST, GRADED, SubmissionFilter
+from grader.store.tables import Review, ReviewClaim, Submission, now
+
+CLAIM = timedelta(minutes=15)
+"""How long a claim holds after it was made or prolonged."""
+
+FOLLOWING = "a change of the rubric"
+"""The audit log's author of points that were recomputed without a request."""
+
+
+def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
+    """The submissions that wait. A search by name finds nothing in anonymous quizzes."""
+    if wanted.user is None:
+        return Queue(wanted, desk.averaged, second_for)
+    return Queue(
+        wanted, desk.averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
+    )
+
+
+def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:
+    """Claims a submission, or prolongs the reviewer's own claim on it. Raises Conflict. The caller holds the lock."""
+    clock = now()
+    free_for(session, submission, who)
+    if second:
+        awaiting_second(session, submission, who)
+    if reviews.claim_on(session, submission.id, clock) is None:
+        record(session, who, who.course, Action.CLAIMED, submission.id)
+    return reviews.put_claim(session, submission.id, who.id, who.user, clock + CLAIM)
+
+
+def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
+    """The submission that has waited longest for a claim. Raises NotFound."""
+    found = reviews.oldest(session, queue, who.id, now())
+    if found is None:
+        raise NotFound("No submission needs a review here.")
+    return found
+
+
+def prolong(session: Session, who: Identity, submission: Submission) -> ReviewClaim:
+    """Makes the reviewer's claim hold for `CLAIM` from now on. Raises Conflict if it has ended."""
+    held = reviews.claim_on(session, submission.id, now())
+    if held is None or held.reviewer != who.id:
+        raise Conflict("You hold no claim on this submission any more: claim it again.")
+    held.expires_at = now() + CLAIM
+    return held
+
+
+def release(session: Session, who: Identity, submission: Submission) -> None:
+    """Ends the reviewer's claim on a submission, if there is one."""
+    held = reviews.claim_on(session, submission.id, now())
+    if held is not None and held.reviewer == who.id:
+        reviews.drop_claim(session, submission.id)
+        record(session, who, who.course, Action.RELEASED, submission.id)
+
+
+def free_for(session: Session, submission: Submission, who: Identity) -> None:
+    """Raises Conflict unless this reviewer may mark the submission now."""
+    if submission.status not in AT_REST:
+        raise Conflict("This submission is still being graded.")
+    held = reviews.claim_on(session, submission.id, now())
+    if held is not None and held.reviewer != who.id:
+        raise Conflict(f"{held.name} is reviewing this submission until {held.expires_at:%H:%M} UTC.")
+
+
+def awaiting_second(session: Session, submission: Submission, who: Identity) -> Review:
+    """The review that waits for a second mark by this reviewer. Raises Conflict."""
+    review = reviews.review_of(session, submission.id)
+    if review is None or review.second != WAITING or submission.status != GRADED:
+        raise Conflict("This submission does not wait for a second mark.")
+    if review.reviewer == who.id:
+        raise Conflict("The first mark is yours: another reviewer gives the second.")
+    return review
+
+
+def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
+    """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable.
+
+    On an answer with two marks it is the third decision. The caller holds the submission.
+    """
+    free_for(session, submission, who)
+    earlier = newest(session, submission)
+    verdict = checked(earlier, desk.question(submission), mark)
+    results.append_verdict(desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user)
+    review = review_after(desk, session, submission)
+    review.reviewer, review.name, review.points = who.id, who.user, verdict.points
+    review.rubric = followed(desk.question(submission), mark)
+    record(session, who, who.course, Action.REVIEWED, submission.id, before=earlier.points, after=verdict.points)
+    reviews.drop_claim(session, submission.id)
+    return verdict
+
+
+def review_after(desk: Desk, session: Session, submission: Submission) -> Review:
+    """The review of a submission after one more decision: the first draws whether there is a second mark."""
+    review = reviews.review_of(session, submission.id)
+    if review is None:
+        drawn = desk.blinding.is_drawn(submission, desk.second_marking(submission).share)
+        at = {name: getattr(submission, name) for name in ("course", "quiz", "question")}
+        review = Review(submission_id=submission.id, **at, second=WAITING if drawn else NONE)
+        session.add(review)
+    elif review.second in (AGREED, DIFFERS):
+        review.second = DECIDED
+    return review
+
+
+def mark_second(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Review:
+    """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable.
+
+    The caller holds the submission.
+    """
+    free_for(session, submission, who)
+    review = awaiting_second(session, submission, who)
+    own = reviews.graders_verdicts(session, [submission.id])[submission.id]
+    question = desk.question(submission)
+    review.second_points = checked(Verdict.model_validate(own), question, mark).points
+    review.second_reviewer, review.second_name, review.second_comment = who.id, who.user, mark.comment
+    if mark.follows_rubric:
+        review.second_ticked = json.dumps(mark.ticked)
+        review.rubric = review.rubric or followed(question, mark)
+    review.second = compared(desk, submission, review)
+    record(session, who, who.course, Action.MARKED_SECOND, submission.id, points=review.second_points)
+    reviews.drop_claim(session, submission.id)
+    return review
+
+
+def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identity | None) -> bool:
+    """Computes the marks of a submission again from the rubric as it is now. Returns whether its verdict changed.
+
+    `who` asked for it; None is for the service itself. Does nothing the second time.
+    """
+    submission = session.get_one(Submission, submission_id)
+    desk.hold(session, submission)
+    review, question = session.get_one(Review, submission_id), desk.question(submission)
+    if question is None or not rubric_of(question) or review.rubric in (None, fingerprint(question)):
+        return False
+    earlier = newest(session, submission)
+    verdict = recomputed(earlier, question)
+    if verdict is not earlier:
+        results.append_verdict(
+            desk.database, desk.library, session, submission, verdict, cause="rubric", reviewer=review.name
+        )
+        review.points = verdict.points
+        record(
+            session,
+            who,
+            submission.course,
+            Action.RECOMPUTED,
+            submission.id,
+            unsigned=FOLLOWING,
+            before=earlier.points,
+            after=verdict.points,
+        )
+    if review.second_ticked is not None:
+        kept = {item.id for item in rubric_of(question)}.intersection(json.loads(review.second_ticked))
+        review.second_points = rubric_points(items_of(question, kept), question.points)
+    if review.second in (AGREED, DIFFERS):
+        review.second = compared(desk, submission, review)
+    review.rubric = fingerprint(question)
+    return verdict is not earlier
+
+
+def newest(session: Session, submission: Submission) -> Verdict:
+    """The newest verdict on a submission that is at rest."""
+    return Verdict.model_validate(submissions.verdicts(session, [submission])[submission.id])
+
+
+def checked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
+    """The verdict after a mark. Raises Unprocessable."""
+    try:
+        return marked(verdict, question, mark)
+    except ValueError as error:
+        raise Unprocessable(f"{error}.") from error
+
+
+def followed(question: Question | None, mark: Mark) -> str | None:
+    """The fingerprint of the rubric that a mark's points follow, if they do."""
+    return None if question is None or not mark.follows_rubric else fingerprint(question)
+
+
+def compared(desk: Desk, submission: Submission, review: Review) -> str:
+    """Whether the two marks agree."""
+    assert review.second_points is not None
+    agree = desk.second_marking(submission).agree(review.points, review.second_points)
+    return AGREED if agree else DIFFERS

@@ -1,0 +1,343 @@
+"""What one learner may do and see at one question, and which points count: decided here for every face. Pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from enum import IntEnum
+from typing import Any
+
+from pydantic import BaseModel
+
+from grader.domain.policy import Extension, Policy, Progress
+from grader.domain.verdict import GRADED_AS, POINT_DIGITS, REVIEW, Finding, Status, Verdict
+from grader.questions import Question, Reveal, kind_of
+
+DAY = timedelta(days=1)
+NO_EXTENSION = Extension()
+ROLES_THAT_SEE_ALL = ("instructor", "service")
+
+UNANSWERED = "Answer the question first: the lab opens when your prediction is made."
+
+RUN_ENDS = (
+    Status.CRASHED,
+    Status.TIMED_OUT,
+    Status.OUT_OF_MEMORY,
+    Status.OUTPUT_TOO_LARGE,
+    Status.FORBIDDEN,
+)
+NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
+"""Statuses that are shown at once, with their sentence: nothing was compared with a right answer."""
+
+RECEIPT_FIELDS = ("max_points", "read_as", "stdout", "stderr", "environment", "content_digest", "submission_digest")
+DIRECTION_FIELDS = (*RECEIPT_FIELDS, "status", "points", "direction", "timing_ms")
+FEEDBACK_FIELDS = (*DIRECTION_FIELDS, "diagnosis")
+DIRECTION_FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "direction")
+FINDING_FIELDS = (*DIRECTION_FINDING_FIELDS, "message", "measured")
+RECEIPT_TIMES = ("script_cpu", "script_wall")
+"""Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
+DIRECTION_EVIDENCE = ("option", "value", "unit", "angles", "claims", "tableau")
+"""Pictures of the learner's own answer."""
+FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "order")
+"""Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""
+
+
+REVEAL: Reveal = "size"
+"""What the feedback gives away where the author says nothing."""
+
+
+class Shown(IntEnum):
+    """What a learner sees of their attempts at one question; each level includes the ones below it.
+
+    - `RECEIPT`: what was understood of the answer, its own output, and statuses that say nothing about correctness;
+    - `FEEDBACK`: status, points, findings, diagnosis, evidence of the answer itself, and the reviewer's comment, as far
+      as the question's `reveal` goes;
+    - `SOLUTION`: the explanation, the expected values, and the evidence that draws them.
+
+    The level is the same for all attempts: a solution that is seen through one attempt is seen.
+    """
+
+    RECEIPT = 0
+    FEEDBACK = 1
+    SOLUTION = 2
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One submission of a learner, handed in `at`. Until it has a verdict, `status` is None and `uses_attempt` true."""
+
+    id: str
+    number: int
+    at: datetime
+    status: Status | None
+    points: float = 0.0
+    uses_attempt: bool = True
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What holds for one learner at one question now.
+
+    `why_not` says in a sentence why no answer is taken, and is None where one is. `attempts_left` is None without a
+    limit. `multiplier` is what an answer handed in now would get, None where none is taken. `withheld` says when the
+    feedback comes, and is None once it may be seen. `due` and `closes` include the learner's extension.
+    `why_no_lab` says why the lab of a predict question may not be run: it shows what was to be predicted, so it opens
+    with the first answer, and where feedback is withheld, with the feedback. `reveal` says what the feedback gives
+    away where the solution is not shown.
+    """
+
+    why_not: str | None
+    attempts_left: int | None
+    multiplier: float | None
+    shown: Shown
+    withheld: str | None
+    due: datetime | None
+    closes: datetime | None
+    why_no_lab: str | None
+    reveal: Reveal = REVEAL
+
+    @property
+    def may_answer(self) -> bool:
+        """Whether an answer would be taken now."""
+        return self.why_not is None
+
+
+@dataclass(frozen=True)
+class Counted:
+    """The points that count, the attempts that they come from, and whether they can still change by grading.
+
+    `is_final` is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes
+    the average, any one.
+    """
+
+    points: float
+    sources: tuple[Attempt, ...]
+    is_final: bool
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the attempts that the points come from."""
+        return tuple(attempt.number for attempt in self.sources)
+
+
+def has_opened(policy: Policy, now: datetime, role: str) -> bool:
+    """Whether the questions of a quiz may be read."""
+    return role in ROLES_THAT_SEE_ALL or before_opening(policy, now) is None
+
+
+def before_opening(policy: Policy, now: datetime) -> str | None:
+    """When the quiz opens, in a sentence; None once it has."""
+    return f"This quiz opens on {spoken(policy.opens)}." if policy.opens is not None and now < policy.opens else None
+
+
+def decide(
+    policy: Policy,
+    extension: Extension | None,
+    question: Question,
+    progress: Progress,
+    now: datetime,
+    *,
+    role: str,
+    published_at: datetime | None = None,
+) -> Decision:
+    """Decides what a learner may do and see at a question.
+
+    `progress` sums up the learner's own attempts at it. `published_at` is when an instructor published the feedback
+    of the quiz, None before that. Instructors and services see everything, and may try questions at any time.
+    """
+    extension = extension or NO_EXTENSION
+    due, closes = due_of(policy, extension), closes_of(policy, extension)
+    if role in ROLES_THAT_SEE_ALL:
+        return replace(UNRESTRICTED, due=due, closes=closes)
+    allowed = attempts_allowed(policy, extension, question)
+    left = None if allowed is None else max(0, allowed - progress.used)
+    why_not = refusal(policy, closes, allowed, left, now)
+    closed = closes is not None and now > closes
+    withheld = withholding(policy, closes, closed, published_at, now)
+    if withheld:
+        shown = Shown.RECEIPT
+    else:
+        shown = Shown.SOLUTION if solution_is_open(policy, progress, left, closed) else Shown.FEEDBACK
+    multiplier = None if why_not else late_multiplier(policy, extension, now)
+    why_no_lab = withheld if progress.used else UNANSWERED
+    return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab, revealed(question))
+
+
+def revealed(question: Question) -> Reveal:
+    """What the feedback on an answer gives away before the solution may be seen."""
+    return kind_of(question).reveal(question) or REVEAL
+
+
+UNRESTRICTED = Decision(None, None, 1.0, Shown.SOLUTION, None, None, None, None)
+"""For instructors and services."""
+
+
+def decide_without_content(role: str) -> Decision:
+    """The decision on a question that the course no longer has: with its policy gone, its verdicts are withheld."""
+    if role in ROLES_THAT_SEE_ALL:
+        return UNRESTRICTED
+    gone = "This question is not part of the course at present."
+    return Decision(gone, None, None, Shown.RECEIPT, gone, None, None, gone)
+
+
+def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
+    """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in.
+
+    A learner may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally
+    good ones the first is the best. An answer that was taken keeps counting, also where `due` was moved to an earlier
+    date afterwards.
+    """
+    used = [attempt for attempt in attempts if attempt.uses_attempt]
+    decided = [attempt for attempt in used if attempt.status is not None]
+    waiting = used if policy.counts == "average" else used[-1:]
+    is_final = len(decided) == len(used) and all(one.status is not Status.NEEDS_REVIEW for one in waiting)
+    if not decided:
+        return Counted(0.0, (), is_final)
+    extension = extension or NO_EXTENSION
+    points = [attempt.points * late_multiplier(policy, extension, attempt.at) for attempt in decided]
+    if policy.counts == "average":
+        return Counted(round(math.fsum(points) / len(points), POINT_DIGITS), tuple(decided), is_final)
+    index = points.index(max(points)) if policy.counts == "best" else -1
+    return Counted(round(points[index], POINT_DIGITS), (decided[index],), is_final)
+
+
+def late_multiplier(policy: Policy, extension: Extension, at: datetime) -> float:
+    """What the points of an answer handed in at a moment are multiplied by: `per_day` to the power of days started."""
+    due = due_of(policy, extension)
+    if policy.late is None or due is None or at <= due:
+        return 1.0
+    days = -((due - at) // DAY)
+    return max(policy.late.floor, policy.late.per_day**days)
+
+
+def due_of(policy: Policy, extension: Extension) -> datetime | None:
+    """The learner's due date, if the quiz has one."""
+    return None if policy.due is None else max(policy.due, extension.due or policy.due)
+
+
+def closes_of(policy: Policy, extension: Extension) -> datetime | None:
+    """The last moment at which the learner may hand in, if there is one."""
+    due = due_of(policy, extension)
+    if due is None:
+        return None
+    return max(due, policy.late.until if policy.late else due, extension.until or due)
+
+
+def attempts_allowed(policy: Policy, extension: Extension, question: Question) -> int | None:
+    """How many attempts the learner has at a question; None without a limit."""
+    allowed = policy.attempts if question.attempts is None else question.attempts
+    return None if allowed is None else allowed + extension.attempts
+
+
+def refusal(
+    policy: Policy, closes: datetime | None, allowed: int | None, left: int | None, now: datetime
+) -> str | None:
+    """Why no answer is taken now, in a sentence; None where one is."""
+    if (unopened := before_opening(policy, now)) is not None:
+        return unopened
+    if closes is not None and now > closes:
+        return f"This quiz closed on {spoken(closes)}."
+    return f"All {allowed} attempts at this question are used up." if left == 0 else None
+
+
+def withholding(
+    policy: Policy, closes: datetime | None, closed: bool, published_at: datetime | None, now: datetime
+) -> str | None:
+    """When the feedback comes, in a sentence; None where it may be seen."""
+    if policy.feedback == "after_due" and not closed:
+        assert closes is not None  # the policy was refused without a due date
+        return f"Your answer is recorded; you see how it was graded after {spoken(closes)}."
+    if policy.feedback == "after_publish" and (published_at is None or now < published_at):
+        return "Your answer is recorded; you see how it was graded once the results are published."
+    return None
+
+
+def solution_is_open(policy: Policy, progress: Progress, left: int | None, closed: bool) -> bool:
+    """Whether a learner who sees the feedback also sees the solution.
+
+    Attempts are spent only when all have their verdicts: a fault of the grader would give one back.
+    """
+    match policy.solutions:
+        case "never":
+            return False
+        case "with_feedback":
+            return True
+        case "after_due":
+            return closed
+        case _:
+            spent = left == 0 and not progress.pending
+            return closed or spent or progress.solved
+
+
+def spoken(moment: datetime) -> str:
+    """A moment as every page and sentence writes it: `27 Nov 2026, 18:00 UTC`."""
+    return f"{moment.day} {moment:%b %Y, %H:%M} UTC"
+
+
+def redact(verdict: Verdict, decision: Decision) -> Verdict:
+    """The verdict without what the learner may not see yet: built from lists of what may be seen at each level.
+
+    Before the feedback the status is `needs_review` and the diagnosis says when it comes, except where the grader's
+    status says nothing about correctness. A review does not show.
+    """
+    if decision.shown is Shown.SOLUTION:
+        return verdict
+    if decision.shown is Shown.FEEDBACK:
+        return revealing(verdict, decision.reveal)
+    status = Status(verdict.evidence.get(GRADED_AS, verdict.status))
+    tells = status in NOT_ABOUT_CORRECTNESS
+    return Verdict(
+        **fields_of(verdict, RECEIPT_FIELDS),
+        status=status if tells else Status.NEEDS_REVIEW,
+        points=0.0,
+        diagnosis=verdict.diagnosis if tells else decision.withheld,
+        timing_ms={name: ms for name, ms in verdict.timing_ms.items() if name in RECEIPT_TIMES},
+    )
+
+
+def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
+    """The feedback of a verdict, without the solution, as far as `reveal` goes.
+
+    With "direction", the `direction` of findings and verdict takes the place of messages and diagnosis, and measured
+    distances are left out. A reviewer's finding is told as it was written.
+    """
+    if reveal == "direction":
+        findings = tuple(directed(finding) for finding in verdict.findings)
+        tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
+        diagnosis = verdict.diagnosis if tells else verdict.direction
+        fields = fields_of(verdict, DIRECTION_FIELDS) | {"diagnosis": diagnosis}
+    else:
+        names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
+        findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)
+        fields = fields_of(verdict, FEEDBACK_FIELDS)
+    shown = DIRECTION_EVIDENCE if reveal == "direction" else FEEDBACK_EVIDENCE
+    evidence = {name: value for name, value in verdict.evidence.items() if name in shown}
+    return Verdict(**fields, findings=findings, evidence=evidence)
+
+
+def directed(finding: Finding) -> Finding:
+    """A finding that tells the direction of an error alone."""
+    measured = finding.measured if finding.id == REVIEW else None
+    told = fields_of(finding, DIRECTION_FINDING_FIELDS)
+    return Finding(**told, message=finding.direction or "", measured=measured)
+
+
+def reported(verdict: Verdict, question: Question) -> Verdict:
+    """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`.
+
+    A right answer shows everything. Without `reveal` only expected values are left out, but of a script, whose hidden
+    cases have none.
+    """
+    kind = kind_of(question)
+    asked = kind.reveal(question)
+    if verdict.status is Status.CORRECT or (asked is None and kind.is_script):
+        return verdict
+    if asked is not None:
+        return revealing(verdict, asked)
+    findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
+    return verdict.model_copy(update={"findings": findings})
+
+
+def fields_of(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:
+    """The named fields."""
+    return {name: getattr(part, name) for name in names}

@@ -1,0 +1,251 @@
+"""What a teacher wants to know of a quiz: how hard each question is, what it tells apart, and what goes wrong. Pure."""
+
+import json
+import math
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from statistics import NormalDist, median
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.domain.verdict import Status
+
+Z = NormalDist().inv_cdf(0.975)
+"""Half the width of a 95 % interval, in standard errors."""
+
+FIGURES = 0.005
+"""Relative width of a cluster of numbers without a tolerance: half a unit of the third figure, at 1.00."""
+
+ROUNDING = 1e-9
+"""Shares that differ by less are equal: 0.1 + 0.2 is 0.3."""
+
+LEARNERS_MIN = 4
+"""Fisher's interval has the standard error 1 / sqrt(n - 3)."""
+
+
+class Row(NamedTuple):
+    """One learner at one question: the points that count, and what they answered first.
+
+    `option` and `value` are those of the first attempt, as is `first_status`; `several` is a JSON object with a list of
+    either, where an answer has several. `diagnoses` are those of all attempts, as a JSON list.
+    """
+
+    learner: str
+    question: str
+    points: float
+    max_points: float
+    first_status: str
+    option: int | None = None
+    value: float | None = None
+    diagnoses: str = "[]"
+    several: str | None = None
+
+
+class Columns(NamedTuple):
+    """The rows of one question, column by column: numpy adds up tens of thousands in a few milliseconds."""
+
+    learner: Sequence[str]
+    question: Sequence[str]
+    points: Sequence[float]
+    max_points: Sequence[float]
+    first_status: Sequence[str]
+    option: Sequence[int | None]
+    value: Sequence[float | None]
+    diagnoses: Sequence[str]
+    several: Sequence[str | None]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number from `n` learners with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Nearly equal wrong numbers: their median, the least and the greatest, and how many learners gave them.
+
+    `number` is the index of the number among those that the question asks for.
+    """
+
+    value: float
+    low: float
+    high: float
+    learners: int
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class QuestionStatistics:
+    """One question. `mistakes` counts learners by diagnosis, `options` by each index that they chose first."""
+
+    question: str
+    difficulty: Estimate
+    right_at_once: Estimate
+    discrimination: Estimate | None
+    options: dict[int, int]
+    clusters: tuple[Cluster, ...]
+    mistakes: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """The answers to one question, counted: its statistics without the discrimination, and its learners' points.
+
+    `learners`, `points` and `max_points` have the same order.
+    """
+
+    statistics: QuestionStatistics
+    learners: tuple[str, ...]
+    points: NDArray[np.float64]
+    max_points: NDArray[np.float64]
+
+
+def tallies_of(rows: Iterable[Row], tolerances: Mapping[str, Sequence[float | None]] | None = None) -> dict[str, Tally]:
+    """Counts the answers to every question that has rows, in the order of their first rows.
+
+    `tolerances` are those of the numbers that questions ask for, in their units.
+    Time grows as n log n with the rows.
+    Raises ValueError where a learner has two rows at a question.
+    """
+    by_question: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        by_question[row[1]].append(row)
+    tolerances = tolerances or {}
+    return {
+        question: _tally(question, Columns(*zip(*several, strict=True)), tolerances.get(question, ()))
+        for question, several in by_question.items()
+    }
+
+
+def _tally(question: str, rows: Columns, tolerances: Sequence[float | None]) -> Tally:
+    learners = tuple(map(sys.intern, rows.learner))  # one text for all questions
+    if len(set(learners)) < len(learners):
+        raise ValueError(f"a learner has two rows at {question}")
+    points, max_points = np.array(rows.points), np.array(rows.max_points)
+    right = rows.first_status.count(Status.CORRECT)
+    mistakes = Counter[str]()
+    for diagnoses, count in Counter(rows.diagnoses).items():
+        mistakes.update(dict.fromkeys(json.loads(diagnoses), count))
+    statistics = QuestionStatistics(
+        question=question,
+        difficulty=mean_share((points / max_points).tolist()),
+        right_at_once=mean_share([1.0] * right + [0.0] * (len(learners) - right)),
+        discrimination=None,
+        options=options_of(rows),
+        clusters=tuple(
+            replace(cluster, number=number)
+            for number, values in enumerate(wrong_numbers(rows))
+            for cluster in clusters_of(values, tolerances[number] if number < len(tolerances) else None)
+        ),
+        mistakes=dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0]))),
+    )
+    return Tally(statistics, learners, points, max_points)
+
+
+def options_of(rows: Columns) -> dict[int, int]:
+    """How many learners chose each option first."""
+    counts = Counter(option for option in rows.option if option is not None)
+    for several, count in Counter(rows.several).items():
+        counts.update(dict.fromkeys(json.loads(several or "{}").get("option", ()), count))
+    return dict(sorted(counts.items()))
+
+
+def wrong_numbers(rows: Columns) -> list[list[float]]:
+    """The wrong values of each number that is asked for, one a learner, of first attempts."""
+    first = zip(rows.value, rows.first_status, strict=True)
+    single = [value for value, status in first if value is not None and status != Status.CORRECT]
+    lists = [json.loads(several).get("value", []) for several in rows.several if several is not None]
+    several = [[value for value in values if value is not None] for values in zip_longest(*lists)]
+    return several or [single]
+
+
+def learners_of(tallies: Iterable[Tally]) -> Set[str]:
+    """The learners with an answer to any of the questions."""
+    return set().union(*(of.learners for of in tallies))
+
+
+def statistics_of(tallies: Sequence[Tally]) -> tuple[QuestionStatistics, ...]:
+    """The statistics of the questions of a quiz: each tells its learners apart by the points at the others."""
+    numbers = {one: place for place, one in enumerate(learners_of(tallies))}
+    places = [np.fromiter(map(numbers.__getitem__, of.learners), np.intp, len(of.learners)) for of in tallies]
+    points, max_points = np.zeros(len(numbers)), np.zeros(len(numbers))
+    for at, of in zip(places, tallies, strict=True):
+        points[at] += of.points
+        max_points[at] += of.max_points
+    return tuple(
+        replace(
+            of.statistics,
+            discrimination=item_rest(of.points / of.max_points, points[at] - of.points, max_points[at] - of.max_points),
+        )
+        for at, of in zip(places, tallies, strict=True)
+    )
+
+
+def mean_share(shares: Sequence[float]) -> Estimate:
+    """The mean of shares in [0, 1] with Wilson's score interval, for partial points too.
+
+    The variance of a share is at most that of a 0/1 answer of the same mean (Bhatia and Davis 2000), so for partial
+    points the interval is wider than it need be. It never leaves [0, 1], and has a width also where all shares are
+    equal, which neither the normal interval nor the bootstrap has.
+    Source: Wilson 1927. Raises ValueError for no shares.
+    """
+    n = len(shares)
+    if not n:
+        raise ValueError("no shares")
+    p = math.fsum(shares) / n
+    middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
+    half = Z * math.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n)) / (1 + Z * Z / n)
+    return Estimate(p, max(0.0, min(p, middle - half)), min(1.0, max(p, middle + half)), n)
+
+
+def item_rest(
+    shares: NDArray[np.float64], points: NDArray[np.float64], max_points: NDArray[np.float64]
+) -> Estimate | None:
+    """Pearson's correlation of a question's shares with the shares of points of the learners' other questions.
+
+    `points` and `max_points` are those of the other questions; all have the shape (n,). For 0/1 answers it is the
+    point-biserial correlation. A learner without another question is left out. The 95 % interval is Fisher's (1915),
+    exact for two normal variables and approximate here. None where it is undefined: fewer than 4 learners, or all
+    equal on either side.
+    """
+    has_rest = max_points > ROUNDING
+    items, rests = shares[has_rest], points[has_rest] / max_points[has_rest]
+    n = len(items)
+    if n < LEARNERS_MIN or np.ptp(items) < ROUNDING or np.ptp(rests) < ROUNDING:
+        return None
+    items, rests = items - items.mean(), rests - rests.mean()
+    r = max(-1.0, min(1.0, float(items @ rests / math.sqrt((items @ items) * (rests @ rests)))))
+    if abs(r) == 1:
+        return Estimate(r, r, r, n)
+    z, half = math.atanh(r), Z / math.sqrt(n - 3)
+    return Estimate(r, math.tanh(z - half), math.tanh(z + half), n)
+
+
+def clusters_of(values: Iterable[float], tolerance: float | None = None) -> tuple[Cluster, ...]:
+    """Numbers that at least two learners share, the largest cluster first; one value a learner.
+
+    From the least value up, a cluster takes in what lies within `tolerance` of its first value; without one, within
+    half a unit of the third figure. The order of the values does not matter.
+    """
+    groups: list[list[float]] = []
+    for value in sorted(value for value in values if math.isfinite(value)):
+        if groups and value - groups[-1][0] <= _width(groups[-1][0], tolerance):
+            groups[-1].append(value)
+        else:
+            groups.append([value])
+    found = [Cluster(median(group), group[0], group[-1], len(group)) for group in groups if len(group) > 1]
+    return tuple(sorted(found, key=lambda cluster: (-cluster.learners, cluster.value)))
+
+
+def _width(value: float, tolerance: float | None) -> float:
+    return FIGURES * abs(value) if tolerance is None else tolerance

@@ -1,0 +1,84 @@
+"""The webhooks of a course: who made them, and the secrets that sign their messages."""
+
+import base64
+import secrets
+from collections.abc import Collection
+from datetime import timedelta
+from importlib.util import find_spec
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity
+from grader.domain.addresses import RefusedURL, endpoint_of
+from grader.errors import Conflict, NotFound, Unprocessable
+from grader.store import outbox
+from grader.store.engine.database import Database
+from grader.store.outbox import WEBHOOK, Destination
+from grader.store.tables import now
+
+WEBHOOKS_MAX = 20
+"""Webhooks of one course: each change of a result is sent to all of them."""
+
+SECRET_BYTES = 32
+ROTATION = timedelta(days=1)
+"""How long messages are signed with the old secret too."""
+
+
+def new_secret() -> str:
+    """256 random bits, as Standard Webhooks writes them."""
+    return "whsec_" + base64.b64encode(secrets.token_bytes(SECRET_BYTES)).decode()
+
+
+def create(
+    database: Database, session: Session, who: Identity, url: str, private_hosts: Collection[str]
+) -> Destination:
+    """Adds a webhook; its secret is shown this once.
+
+    Raises Unprocessable for a URL that is not allowed, and Conflict if there are too many.
+    """
+    if find_spec("httpx2") is None:
+        raise Unprocessable("Webhooks need a client for HTTP: pip install mujoco-grader[lti]")
+    try:
+        endpoint_of(url, private_hosts)
+    except RefusedURL as refused:
+        raise Unprocessable(f"url: {refused}") from refused
+    database.lock(session, f"webhooks\n{who.course}")
+    if len(outbox.webhooks(session, who.course)) >= WEBHOOKS_MAX:
+        raise Conflict(f"A course has at most {WEBHOOKS_MAX} webhooks: delete one first.")
+    made = outbox.add_webhook(session, who.course, {"url": url, "secret": new_secret(), "created_by": who.user})
+    record(session, who, who.course, Action.WEBHOOK_CREATED, made.id, url=url)
+    return made
+
+
+def get(session: Session, webhook_id: str, course: str) -> Destination:
+    """The webhook. Raises NotFound."""
+    found = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
+    if found is None or found.kind != WEBHOOK:
+        raise NotFound("There is no such webhook.")
+    return found
+
+
+def rotate(session: Session, who: Identity, webhook_id: str) -> Destination:
+    """Gives a webhook a new secret; the old one signs for one more day. Raises NotFound."""
+    found = get(session, webhook_id, who.course)
+    found.old_secret, found.old_until = found.secret, now() + ROTATION
+    found.secret = new_secret()
+    record(session, who, who.course, Action.WEBHOOK_ROTATED, found.id)
+    return found
+
+
+def enable(session: Session, who: Identity, webhook_id: str) -> Destination:
+    """Delivers to a webhook again that has answered 410. Raises NotFound."""
+    found = get(session, webhook_id, who.course)
+    if found.disabled_at is not None:
+        found.disabled_at, found.why_disabled = None, None
+        record(session, who, who.course, Action.WEBHOOK_ENABLED, found.id)
+    return found
+
+
+def delete(session: Session, who: Identity, webhook_id: str) -> None:
+    """Deletes a webhook with all that waits for it. Raises NotFound."""
+    found = get(session, webhook_id, who.course)
+    record(session, who, who.course, Action.WEBHOOK_DELETED, found.id, url=found.url)
+    outbox.remove(session, found)

@@ -1,0 +1,432 @@
+"""Says what is wrong with a step whose trace has been read: first what was seen, then what to do.
+
+The sentences hold the student's own coefficients, and no number of a case. RULES are tried in order; the
+first that returns a sentence has found the mistake.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from grader.exercises.kinds.rk4.combinations import Combination, Term
+from grader.exercises.kinds.rk4.methods import chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.step_trace import Rows
+from grader.exercises.kinds.rk4.tableau import (
+    CLASSICAL,
+    COEFFICIENT_ATOL,
+    SMOOTH,
+    STALE,
+    Matrix,
+    Reading,
+    Rule,
+    is_same,
+    look_up,
+    look_up_row,
+    to_matrix,
+)
+from grader.exercises.kinds.rk4.tableau_sentences import STAGES, describe_method, spell_number
+from grader.exercises.rules import find_sentence
+from grader.exercises.trace import ReturnedValue
+
+Combinations = Sequence[Combination | None]
+
+
+def explain_slopes(reading: Reading, returned: Sequence[ReturnedValue] = ()) -> str | None:
+    """Returns the sentence of the first rule that knows the step; None if none does."""
+    sentence = explain_unchanged_state(reading, returned)
+    if sentence or not reading.calls:
+        return sentence
+    return find_sentence(RULES, reading)
+
+
+def explain_unchanged_state(reading: Reading, returned: Sequence[ReturnedValue]) -> str | None:
+    """Returns the sentence of a step that leaves the state, or a part of it, as it is."""
+    q_stays = all(np.array_equal(step.qpos[0], step.qpos[-1]) for step in reading.steps)
+    v_stays = all(np.array_equal(step.qvel[0], step.qvel[-1]) for step in reading.steps)
+    if q_stays and v_stays:
+        return describe_unwritten_state(reading, returned)
+    if not reading.calls or not (q_stays or v_stays):
+        return None
+    moves, stays = ("data.qpos", "data.qvel") if v_stays else ("data.qvel", "data.qpos")
+    return (
+        f"Your step changes {moves} and leaves {stays} as it was: write the weighted sum of its slopes into {stays}[:] "
+        "too."
+    )
+
+
+def describe_unwritten_state(reading: Reading, returned: Sequence[ReturnedValue]) -> str:
+    """Returns the sentence of a step after which positions and velocities are as before."""
+    if returned and returned[0].type != "NoneType":
+        article = "an" if returned[0].type[:1].lower() in "aeiou" or returned[0].type == "ndarray" else "a"
+        return (
+            f"Your function returns its result ({article} {returned[0].type}) and leaves data as it was: write the new "
+            "state into data.qpos[:], data.qvel[:], data.act[:] and data.time; nothing need be returned."
+        )
+    if reading.calls and any(moves_within(step.qpos) and moves_within(step.qvel) for step in reading.steps):
+        return (
+            "Your stages move data.qpos and data.qvel, but after your step both are as before: the new values went "
+            "into variables of your own (write data.qpos[:] = ...), or the factor of the weighted sum is 0 (in Python "
+            "h // 6 is 0, h / 6 is not)."
+        )
+    if reading.calls:
+        times = "once" if reading.calls == 1 else f"{spell_number(reading.calls)} times"
+        return (
+            f"mj_forward is called {times}, but after your step data.qpos and data.qvel are as before: write the new "
+            "state into data.qpos[:] and data.qvel[:]. An assignment without [:] changes your own variable, not data."
+        )
+    if any(reading.times):
+        return (
+            "Your step advances data.time and nothing else: take accelerations from mujoco.mj_forward, and advance "
+            "data.qpos and data.qvel."
+        )
+    return (
+        "Your step changes nothing in data, and never calls mj_forward: evaluate the four stages, and write their "
+        "weighted sum into data."
+    )
+
+
+def moves_within(states: Rows) -> bool:
+    """Whether some call of mj_forward was asked at another state than the one before the step; rows as in Step."""
+    return any(not np.array_equal(states[0], row) for row in states[1:-1])
+
+
+def explain_borrowed_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of accelerations that are not those of the step's own calls."""
+    slopes = {term.slope for row in reading.velocities if row for term in row}
+    if STALE in slopes:
+        return (
+            "Your first acceleration is data.qacc as it stood before the step: nothing has computed it for this state. "
+            "Call mj_forward before you read data.qacc."
+        )
+    crossed = [
+        what
+        for what, rows, slope in (("position", reading.positions, "a"), ("velocity", reading.velocities, "v"))
+        if any(row and {(term.slope, term.power) for term in row} == {(slope, 1)} for row in rows)
+    ]
+    if crossed:
+        seen = {
+            "position": "Your positions move by accelerations",
+            "velocity": "Your velocities move by velocities",
+        }
+        return (
+            f"{' and your '.join([seen[crossed[0]], *(seen[what][5:] for what in crossed[1:])])}: the slope of "
+            "data.qpos is data.qvel, and the slope of data.qvel is data.qacc. Look where you unpack or sum them."
+        )
+    if SMOOTH in slopes:
+        return (
+            "Your accelerations are data.qacc_smooth, which leaves out constraint forces (joint limits, contacts): "
+            "use data.qacc."
+        )
+    return None
+
+
+def explain_powers_of_h(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that are not multiplied by h exactly once."""
+    for rows, slope, what in ((reading.velocities, "a", "velocity"), (reading.positions, "v", "position")):
+        if any(row is None for row in rows):
+            continue
+        used = [{term.power for term in row if term.slope == slope} for row in rows if row is not None]
+        if not any(one - {1} for one in used):
+            continue
+        number = find_fixed_timestep(rows, slope)
+        if number is not None:
+            return (
+                f"Your step is {number:g} s long whatever the timestep of the model is: use model.opt.timestep, not a "
+                "fixed number."
+            )
+        return describe_power(used, rows, slope, what)
+    return None
+
+
+def find_fixed_timestep(rows: Combinations, slope: str) -> float | None:
+    """Returns the number [s] that every row has in the place of h; None if there is none."""
+    weights = {term: value for term, value in (rows[-1] or {}).items() if term.slope == slope}
+    if not weights or any(term.power for row in rows if row for term in row if term.slope == slope):
+        return None
+    number = sum(weights.values())
+    return number if 0 < number < 0.1 else None  # the weights of a fixed step sum to it, those without h to about 1
+
+
+def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, what: str) -> str:
+    """Returns the sentence of a row that is multiplied by h too often, or not at all."""
+    *stages, result = used
+    weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
+    off = sum(power != 1 for power in weights.values())
+    if result == {2} and not any(2 in one for one in stages):
+        return (
+            f"h is applied twice to the {what}: once in k, once in the sum. If your k are already multiplied by h, the "
+            "result is the start plus (k1 + 2 k2 + 2 k3 + k4)/6."
+        )
+    if result == {0}:
+        return (
+            f"The weighted sum that advances the {what} is not multiplied by h: add h times the sum to the start of "
+            "the step."
+        )
+    if off:
+        how = "not multiplied by h/6" if 0 in result else "multiplied by h twice"
+        return (
+            f"{spell_number(off).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
+            f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
+        )
+    stage = next(index for index, one in enumerate(stages, 1) if one - {1})
+    how = "h twice" if 2 in used[stage - 1] else "a slope without h"
+    return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."
+
+
+def explain_early_calls(reading: Reading) -> str | None:
+    """Returns the sentence of calls of mj_forward that run before the state of their stage is written."""
+    calls = range(2, reading.calls + 1)
+    at_start = [stage for stage in calls if reading.positions[stage - 1] == {} and reading.velocities[stage - 1] == {}]
+    if at_start and len(at_start) == len(calls):
+        every = "Both" if reading.calls == 2 else f"All {spell_number(reading.calls)}"
+        if any(reading.times[1 : reading.calls]):
+            return (
+                f"{every} calls of mj_forward find the state at the start of the step, although data.time moves: no "
+                "slope reaches data.qpos and data.qvel. Print what you add to the start in stage 2: it should be h/2 "
+                "k1, and the sum should go into data.qpos[:] and data.qvel[:]."
+            )
+        return (
+            f"{every} calls of mj_forward find the state at the start of the step: write a stage's positions and "
+            "velocities into data.qpos[:] and data.qvel[:] before you call it."
+        )
+    last = reading.velocities[reading.calls - 1]
+    if at_start[:1] == [2] and reading.calls == STAGES and last and abs(sum(last.values()) - 1 / 2) <= COEFFICIENT_ATOL:
+        return (
+            "mj_forward runs before the stage's state is written: its second call finds the start of the step again, "
+            "and each later one the stage before. Write data.qpos[:] and data.qvel[:] first, then call it."
+        )
+    return None
+
+
+def explain_whole_method(reading: Reading) -> str | None:
+    """Returns the sentence of a step with one tableau for positions and velocities, other than the classical one."""
+    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
+    if velocities is None or positions is None or not is_same(velocities, positions) or is_same(velocities, CLASSICAL):
+        return None
+    return describe_method(velocities, "state")
+
+
+def explain_separate_rules(reading: Reading) -> str | None:
+    """Returns the sentence of positions and velocities that move by different rules."""
+    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
+    if velocities is None:
+        return None
+    if is_same(velocities, [*CLASSICAL[:-1], (0, 0, 0, 1)]) and not (positions and is_same(velocities, positions)):
+        return (
+            "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it."
+        )
+    sentence = explain_new_velocity(reading, velocities)
+    if sentence or (positions is not None and is_same(velocities, positions)):
+        return sentence
+    if not is_same(velocities, CLASSICAL):
+        return explain_overwritten_velocities(velocities) or describe_method(velocities, "velocity")
+    if positions is not None:
+        return explain_position_tableau(positions) or describe_method(positions, "position")
+    return explain_mixed_slopes(reading)
+
+
+def explain_overwritten_velocities(velocities: Matrix) -> str | None:
+    """Returns the sentence of velocities that are overwritten, or not written, while they are needed."""
+    if is_same(velocities, chain_stages_and_result(CLASSICAL)):
+        return "The velocity is not restored between the stages: v aliases data.qvel, so copy it (data.qvel.copy())."
+    if is_same(velocities, chain_stages(CLASSICAL)):
+        return (
+            "The velocity of each of your stages starts from that of the stage before: restore v to the start of the "
+            "step before every stage."
+        )
+    if len(velocities) > 2 and not any(np.any(stage) for stage in velocities[:-1]):
+        return (
+            f"All {spell_number(len(velocities) - 1)} calls of mj_forward find the velocities of the start of the "
+            "step: only the positions of your stages move. Write the stage's velocity into data.qvel[:] too."
+        )
+    return None
+
+
+def explain_position_tableau(positions: Matrix) -> str | None:
+    """Returns the sentence of positions with a tableau of their own."""
+    stages = [*positions[:-1], ()]
+    sentence = look_up(positions, POSITION_TABLEAUS) or look_up(stages, POSITION_STAGES)
+    if sentence is not None:
+        return sentence
+    if not is_same(stages, [*CLASSICAL[:-1], ()]):
+        return None
+    return look_up_row(positions[-1], POSITION_WEIGHTS)
+
+
+POSITION_TABLEAUS: Sequence[tuple[Matrix, str]] = (
+    (
+        chain_stages(CLASSICAL),
+        (
+            "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
+            "to the start of the step before every stage."
+        ),
+    ),
+    (
+        chain_stages_and_result(CLASSICAL),
+        (
+            "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
+            "before every stage (without .copy(), q is data.qpos itself)."
+        ),
+    ),
+)
+"""Wrong tableaus of the positions alone."""
+
+POSITION_STAGES: Sequence[tuple[Matrix, str]] = (
+    (
+        ((), (1 / 2,), (1 / 2,), (1,), ()),
+        (
+            "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
+            "stage before."
+        ),
+    ),
+    (
+        ((), (), (), (), ()),
+        (
+            "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
+            "stages move. Write the stage's positions into data.qpos[:] too."
+        ),
+    ),
+)
+"""Wrong stages of the positions alone, with any weights."""
+
+POSITION_WEIGHTS: Mapping[tuple[float, ...], str] = {
+    (0, 0, 0, 1): (
+        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it."
+    ),
+    (1, 0, 0, 0): (
+        "The position advances with the velocity at the start of the step alone; use the weighted mean of the four "
+        "stage velocities."
+    ),
+    (0, 1, 0, 0): (
+        "The position advances with the velocity of stage 2 alone, which is h v + h h a/2, the formula of constant "
+        "acceleration; use the weighted mean of the four stage velocities."
+    ),
+}
+"""Weights of the velocities alone, where velocities and stages are right."""
+
+
+def explain_new_velocity(reading: Reading, velocities: Matrix) -> str | None:
+    """Returns the sentence of positions that move by a new velocity."""
+    rows, result = reading.positions, reading.positions[-1]
+    if result is None or any(row is None for row in rows):
+        return None
+    if reading.calls == 1:
+        return explain_single_call(result, velocities)
+    if is_verlet(rows, velocities):
+        return (
+            "This is the velocity Verlet method: second order, two slopes a step. Take four slopes, of positions and "
+            "velocities alike, with weights 1, 2, 2, 1 over 6."
+        )
+    return explain_own_velocity(rows) or explain_last_velocity(result, Term("v", reading.calls + 1))
+
+
+def explain_own_velocity(rows: Combinations) -> str | None:
+    """Returns the sentence of stages whose positions move by the velocity of the same stage."""
+    own = [index for index, row in enumerate(rows[:-1], 1) if row and set(row) == {Term("v", index)}]
+    mean = next((index for index, row in enumerate(rows[:-1], 1) if row and is_own_mean(row, index)), None)
+    if mean is not None and not own:
+        return (
+            f"In your stage {mean}, the position moves by the mean of its old and its own new velocity, the formula of "
+            "constant acceleration (h v + h h a/2): move it by the velocity of the stage before alone."
+        )
+    if not own:
+        return None
+    if own[0] == 1:
+        return (
+            "Your positions have moved already when mj_forward is first called: positions and velocities move in turn, "
+            "as in a leapfrog. Call it first at the start of the step, for k1, and move both together, from the start, "
+            "to each stage."
+        )
+    whose, their = ("stages move", "their") if len(own) > 1 else (f"stage {own[0]} moves", "its")
+    return f"Your {whose} the position with {their} own new velocity; use the velocity of the stage before."
+
+
+def is_own_mean(row: Combination, stage: int) -> bool:
+    """Whether a stage's position moves by equal shares of the first velocity and of its own."""
+    first, own = row.get(Term("v", 1)), row.get(Term("v", stage))
+    return len(row) == 2 and first is not None and own is not None and abs(first - own) <= COEFFICIENT_ATOL
+
+
+def explain_last_velocity(result: Combination, after: Term) -> str | None:
+    """Returns the sentence of positions that move by the velocity `after` the step."""
+    if is_close(result, {after: 1}):
+        return "The position advances with the new velocity alone; use the weighted mean of the four stage velocities."
+    if is_mean(result, after):
+        return (
+            "Positions move by the mean of old and new velocity: use the weighted mean of the four stage velocities, "
+            "(v1 + 2 v2 + 2 v3 + v4)/6."
+        )
+    return None
+
+
+def explain_single_call(result: Combination, velocities: Matrix) -> str | None:
+    """Returns the sentence of a single acceleration, by which the velocity moves."""
+    if not is_same(velocities, [(), (1,)]):
+        return None
+    tail = "one acceleration a step, not four. Add the stages k2, k3 and k4."
+    if is_close(result, {Term("v", 2): 1}):
+        return f"This is semi-implicit Euler: {tail}"
+    if is_mean(result, Term("v", 2)):
+        return f"Positions move by the mean of old and new velocity, velocities by Euler's method: {tail}"
+    return None
+
+
+def is_mean(result: Combination, after: Term) -> bool:
+    """Whether positions move by the mean of old and new velocity."""
+    return any(is_close(result, {Term("v", start): 1 / 2, after: 1 / 2}) for start in (0, 1))
+
+
+def is_verlet(positions: Combinations, velocities: Matrix) -> bool:
+    """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2."""
+    mean = {Term("v", 1): 1 / 2, Term("v", 2): 1 / 2}
+    stage, result = positions[1], positions[-1]
+    return bool(
+        is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])
+        and stage
+        and is_close(stage, mean)
+        and result
+        and is_close(result, mean)
+    )
+
+
+def explain_mixed_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of positions that move by velocities and accelerations."""
+    rows = [row for row in reading.positions if row and {term.slope for term in row} == {"v", "a"}]
+    if not rows:
+        return None
+    result = reading.positions[-1]
+    if result and any(is_close(result, {Term("v", stage): 1, Term("a", 1, 2): 1 / 2}) for stage in (0, 1)):
+        return (
+            "The position advances by h v + h h a/2, the formula of constant acceleration; use the weighted mean of "
+            "the four stage velocities."
+        )
+    return (
+        "Your positions move by velocities at which mj_forward was never asked: the slope of a position is the "
+        "velocity in data.qvel when that stage is evaluated."
+    )
+
+
+def is_close(one: Combination, other: Mapping[Term, float]) -> bool:
+    """Whether two combinations are the same."""
+    return one.keys() == other.keys() and all(abs(one[term] - value) <= 1e-8 for term, value in other.items())
+
+
+def follows_classical(reading: Reading) -> bool:
+    """Whether positions and velocities follow the classical method, in the coordinates that move at all."""
+    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
+    return (
+        velocities is not None
+        and positions is not None
+        and is_same(velocities, CLASSICAL)
+        and is_same(positions, CLASSICAL)
+    )
+
+
+RULES: tuple[Rule, ...] = (
+    explain_borrowed_slopes,
+    explain_powers_of_h,
+    explain_early_calls,
+    explain_whole_method,
+    explain_separate_rules,
+)
+"""Mistakes in the slopes of a step and their coefficients."""

@@ -1,0 +1,285 @@
+"""Says what is wrong with a tableau: the student's stages and weights beside the classical ones.
+
+`what` is what the rows move: the whole "state", or the "position" or "velocity" alone.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from grader.exercises.kinds.rk4.combinations import format_coefficient
+from grader.exercises.kinds.rk4.methods import (
+    chain_stages,
+    chain_stages_and_result,
+    compute_order,
+    find_name,
+    repeat_classical,
+)
+from grader.exercises.kinds.rk4.tableau import (
+    CLASSICAL,
+    COEFFICIENT_ATOL,
+    Matrix,
+    Row,
+    is_same,
+    is_same_row,
+    look_up,
+    look_up_row,
+    pad_row,
+)
+from grader.exercises.rules import find_sentence
+from grader.numerics.accuracy.runge_kutta import WEIGHTS
+
+STAGES = len(CLASSICAL) - 1
+
+FRACTIONS = {2: "h/2", 3: "h/2", 4: "h"}
+"""How far the classical stages lie from the start, as a student writes it."""
+
+ROUNDED_ATOL = 5e-3
+"""Weights that are off by less are the classical ones, rounded to two decimals or more."""
+
+CLASSICAL_STEP = "the classical step that was asked for (k1 to k4, weights 1, 2, 2, 1 over 6)"
+
+STATE_ARRAYS = {"state": "data.qpos[:] and data.qvel[:]", "position": "data.qpos[:]", "velocity": "data.qvel[:]"}
+
+SLOPE_NAMES = {"state": "velocity and acceleration", "position": "velocity", "velocity": "acceleration"}
+
+
+def describe_method(rows: Matrix, what: str) -> str:
+    """Returns the sentence of a tableau that is not the classical one."""
+    calls = len(rows) - 1
+    known = find_sentence((explain_named_method, explain_several_steps, explain_reused_slope), rows)
+    if known is not None:
+        return known
+    if calls == STAGES:
+        return describe_four_stages(rows, what)
+    slopes = f"{spell_number(calls)} {'slope' if calls == 1 else 'slopes'}"
+    order = compute_order(rows)
+    if order >= 4:
+        better = "of fifth order or more: better than fourth order" if order > 4 else "of fourth order"
+        return f"This method takes {slopes} and is {better}, but it is not {CLASSICAL_STEP}."
+    return (
+        f"Your step takes {slopes} and moves the {what} by {write_row(rows[-1])}, which is of order {order}: take "
+        "four, k1 at the start, k2 and k3 at h/2, k4 at h, with weights 1, 2, 2, 1 over 6."
+    )
+
+
+def explain_named_method(rows: Matrix) -> str | None:
+    """Returns the sentence of a method that has a name."""
+    name = find_name(rows)
+    if name is None:
+        return None
+    if compute_order(rows) >= STAGES:
+        return f"This is {name}: fourth order, but not {CLASSICAL_STEP}; its stages lie at 0, h/2, h/2 and h."
+    return f"This is {name}. The classical method takes four slopes: k1 at the start, k2 and k3 at h/2, k4 at h."
+
+
+def explain_several_steps(rows: Matrix) -> str | None:
+    """Returns the sentence of a function that takes more than one classical step."""
+    for times in (2, 3, 4):
+        if is_same(rows, repeat_classical(times, 1.0)):
+            return (
+                f"One call of your function takes {spell_number(times)} whole steps: advance data by "
+                "model.opt.timestep once."
+            )
+        if is_same(rows, repeat_classical(times, 1 / times)):
+            return (
+                f"Your function takes {spell_number(times)} classical steps of h/{times}: nearer to the truth, but one "
+                "classical step of h was asked for."
+            )
+    return None
+
+
+REUSED_WEIGHTS: Mapping[tuple[float, ...], str] = {
+    (1 / 6, 1 / 3, 1 / 2): "k3 is used twice",
+    (1 / 6, 1 / 2, 1 / 3): "k2 is used in its place",
+    (1 / 3, 1 / 3, 1 / 3): "k1 is used in its place",
+    (1 / 6, 1 / 3, 1 / 3): "its part of the sum is missing",
+}
+"""Weights of three slopes, where the fourth is missing."""
+
+
+def explain_reused_slope(rows: Matrix) -> str | None:
+    """Returns the sentence of three classical stages with another slope in place of the third or fourth."""
+    if is_same(rows, [(), (1 / 2,), (0, 1), (1 / 6, 2 / 3, 1 / 6)]):
+        return (
+            "Your third stage is never evaluated: k2 is used in its place. Evaluate k3 at half the step too, with k2; "
+            "what is kept by time alone gives k2 again, since both lie at t + h/2."
+        )
+    if len(rows) != STAGES or not is_same([*rows[:-1], ()], [*CLASSICAL[:3], ()]):
+        return None
+    reuse = look_up_row(rows[-1], REUSED_WEIGHTS)
+    return (
+        f"Your fourth stage is never evaluated: {reuse}. Evaluate k4 at the end of the step, with k3."
+        if reuse
+        else None
+    )
+
+
+def describe_four_stages(rows: Matrix, what: str) -> str:
+    """Returns the sentence of four stages that are not the classical ones, or have other weights."""
+    wrong = [stage for stage in range(1, STAGES + 1) if not is_same_row(rows[stage - 1], CLASSICAL[stage - 1])]
+    known = look_up(rows, CHAINED_STAGES) or explain_several_stages(rows, wrong)
+    if known:
+        return add_subject(what, known)
+    return describe_stage(wrong[0], rows[wrong[0] - 1], what) if wrong else describe_weights(rows[-1], what)
+
+
+def add_subject(what: str, sentence: str) -> str:
+    """Returns a sentence that says what it is about, where that is not the whole state."""
+    return sentence if what == "state" else f"For the {what}: {sentence[0].lower()}{sentence[1:]}"
+
+
+CHAINED_STAGES: Sequence[tuple[Matrix, str]] = (
+    (
+        chain_stages(CLASSICAL),
+        (
+            "Each of your stages starts from the state of the stage before; restore q and v to the start of the step "
+            "before every stage."
+        ),
+    ),
+    (
+        chain_stages_and_result(CLASSICAL),
+        (
+            "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them at the "
+            "start of the step (data.qpos.copy()); and move a copy by y + h/2 * k, because y += ... changes y itself."
+        ),
+    ),
+    (
+        (*CLASSICAL[:-1], (pad_row(CLASSICAL[3], STAGES) + WEIGHTS).tolist()),
+        (
+            "The weighted sum is added to the state of your last stage: restore the state at the start of the step "
+            "before you add it."
+        ),
+    ),
+    (
+        (*CLASSICAL[:-1], CLASSICAL[3]),
+        (
+            "After your step data stands at your last stage: the weighted sum h (k1 + 2 k2 + 2 k3 + k4)/6 is never "
+            "written."
+        ),
+    ),
+)
+"""Stages, or a result, that do not start from the start of the step."""
+
+
+def explain_several_stages(rows: Matrix, wrong: Sequence[int]) -> str | None:
+    """Returns the sentence of several stages with one mistake."""
+    stages = [*rows[:-1], ()]
+    if is_same(stages, [(), (1,), (0, 1), (0, 0, 1), ()]):
+        return "Your stages 2 and 3 are evaluated at the end of the step; evaluate them at half the step."
+    if is_same(stages, [(), (1 / 2,), (1 / 2, 0), (1, 0, 0), ()]):
+        return (
+            "Your stages 2, 3 and 4 all use the first slope; use the slope of the stage before (k2 for stage 3, k3 for "
+            "stage 4)."
+        )
+    alone = all(np.count_nonzero(np.abs(stage) > COEFFICIENT_ATOL) == 1 for stage in rows[1:-1])
+    ratios = {round(rows[i][i - 1] / CLASSICAL[i][i - 1], 6) for i in (1, 2, 3)}
+    if list(wrong) == [2, 3, 4] and alone and len(ratios) == 1 and ratios != {0.0}:
+        return (
+            f"Your stages 2, 3 and 4 lie {format_coefficient(ratios.pop())} times as far from the start as they "
+            "should: move by h/2 k1, h/2 k2 and h k3."
+        )
+    return None
+
+
+def describe_stage(stage: int, row: Row, what: str) -> str:
+    """Returns the sentence of one wrong stage."""
+    used = [(j, value) for j, value in enumerate(row, 1) if abs(value) > COEFFICIENT_ATOL]
+    subject = f"Your stage {stage}" if what == "state" else f"In your stage {stage}, the {what}"
+    if stage == 1:
+        return f"{subject} moves by {write_row(row)}: evaluate k1 at the start of the step, before anything moves."
+    right = f"{FRACTIONS[stage]} k{stage - 1}"
+    if not used:
+        return (
+            f"{subject} is still at the start of the step when mj_forward is called: write {STATE_ARRAYS[what]} before "
+            f"that, moved by {right}."
+        )
+    if len(used) == 1 and used[0][0] != stage - 1:
+        slope = used[0][0]
+        name = "the first slope again" if slope == 1 else f"the slope of stage {slope}"
+        return (
+            f"{subject} uses {name}: it moves by {write_row(row)}, not by {right}. Use the {SLOPE_NAMES[what]} of "
+            f"stage {stage - 1}."
+        )
+    if len(used) == 1 and what == "state":
+        if stage == STAGES and abs(used[0][1] - 1 / 2) <= COEFFICIENT_ATOL:
+            return "Your last stage is evaluated at half the step; evaluate it at the end."
+        if stage == STAGES - 1 and abs(used[0][1] - 1) <= COEFFICIENT_ATOL:
+            return "Your stage 3 is evaluated at the end of the step; evaluate it at half the step, like stage 2."
+    return f"{subject} moves by {write_row(row)}; it should move by {right} from the start of the step."
+
+
+WRONG_WEIGHTS: Mapping[tuple[float, ...], str] = {
+    (1 / 4,) * 4: "All four slopes have the same weight; the classical weights are 1, 2, 2, 1 over 6.",
+    (1 / 8, 3 / 8, 3 / 8, 1 / 8): (
+        "The weights are those of the 3/8 rule (1, 3, 3, 1 over 8) on the classical stages; use 1, 2, 2, 1 over 6."
+    ),
+    (1 / 6,) * 4: "The weights do not sum to 1: the middle slopes count twice (1, 2, 2, 1 over 6).",
+    (1,) * 4: "The four slopes are added up without weights: use 1, 2, 2, 1 over 6.",
+    (1, 2, 2, 1): "The weights 1, 2, 2, 1 are not divided by 6: they do not sum to 1.",
+    (1 / 3, 1 / 6, 1 / 6, 1 / 3): (
+        "The first and the last slope have the weight 2, the others 1; the classical weights are 1, 2, 2, 1."
+    ),
+    (1 / 6, 1 / 3, 1 / 2, 0): "Your k4 is evaluated but not used: k3 counts in its place. Give k4 the weight 1/6.",
+    (1 / 6, 1 / 3, 1 / 3, 0): "Your k4 is evaluated but not used in the sum: its weight is 1/6.",
+    (1 / 6, 2 / 3, 0, 1 / 6): "Your k2 is used twice and k3 not at all: the classical weights are 1, 2, 2, 1 over 6.",
+    (1 / 6, 0, 2 / 3, 1 / 6): "Your k3 is used twice and k2 not at all: the classical weights are 1, 2, 2, 1 over 6.",
+    (1 / 3, 1 / 3, 1 / 3, 0): "Your k1 is used in place of k4 in the sum; k4 has the weight 1/6.",
+    (1, 0, 0, 0): "Only the first slope is used, though four are evaluated: weigh them 1, 2, 2, 1 over 6.",
+    (0, 0, 0, 1): (
+        "All slopes equal the last one: data.qvel and data.qacc are views that the next mj_forward overwrites, so copy "
+        "them."
+    ),
+}
+"""Wrong weights of the classical stages."""
+
+
+def describe_weights(row: Row, what: str) -> str:
+    """Returns the sentence of wrong weights on the classical stages."""
+    known = look_up_row(row, WRONG_WEIGHTS)
+    if known is not None:
+        return add_subject(what, known)
+    whose = "Your" if what == "state" else f"For the {what}, your"
+    total = sum(row)
+    if abs(total) > COEFFICIENT_ATOL and is_same_row(row, (total * np.array(WEIGHTS)).tolist()):
+        return describe_scale(total, what)
+    if any(value < -COEFFICIENT_ATOL for value in row):
+        return (
+            f"{whose} step subtracts a slope: it moves by {write_row(row)}. All four weights are positive, 1, 2, 2, 1 "
+            "over 6."
+        )
+    if len(row) == len(WEIGHTS) and np.allclose(np.array(row), WEIGHTS, rtol=0, atol=ROUNDED_ATOL):
+        texts = ", ".join(f"{value:.4g}" for value in row)
+        return f"{whose} weights are {texts}, which is 1/6 and 1/3 rounded: write h / 6 * (k1 + 2 k2 + 2 k3 + k4)."
+    texts = ", ".join(format_coefficient(value) for value in row)
+    tail = "" if abs(total - 1) <= COEFFICIENT_ATOL else f" and sum to {format_coefficient(total)}, not to 1"
+    return f"{whose} weights are {texts}{tail}; the classical weights are 1/6, 1/3, 1/3, 1/6."
+
+
+def describe_scale(total: float, what: str) -> str:
+    """Returns the sentence of the classical weights divided by another number than 6; `total` is their sum."""
+    start = "The" if what == "state" else f"For the {what}, the"
+    if total > 6:
+        by = f"multiplied by {format_coefficient(total / 6)}, not divided by 6"
+    else:
+        by = f"divided by {format_coefficient(6 / total)}, not by 6"
+    return f"{start} weights 1, 2, 2, 1 are {by}: they do not sum to 1."
+
+
+def write_row(row: Row, symbol: str = "k") -> str:
+    """Returns a row as a student would write it, such as "h/2 k1"."""
+    parts: list[str] = []
+    for index, value in enumerate(row, 1):
+        if abs(value) <= COEFFICIENT_ATOL:
+            continue
+        top, _, bottom = format_coefficient(abs(value)).partition("/")
+        size = f"{'' if top == '1' else top + ' '}h{'/' + bottom if bottom else ''}"
+        sign = "- " if value < 0 else "+ " if parts else ""
+        parts.append(f"{sign}{size} {symbol}{index}")
+    return " ".join(parts) or "nothing"
+
+
+def spell_number(count: int) -> str:
+    """Returns a small number in words."""
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
+    return words[count] if count < len(words) else str(count)

@@ -1,0 +1,54 @@
+"""One call of a student's function with its outcome and trace, as the recognisers of mistakes see it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+
+from grader.exercises.kinds.values.driver import Rows
+from grader.exercises.kinds.values.judge import Comparison, fits
+from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result
+from grader.exercises.trace import NO_TRACE, Trace
+
+
+@dataclass(frozen=True, eq=False)
+class StudentCall:
+    """One call of the function, with its outcome."""
+
+    problem: Problem
+    comparison: Comparison
+    trace: Trace = NO_TRACE
+    hidden: bool = False
+
+    @property
+    def pairs(self) -> list[tuple[Result, Rows, Rows]]:
+        """Result, got and expected."""
+        got, expected = self.comparison.answer.values or (), self.comparison.expected or ()
+        return list(zip(self.problem.function.results, got, expected, strict=True))
+
+    @property
+    def wrong_pairs(self) -> list[tuple[Result, Rows, Rows]]:
+        """The results that are not right."""
+        return [(result, got, right) for result, got, right in self.pairs if not fits(result, got, right)]
+
+
+def is_given_by(
+    student_call: StudentCall,
+    call: Call | None = None,
+    program: Program | None = None,
+    change: Callable[[mujoco.MjModel], None] | None = None,
+    times: int = 1,
+) -> bool:
+    """Whether the reference (or another program) with these changes gives the student's results."""
+    problem, values = student_call.problem, student_call.comparison.answer.values
+    if program is not None and not callable(program.get(problem.name)):
+        return False
+    try:
+        results = problem.compute_results(call or student_call.comparison.call, program, change, times)
+    except Exception:  # the author's program, outside the range that it was written for
+        return False
+    if isinstance(results, str) or values is None:
+        return False
+    return all(
+        fits(result, got, row) for result, got, row in zip(problem.function.results, values, results, strict=True)
+    )

@@ -1,0 +1,263 @@
+"""What is checked of every request before its route: host, identity, rate, origin and size.
+
+It is a middleware, and no dependency of the routes, because 401 comes before any error of body or path.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from urllib.parse import urlsplit
+
+import structlog
+from fastapi.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from grader.courses.people.identity import FAILED, Identity, Recalled, Role, authenticate
+from grader.courses.people.identity import Scope as TokenScope
+from grader.errors import CallerError, Forbidden, Unauthorized
+from grader.gate.problems import problem, problem_of, problem_of_unexpected
+from grader.gate.rate import RateLimit, address_of
+from grader.gate.scopes import scope_of
+from grader.store.engine.database import Database, driver_error, is_away
+
+log = structlog.get_logger()
+
+PREFIX = "/api/v1"
+SUBMISSIONS = f"{PREFIX}/submissions"
+ON_BEHALF = f"{PREFIX}/lms/submissions"
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+DEFAULT_PORTS = {"http": 80, "https": 443}
+
+PAGE_BODY_BYTES_MAX = 64 * 1024
+"""Largest body outside /api/v1, where bodies are forms."""
+
+ANSWERS = "/quizzes/"
+"""Where pages send answers as forms."""
+
+ANSWER_BODY_BYTES_MAX = 800 * 1024
+"""Largest such form: a script of 256 KB, of which a form writes most signs with three."""
+
+FOREIGN_FORMS = ("/lti/login", "/lti/launch")
+"""Where learning platforms let the browser post to: a signed token and the login that it answers prove them."""
+
+BYTES_PER_REQUEST = 1024
+"""Bytes of such a body that count as one more request: the time to parse it grows with them."""
+BYTES_PER_ANSWER = 16 * 1024
+"""The same for a form with an answer, which is parsed outside the event loop."""
+
+
+@dataclass(frozen=True)
+class AdmissionRules:
+    """Which requests are admitted, and how many.
+
+    `hosts` are names without port; `origin` is the public one, None on loopback. Requests with a valid token or session
+    count `by_user`, all others `by_address`.
+    """
+
+    hosts: frozenset[str]
+    origin: str | None
+    body_bytes_max: int
+    by_user: RateLimit
+    by_address: RateLimit
+
+
+class AdmissionMiddleware:
+    """ASGI middleware. Routes find the Identity at `request.state.identity`; outside /api/v1 it may be None."""
+
+    def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules) -> None:
+        self.app, self.database, self.rules = app, database, rules
+        self.recalled = Recalled()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves the request, or answers it with a problem; an unexpected error is logged, and answered with 500."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        response = ResponseSender(scope, send)
+        try:
+            await self._serve(scope, receive, response.send)
+        except ClientDisconnect:  # before its request was read: no answer can reach it
+            return
+        except Exception as error:
+            if is_away(error):
+                scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
+            else:
+                log.exception("unhandled", method=scope["method"], path=scope["path"])
+            if not response.started:  # else the connection is closed
+                await problem_of_unexpected(error)(scope, receive, response.send)
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        drop_escaped_cookies(scope)
+        headers = Headers(scope=scope)
+        if not self._is_our_host(headers):
+            await problem(421, "This service does not answer to that host name.")(scope, receive, send)
+            return
+        try:
+            await self._admit(scope, headers)
+        except CallerError as error:
+            await problem_of(error)(scope, receive, send)
+            return
+        await self.app(scope, self._limit_body(scope, headers, receive), send)
+
+    def _is_our_host(self, headers: Headers) -> bool:
+        return hostname_of(headers.get("host", "")) in self.rules.hosts
+
+    async def _admit(self, scope: Scope, headers: Headers) -> None:
+        """Sets the identity of a request. Raises Unauthorized, Forbidden, TooManyRequests."""
+        identity: Identity | None
+        try:
+            identity = await self._identify(scope, headers)
+        except Unauthorized:
+            self.rules.by_address.spend(address_of(scope), cost_of(scope, headers))
+            if is_api(scope):
+                raise
+            identity = None
+        else:
+            if not counts_by_learner(scope, identity):
+                self.rules.by_user.spend(identity.id, cost_of(scope, headers))
+        if is_forgeable(scope, headers, identity) and not self._is_same_origin(scope, headers):
+            raise Forbidden("A browser may send this from the service's own pages only.")
+        if identity is not None and identity.scopes is not None and is_api(scope):
+            identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
+        scope.setdefault("state", {})["identity"] = identity
+
+    async def _identify(self, scope: Scope, headers: Headers) -> Identity:
+        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized.
+
+        An answer is asked for its credential again where it is stored, so a recalled identity will do.
+        """
+        authorization = headers.get("authorization") if is_api(scope) else None
+        cookies = HTTPConnection(scope).cookies
+        if authorization is None and not cookies:
+            raise Unauthorized(FAILED)
+        if hands_in(scope) and (known := self.recalled.get(authorization, cookies)) is not None:
+            return known
+        identity = await run_in_threadpool(authenticate, self.database, authorization, cookies)
+        self.recalled.put(authorization, cookies, identity)
+        return identity
+
+    def _is_same_origin(self, scope: Scope, headers: Headers) -> bool:
+        """Whether the browser's own headers say so; a request without them counts as cross-origin."""
+        site = headers.get("sec-fetch-site")
+        if site is not None:
+            return site == "same-origin"
+        own = self.rules.origin or f"{scope['scheme']}://{headers.get('host')}"
+        return origin_of(headers.get("origin", "")) == origin_of(own)
+
+    def _limit_body(self, scope: Scope, headers: Headers, receive: Receive) -> Receive:
+        """Wraps `receive` to raise 413 as soon as a body is known to be too large."""
+        bytes_max = self.rules.body_bytes_max if is_api(scope) else page_bytes_max(scope)
+        received = 0
+        announced = headers.get("content-length", "")
+
+        async def receive_limited() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if max(received, int(announced) if announced.isdecimal() else 0) > bytes_max:
+                raise HTTPException(413, f"At most {bytes_max // 1024} KB are taken.")
+            return message
+
+        return receive_limited
+
+
+def is_api(scope: Scope) -> bool:
+    """Whether the path lies under /api/v1."""
+    path: str = scope["path"]
+    return path == PREFIX or path.startswith(f"{PREFIX}/")
+
+
+def page_bytes_max(scope: Scope) -> int:
+    """The largest body outside /api/v1 at a path."""
+    path: str = scope["path"]
+    return ANSWER_BODY_BYTES_MAX if path.startswith(ANSWERS) else PAGE_BODY_BYTES_MAX
+
+
+def is_forgeable(scope: Scope, headers: Headers, identity: Identity | None) -> bool:
+    """Whether another site could make a browser send this request, with the user's cookies, to change something."""
+    if scope["method"] in SAFE_METHODS or scope["path"] in FOREIGN_FORMS:
+        return False
+    by_browser = any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
+    return identity.by_cookie if identity is not None and is_api(scope) else by_browser
+
+
+def hands_in(scope: Scope) -> bool:
+    """Whether the request hands in an answer."""
+    return bool(scope["method"] == "POST" and scope["path"] in (SUBMISSIONS, ON_BEHALF))
+
+
+def counts_by_learner(scope: Scope, identity: Identity) -> bool:
+    """Whether a service hands in for a learner: the route counts such requests, by the learner whom the body names."""
+    may = identity.role is Role.SERVICE and (identity.scopes is None or TokenScope.LMS in identity.scopes)
+    return may and hands_in(scope) and scope["path"] == ON_BEHALF
+
+
+async def authenticate_again(scope: Scope, database: Database) -> None:
+    """Raises Unauthorized if the credential of an admitted API request has ended meanwhile: 401 comes before others."""
+    request = HTTPConnection(scope)
+    await run_in_threadpool(authenticate, database, request.headers.get("authorization"), request.cookies)
+
+
+def cost_of(scope: Scope, headers: Headers) -> int:
+    """How many requests this one counts as: outside /api/v1 one more for each KB of its body, or 16 KB of an answer."""
+    if is_api(scope):
+        return 1
+    bytes_max = page_bytes_max(scope)
+    unit = BYTES_PER_REQUEST if bytes_max == PAGE_BODY_BYTES_MAX else BYTES_PER_ANSWER
+    announced = headers.get("content-length", "0")
+    is_known = announced.isdecimal() and "transfer-encoding" not in headers
+    return 1 + min(int(announced) if is_known else bytes_max, bytes_max) // unit
+
+
+@lru_cache(maxsize=100)
+def hostname_of(host: str) -> str | None:
+    """The name in a Host header; None if it has none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+def origin_of(url: str) -> tuple[str, str | None, int | None] | None:
+    """Scheme, host and port of a URL; None if it has none."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme, parts.hostname, parts.port or DEFAULT_PORTS.get(parts.scheme)
+    except ValueError:
+        return None
+
+
+def drop_escaped_cookies(scope: Scope) -> None:
+    """Removes cookies with a backslash, which no cookie of ours has.
+
+    `http.cookies` takes time quadratic in their number before Python 3.11.10 and 3.12.6 (CVE-2024-7592).
+    """
+    scope["headers"] = [
+        (name, b";".join(pair for pair in value.split(b";") if b"\\" not in pair) if name == b"cookie" else value)
+        for name, value in scope["headers"]
+    ]
+
+
+class ResponseSender:
+    """Sends a response, and notes whether it has started. API responses are never cached for another user."""
+
+    def __init__(self, scope: Scope, send: Send) -> None:
+        self.scope, self._send, self.started = scope, send, False
+
+    async def send(self, message: Message) -> None:
+        """Sends one part."""
+        if message["type"] == "http.response.start":
+            self.started = True
+            if is_api(self.scope):
+                headers = MutableHeaders(scope=message)
+                headers.setdefault("Cache-Control", "private, no-cache")
+                headers["X-Content-Type-Options"] = "nosniff"
+        await self._send(message)
+
+
+def identity_in(scope: Scope) -> Identity:
+    """The identity of an admitted API request."""
+    identity: Identity = scope["state"]["identity"]
+    return identity

@@ -1,0 +1,164 @@
+"""Every error as RFC 9457 `application/problem+json`: the one place that gives errors their HTTP status."""
+
+import re
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, Response
+from starlette.exceptions import HTTPException
+
+from grader.errors import (
+    Conflict,
+    ContentError,
+    FaultyRows,
+    Forbidden,
+    GraderError,
+    InvalidAnswer,
+    LabRefused,
+    NotFound,
+    Outdated,
+    TooLarge,
+    TooManyRequests,
+    Unauthorized,
+    Unconditional,
+    Unprocessable,
+)
+from grader.store.engine.database import is_away
+
+MEDIA_TYPE = "application/problem+json"
+SCHEMA = {
+    "type": "object",
+    "required": ["type", "title", "status", "detail"],
+    "properties": {
+        "type": {"type": "string"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string"},
+        "request_id": {"type": "string"},
+        "errors": {"type": "array", "items": {"type": "object"}},
+        "faults": {"type": "array", "items": {"type": "object"}},
+    },
+}
+
+
+RETRY_S = 5
+"""When to try again while the service cannot serve [s]."""
+
+ERRORS_MAX = 20
+"""Errors of one body that are listed."""
+
+
+class ProblemResponse(JSONResponse):
+    """A problem document."""
+
+    media_type = MEDIA_TYPE
+
+
+Responses = dict[int | str, dict[str, Any]]
+
+
+def refusals(*statuses: int, more: Responses | None = None) -> Responses:
+    """The `responses` of a route for OpenAPI: those in `more`, and statuses whose problems `openapi.py` describes."""
+    return (more or {}) | {status: {"description": HTTPStatus(status).phrase} for status in statuses}
+
+
+def problem(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> Response:
+    """A problem document; `more` are its extension members."""
+    named = structlog.contextvars.get_contextvars()  # the id of the request
+    return ProblemResponse(problem_body(status, detail, **more, **named), status, headers)
+
+
+def problem_body(status: int, detail: str, **more: Any) -> dict[str, Any]:
+    """The members of a problem document."""
+    return {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+
+
+STATUS: dict[type[GraderError], int] = {
+    Unauthorized: 401,
+    Forbidden: 403,
+    NotFound: 404,
+    Conflict: 409,
+    Outdated: 412,
+    TooLarge: 413,
+    ContentError: 422,
+    FaultyRows: 422,
+    InvalidAnswer: 422,
+    LabRefused: 422,
+    Unprocessable: 422,
+    Unconditional: 428,
+    TooManyRequests: 429,
+}
+"""The HTTP status of every error that a request can cause. Any other error is our fault: 500."""
+
+
+def problem_of(error: GraderError) -> Response:
+    """The problem document of one of our own errors. Raises the error again where it is not the caller's."""
+    status = STATUS.get(type(error))
+    if status is None:
+        raise error
+    match error:
+        case TooManyRequests():
+            return problem(status, str(error), {"Retry-After": str(error.retry_after_s)})
+        case Unauthorized():
+            return problem(status, str(error), {"WWW-Authenticate": "Bearer"})
+        case ContentError():
+            faults = [vars(fault) for fault in error.faults]
+            return problem(status, "The content has faults; what was loaded before stays.", faults=faults)
+        case FaultyRows():
+            faults = [vars(fault) for fault in error.faults]
+            return problem(status, "Rows of the file cannot be taken, so that none was.", faults=faults)
+        case _:
+            return problem(status, str(error))
+
+
+def problem_of_unexpected(error: Exception) -> Response:
+    """The problem document of an unexpected error: 503 if the database is away, else 500."""
+    if is_away(error):
+        return problem(503, "The service cannot reach or write its data now. Try again.", {"Retry-After": str(RETRY_S)})
+    return problem(500, "Something went wrong on our side.")
+
+
+def install(app: FastAPI) -> None:
+    """Registers the handlers of every error that is raised on purpose; AdmissionMiddleware answers all others."""
+
+    @app.exception_handler(GraderError)
+    async def on_grader_error(_request: Request, error: GraderError) -> Response:
+        return problem_of(error)
+
+    @app.exception_handler(HTTPException)
+    async def on_http_exception(request: Request, error: HTTPException) -> Response:
+        return problem_of_framework(request, error)
+
+    @app.exception_handler(RequestValidationError)
+    async def on_invalid_request(_request: Request, error: RequestValidationError) -> Response:
+        errors = [{"at": list(item["loc"]), "why": item["msg"]} for item in error.errors()[:ERRORS_MAX]]
+        detail = "; ".join(f"{'.'.join(map(str, item['at']))}: {item['why']}" for item in errors)
+        return problem(422, detail, errors=errors)
+
+
+def problem_of_framework(request: Request, error: HTTPException) -> Response:
+    """The problem document of an error that the framework raised. Its 400 for an unreadable body becomes 422."""
+    if error.status_code == HTTPStatus.NO_CONTENT:
+        return Response(status_code=204)
+    status = 422 if error.status_code == HTTPStatus.BAD_REQUEST else error.status_code
+    details = {
+        404: f"There is nothing at {request.url.path}.",
+        405: f"{request.method} is not possible here.",
+        422: "The body is not JSON in UTF-8.",
+    }
+    headers = {"Allow": ", ".join(methods_at(request))} if status == HTTPStatus.METHOD_NOT_ALLOWED else error.headers
+    return problem(status, details.get(status, str(error.detail)), headers)
+
+
+def methods_at(request: Request) -> list[str]:
+    """Every method that the requested path allows. The router itself names the methods of one route only."""
+    methods: set[str] = set()
+    for template, operations in request.app.openapi()["paths"].items():
+        pattern = re.sub(r"\\{[^/]*?\\}", "[^/]+", re.escape(template))
+        if re.fullmatch(pattern, request.url.path):
+            methods.update(name.upper() for name in operations)
+    return sorted(methods)

@@ -1,0 +1,95 @@
+"""Gives every request an id, one line in the log and its place in the metrics."""
+
+import re
+import secrets
+import time
+from functools import cache
+from typing import Any
+
+import structlog
+from prometheus_client import Counter, Histogram
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from grader.gate.admission import PREFIX, is_api
+from grader.metrics import REQUEST_S, REQUESTS
+
+log = structlog.get_logger()
+
+REQUEST_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{7,63}")
+"""An `X-Request-ID` of a caller that is taken over; for any other text a new one is made."""
+
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+
+
+class RequestsMiddleware:
+    """ASGI middleware. Names every request by an id that its response, its problems and its log lines bear."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves the request, and logs how it went."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        request_id = given if REQUEST_ID.fullmatch(given) else secrets.token_hex(16)
+        response = NamedResponse(scope, send, request_id)
+        with structlog.contextvars.bound_contextvars(request_id=request_id):
+            try:
+                await self.app(scope, receive, response.send)
+            finally:
+                response.log()
+
+
+class NamedResponse:
+    """Sends a response with the id of its request, and logs it before its last part is out."""
+
+    def __init__(self, scope: Scope, send: Send, request_id: str) -> None:
+        self._scope, self._send, self._id = scope, send, request_id
+        self._began, self._status, self._is_logged = time.perf_counter(), 0, False
+
+    async def send(self, message: Message) -> None:
+        """Sends one part."""
+        if message["type"] == "http.response.start":
+            self._status = message["status"]
+            MutableHeaders(scope=message)["X-Request-ID"] = self._id
+        elif not message.get("more_body", False):
+            self.log()
+        await self._send(message)
+
+    def log(self) -> None:
+        """Counts and logs the request, once."""
+        if not self._is_logged:
+            self._is_logged = True
+            log_request(self._scope, self._status, time.perf_counter() - self._began)
+
+
+def log_request(scope: Scope, status: int, seconds: float) -> None:
+    """Counts and logs a request. Status 0: the client left before it got one."""
+    route, method = template_of(scope), scope["method"] if scope["method"] in METHODS else "other"
+    count, times = metrics_of(method, route, str(status))
+    count.inc()
+    times.observe(seconds)
+    state: dict[str, Any] = scope.get("state", {})
+    identity = state.get("identity")
+    line = {"method": method, "route": route, "status": status, "ms": round(seconds * 1000, 1)}
+    if identity is not None:
+        line["user"] = identity.id
+    if why := state.get("why"):
+        line["why"] = why
+    log.info("request", **line)
+
+
+@cache
+def metrics_of(method: str, route: str, status: str) -> tuple[Counter, Histogram]:
+    """Returns the metrics of such requests; looked up once, since for Prometheus that takes longer than to count."""
+    return REQUESTS.labels(method, route, status), REQUEST_S.labels(route)
+
+
+def template_of(scope: Scope) -> str:
+    """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
+    path: str = getattr(scope.get("route"), "path", "-")
+    is_below = is_api(scope) and path != "-" and not path.startswith(PREFIX)
+    return f"{PREFIX}{path}" if is_below else path

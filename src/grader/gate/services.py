@@ -1,0 +1,83 @@
+"""The objects that all routes of an app share, for the API and the pages."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from fastapi import Depends, FastAPI, Request
+
+from grader.courses.answering.intake import NewAnswer, Receipt
+from grader.courses.people.identity import DEFAULT_COURSE, Identity
+from grader.courses.people.pseudonyms import Blinding
+from grader.courses.reporting.quiz_statistics import Statistics
+from grader.courses.reviewing.desk import Desk
+from grader.gate.admission import AdmissionRules
+from grader.gate.lab_runs import LabRuns
+from grader.gate.monitoring import Monitor
+from grader.gate.openid import Provider
+from grader.gate.readiness import Readiness
+from grader.gate.sessions import SessionCookies
+from grader.gate.streams import Streams
+from grader.grading.content import Contents
+from grader.grading.pipeline import Pipeline
+from grader.library import Library
+from grader.platforms.tool import Tool
+from grader.settings import Settings
+from grader.store.engine.database import Database
+from grader.store.engine.group_commit import GroupCommit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Services:
+    """The objects of one app. Routes get them as `AppServices`."""
+
+    settings: Settings
+    database: Database
+    content: Contents
+    writer: GroupCommit[NewAnswer, Receipt]
+    blinding: Blinding
+    labs: LabRuns
+    admission: AdmissionRules
+    monitor: Monitor
+    readiness: Readiness
+    provider: Provider | None
+    """The OpenID provider; None without one in the settings."""
+    tool: Tool | None
+    """The LTI tool; None without the packages of the extra `lti`."""
+    statistics: Statistics
+    streams: Streams = field(default_factory=Streams)
+
+    @property
+    def sessions(self) -> SessionCookies:
+        """The sessions of browsers."""
+        is_secure = self.settings.origin.startswith("https:")
+        return SessionCookies(self.database, secure=is_secure, anonymous=self.settings.is_local)
+
+    def desk_of(self, course: str) -> Desk:
+        """Returns what reviewing in a course works with, on its content as it is now."""
+        return Desk(self.database, self.content.of(course).library, self.blinding)
+
+    def get_pipeline(self, who: Identity) -> Pipeline:
+        """Returns the pipeline that reads and grades the answers of a user's course."""
+        return self.content.of(who.course).pipeline
+
+    def library_for(self, who: Identity | None) -> Library:
+        """Returns the current content of a user's course; of the default course for a browser without a session."""
+        return self.content.of(DEFAULT_COURSE if who is None else who.course).library
+
+    def origin_of(self, request: Request) -> str:
+        """Returns the origin under which a client reached the service; AdmissionMiddleware has checked its host."""
+        return self.settings.origin if self.settings.public_origin else str(request.base_url).rstrip("/")
+
+
+def services_in(app: FastAPI) -> Services:
+    """Returns the services of an app, typed: the only place that looks them up."""
+    services: Services = app.state.services
+    return services
+
+
+async def services_of(request: Request) -> Services:
+    """Returns the services of the app that serves a request."""
+    return services_in(request.app)
+
+
+AppServices = Annotated[Services, Depends(services_of)]

@@ -1,0 +1,317 @@
+"""Grading processes: each has an interpreter and a jail of its own, so that grading uses every core.
+
+A process takes the content and submissions over a socket, and returns verdicts. It knows no database. It ends when its
+standard input does, so that none outlives the server or worker that started it, however that ended.
+"""
+
+import gc
+import os
+import queue
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, Self
+
+import structlog
+
+from grader.domain.verdict import Verdict
+from grader.errors import JailFault, JailRefused
+from grader.exercises import Tell
+from grader.grading.pipeline import Pipeline, ignore_progress
+from grader.library import Library
+from grader.logs import log_to_stderr, logs_json
+from grader.metrics import GRADERS_BROKEN
+from grader.sandbox.jail import Jail
+
+START_S = 180.0
+"""Longest start of a process with its jail and self-test [s]."""
+VERDICT_S = 900.0
+"""Longest wait for a verdict, far above every limit of a script; then the process is ended and started anew [s]."""
+PROGRESS_S = 0.5
+"""Pause between two reports of how far a script is: a quick script makes none [s]."""
+BLOCK_BYTES = 4096
+
+END_S = 10.0
+"""Longest end of a process; then it is killed [s]."""
+
+SWITCH_S = 0.0005
+"""As in the server: a script waits for its inputs while another thread compiles the models that judging needs [s]."""
+
+MAIN = "from grader.grading.processes import main; main()"
+"""Not `-m`, which would load this module twice: what is pickled here would be another class there."""
+
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True)
+class Script:
+    """A submission as a grading process takes it; `answer` is the stored answer, parsed."""
+
+    quiz: str
+    question: str
+    answer: Any
+    seed: int | None
+
+
+@dataclass(frozen=True)
+class ScriptProgress:
+    """How far the script is: at a case, counted from 1."""
+
+    case: int
+    cases: int
+
+
+class GradingProcess:
+    """The handle of one process. One thread at a time may use it."""
+
+    def __init__(self, *, allow_t2: bool) -> None:
+        # A script reads the models of the content that it is graded with, whatever the content folder holds now.
+        self._models = TemporaryDirectory(prefix="grader-models-")
+        Path(self._models.name).chmod(0o755)
+        ours, theirs = socket.socketpair()
+        with theirs:
+            command = [sys.executable, "-P", "-c", MAIN, str(theirs.fileno()), self._models.name]
+            command += ["--allow-t2"] * allow_t2 + ["--json-log"] * logs_json()
+            self._process = subprocess.Popen(  # noqa: S603  our own command
+                command, stdin=subprocess.PIPE, pass_fds=[theirs.fileno()]
+            )
+        self._connection: Connection[Any, Any] = Connection(ours.detach())
+        self._library: Library | None = None
+        self.jail: Mapping[str, Any] = {}
+
+    @property
+    def pid(self) -> int:
+        """The id of the process."""
+        return self._process.pid
+
+    def wait_until_ready(self) -> None:
+        """Waits for the jail. Raises JailRefused if this machine cannot hold it, JailFault if the process ends."""
+        self.jail = self._receive(START_S)
+
+    def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
+        """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most.
+
+        Raises JailFault if the process ends or breaks, and ends it then.
+        """
+        try:
+            if library is not self._library:
+                write_models(library, Path(self._models.name))
+                self._connection.send(make_portable(library))
+                self._library = library
+            self._connection.send(script)
+        except OSError as error:
+            raise self._broken(str(error)) from error
+        verdict = self._receive(VERDICT_S, tell)
+        assert isinstance(verdict, Verdict)
+        return verdict
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """Ends the process and its jail, and waits for it."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._connection.close()
+        self._models.cleanup()
+
+    def _receive(self, patience_s: float, tell: Tell = ignore_progress) -> Any:
+        """Returns the answer; hands on the newest progress on the way, and only that."""
+        deadline = time.monotonic() + patience_s
+        due, newest = time.monotonic() + PROGRESS_S, None
+        try:
+            while (now := time.monotonic()) < deadline:
+                if newest and now >= due:
+                    tell(newest.case, newest.cases)
+                    due, newest = now + PROGRESS_S, None
+                if self._connection.poll(min(due if newest else deadline, deadline) - now):
+                    reply = self._connection.recv()
+                    if isinstance(reply, Exception):
+                        raise reply
+                    if not isinstance(reply, ScriptProgress):
+                        return reply
+                    newest = reply
+        except (EOFError, OSError) as error:
+            raise self._broken(str(error) or "it ended") from error
+        raise self._broken("it did not answer")
+
+    def _broken(self, why: str) -> JailFault:
+        GRADERS_BROKEN.inc()
+        self._process.kill()
+        return JailFault(f"grading process {self._process.pid} broke: {why}")
+
+
+class Graders:
+    """`count` grading processes; thread-safe. A process that ended is replaced before the next script."""
+
+    def __init__(self, count: int, *, allow_t2: bool) -> None:
+        self._count, self._allow_t2 = count, allow_t2
+        self._free: queue.SimpleQueue[int] = queue.SimpleQueue()
+        self._all: list[GradingProcess] = []
+        self.jail: Mapping[str, Any] = {}
+
+    def start(self) -> None:
+        """Starts the processes, all at the same time. Raises JailRefused."""
+        self._all = [self._new() for _ in range(self._count)]
+        try:
+            for process in self._all:
+                process.wait_until_ready()
+        except JailFault:
+            self.close()
+            raise
+        for place in range(self._count):
+            self._free.put(place)
+        self.jail = self._all[0].jail
+
+    def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
+        """Judges a script in a free process; waits for one. Raises JailFault as a process does."""
+        with self._free_process() as process:
+            return process.judge(library, script, tell)
+
+    def pids(self) -> list[int]:
+        """Returns the ids of the processes."""
+        return [process.pid for process in self._all]
+
+    @property
+    def alive(self) -> int:
+        """The number of processes that run."""
+        return sum(process.alive for process in self._all)
+
+    @property
+    def busy(self) -> int:
+        """The number of processes with a script in progress."""
+        return max(0, len(self._all) - self._free.qsize())
+
+    def revive(self) -> None:
+        """Replaces a process if none runs any more. Raises JailFault."""
+        if self._all and not self.alive:
+            with self._free_process():
+                pass
+
+    def close(self) -> None:
+        """Ends every process; scripts in progress end with a JailFault."""
+        ending = [threading.Thread(target=process.close) for process in self._all]
+        for thread in ending:
+            thread.start()
+        for thread in ending:
+            thread.join()
+        self._all = []
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _new(self) -> GradingProcess:
+        return GradingProcess(allow_t2=self._allow_t2)
+
+    @contextmanager
+    def _free_process(self) -> Iterator[GradingProcess]:
+        place = self._free.get()
+        try:
+            if not self._all[place].alive:
+                self._replace(place)
+            yield self._all[place]
+        finally:
+            self._free.put(place)
+
+    def _replace(self, place: int) -> None:
+        ended = self._all[place]
+        log.warning("a grading process ended and is replaced", pid=ended.pid)
+        ended.close()
+        self._all[place] = self._new()
+        self._all[place].wait_until_ready()
+
+
+def make_portable(library: Library) -> Library:
+    """Returns the same content in plain dictionaries, which can be pickled, without the files that it was made of."""
+    mappings: dict[str, Any] = {
+        name: dict(value) for name, value in vars(library).items() if isinstance(value, Mapping)
+    }
+    return replace(library, **mappings | {"sources": {}})
+
+
+def write_models(library: Library, folder: Path) -> None:
+    """Makes a folder hold the models of the content, and no others. No script may run meanwhile."""
+    for name in {path.stem for path in folder.iterdir()} - library.models.keys():
+        (folder / f"{name}.xml").unlink()
+    for name, xml in library.models.items():
+        (folder / f"{name}.xml").write_bytes(xml.encode())
+
+
+def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
+    """Answers each script with its verdict, or with the JailFault that says what broke, until the parent ends."""
+    pipeline: Pipeline | None = None
+    while True:
+        try:
+            message = connection.recv()
+        except EOFError:
+            return
+        if isinstance(message, Library):
+            pipeline = Pipeline(message, jail.run)
+            continue
+        assert pipeline is not None and isinstance(message, Script)
+        try:
+            parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
+            connection.send(pipeline.judge(parsed, lambda case, cases: connection.send(ScriptProgress(case, cases))))
+        except Exception as error:
+            log.exception("grading failed", quiz=message.quiz, question=message.question)
+            connection.send(JailFault(f"grading failed: {type(error).__name__}"))
+
+
+def end_with_parent(jail: Jail, models: Path) -> None:
+    """Ends this process and its jail as soon as the parent's end of standard input is closed.
+
+    Removes the folder of models too: a parent that was killed does not.
+    """
+    while os.read(sys.stdin.fileno(), BLOCK_BYTES):  # a buffered reader's lock would be held when the interpreter ends
+        pass
+    backstop = threading.Timer(END_S / 2, os._exit, (0,))
+    backstop.daemon = True
+    backstop.start()
+    shutil.rmtree(models, ignore_errors=True)
+    jail.close()
+    os._exit(0)
+
+
+def main() -> None:
+    """Runs one grading process: the socket's number, the folder of models, and perhaps --allow-t2 and --json-log."""
+    log_to_stderr(as_json="--json-log" in sys.argv)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent decides when to end
+        signal.signal(number, signal.SIG_IGN)
+    sys.setswitchinterval(SWITCH_S)
+    connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
+    try:
+        jail = Jail(Path(sys.argv[2]), 1, allow_t2="--allow-t2" in sys.argv)
+    except JailFault as fault:
+        connection.send(JailRefused(str(fault)))
+        return
+    threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
+    with jail, suppress(BrokenPipeError):
+        integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
+        gc.freeze()
+        connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
+        serve_scripts(connection, jail)
+        shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well

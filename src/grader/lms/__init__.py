@@ -1,1 +1,0 @@
-"""Speaks with learning platforms: LTI 1.3, and the deliveries of scores and webhooks."""

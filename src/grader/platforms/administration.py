@@ -1,0 +1,110 @@
+"""Administering platforms: what command line, page and API have in common."""
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people import platforms as rules
+from grader.courses.people.identity import Identity
+from grader.courses.people.platforms import Registration
+from grader.errors import Unprocessable
+from grader.platforms import roster
+from grader.platforms.launching.addresses import is_of_platform, origin_of
+from grader.platforms.launching.registration import LIFETIME, PURPOSE
+from grader.platforms.roster import Authorized, Pulled
+from grader.store import platforms, tickets
+from grader.store.engine.database import Database
+
+URLS = ("login_url", "token_url", "keys_url")
+
+
+def registration_of(given: Mapping[str, Any]) -> Registration:
+    """A registration as somebody typed it. Raises Unprocessable for an address that is not https.
+
+    `origins` are those that may show our pages in a frame: of the issuer and the login if none is given.
+    """
+    texts = {
+        name: str(given.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
+    }
+    for name in URLS:
+        if not is_of_platform(texts[name]):
+            raise Unprocessable(f"The {name} is an https address without user name, not {texts[name]!r}.")
+    origins = [str(origin).strip() for origin in given.get("origins") or ()]
+    for origin in origins:
+        if not is_of_platform(origin) or origin_of(origin) != origin.rstrip("/"):
+            raise Unprocessable(f"An origin is https://host[:port] and nothing else, not {origin!r}.")
+    found = [origin_of(origin) for origin in origins] or [origin_of(texts["issuer"]), origin_of(texts["login_url"])]
+    texts["name"] = texts["name"] or texts["issuer"]
+    return Registration(**texts, origins=tuple(dict.fromkeys(filter(None, found))))
+
+
+def registration_link(session: Session, origin: str) -> str:
+    """A single-use address to type into a platform that knows dynamic registration."""
+    return f"{origin}/lti/register?token={tickets.issue(session, PURPOSE, {}, LIFETIME)}"
+
+
+def platforms_of(session: Session) -> list[dict[str, Any]]:
+    """Every platform with its deployments, as command line, page and API show them."""
+    return [platform_view(session, row) for row in platforms.all_platforms(session)]
+
+
+def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
+    """A platform with its deployments."""
+    return {
+        "id": row.id,
+        "name": row.name,
+        "issuer": row.issuer,
+        "client_id": row.client_id,
+        "login_url": row.login_url,
+        "token_url": row.token_url,
+        "keys_url": row.keys_url,
+        "origins": list(platforms.view(row).origins),
+        "approved": row.approved_at is not None,
+        "deployments": [
+            {"deployment_id": one.deployment_id, "approved": one.approved_at is not None}
+            for one in platforms.deployments(session, row.id)
+        ],
+    }
+
+
+def contexts_of(session: Session, course: str | None = None) -> list[dict[str, Any]]:
+    """The platforms' courses: those of a course here, and those that ask for it; or all."""
+    return [
+        {
+            "id": context.id,
+            "platform": platform.name,
+            "title": context.title or context.context_id,
+            "course": context.course,
+            "wanted": context.wanted,
+            "wanted_by": context.wanted_by,
+            "has_roster": bool(context.members_url),
+        }
+        for context, platform in platforms.contexts(session, course)
+    ]
+
+
+async def pull_roster(database: Database, authorized: Authorized, by: Identity | None, context_id: int) -> Pulled:
+    """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor.
+
+    Raises NotFound, Conflict, Unprocessable.
+    """
+
+    def source() -> tuple[platforms.Context, platforms.PlatformRow]:
+        with database.read() as session:
+            if by is not None:
+                rules.of_course(session, by, context_id)
+            context = roster.source_of(session, context_id)
+            row = platforms.get(session, context.platform)
+            assert row is not None  # a foreign key
+            return context, row
+
+    context, row = await asyncio.to_thread(source)
+    people = await roster.pull(authorized, platforms.view(row), context.members_url)
+
+    def enter() -> Pulled:
+        with database.write() as session:
+            return roster.enter(session, by, roster.source_of(session, context_id), people)
+
+    return await asyncio.to_thread(enter)

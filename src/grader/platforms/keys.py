@@ -1,0 +1,87 @@
+"""The key pair with which this tool signs, and its public half for platforms, as a JWK set with rotation.
+
+Source: RFC 7517 (JWK), RFC 7519 (JWT); 1EdTech Security Framework 1.1, section 6.3: RS256 with a `kid`.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import DEFAULT_COURSE
+from grader.store.engine.database import Database
+from grader.store.tables import now
+from grader.store.upkeep import installation
+
+BITS = 2048
+PUBLISHED = timedelta(days=1)
+"""How long a replaced key stays published: tokens that it has signed are under way."""
+
+
+@dataclass(frozen=True)
+class ToolKeys:
+    """The keys of an installation, shared by all its servers and workers through the database."""
+
+    database: Database
+    clock: Callable[[], datetime] = now
+
+    def sign(self, claims: dict[str, Any]) -> str:
+        """Signs a JWT with the newest key, whose `kid` stands in the header."""
+        from joserfc import jwt
+        from joserfc.jwk import RSAKey
+
+        newest = self._kept()[-1]["jwk"]
+        header = {"alg": "RS256", "kid": newest["kid"], "typ": "JWT"}
+        return jwt.encode(header, claims, RSAKey.import_key(newest), algorithms=["RS256"])
+
+    def public(self) -> dict[str, Any]:
+        """The JWK set to publish: the newest key, and those that it has lately replaced."""
+        from joserfc.jwk import RSAKey
+
+        return {"keys": [RSAKey.import_key(one["jwk"]).as_dict(private=False) for one in self._kept()]}
+
+    def rotate(self) -> str:
+        """Makes a new key that signs from now on, and records it. Returns its `kid`."""
+        made = new_key()
+        kid = str(made["jwk"]["kid"])
+        with self.database.write() as session:
+            self.database.lock(session, "lti-keys")
+            kept = [{**one, "until": one["until"] or self._end()} for one in self._read(session)]
+            self._write(session, [*kept, made])
+            record(session, None, DEFAULT_COURSE, Action.SIGNING_KEY_ROTATED, kid)
+        return kid
+
+    def _kept(self) -> list[dict[str, Any]]:
+        """The keys that are published, the newest last; the first call on a database makes one."""
+        with self.database.read() as session:
+            kept = self._read(session)
+        if kept:
+            return kept
+        made = new_key()
+        with self.database.write() as session:
+            self.database.lock(session, "lti-keys")
+            kept = self._read(session) or [made]
+            self._write(session, kept)
+        return kept
+
+    def _end(self) -> str:
+        return (self.clock() + PUBLISHED).isoformat()
+
+    def _read(self, session: Session) -> list[dict[str, Any]]:
+        kept = json.loads(installation.lti_keys(session) or b"[]")
+        return [one for one in kept if one["until"] is None or datetime.fromisoformat(one["until"]) > self.clock()]
+
+    def _write(self, session: Session, kept: list[dict[str, Any]]) -> None:
+        installation.keep_lti_keys(session, json.dumps(kept).encode())
+
+
+def new_key() -> dict[str, Any]:
+    """A new private key, as it is kept: `until` says how long it stays published once another replaces it."""
+    from joserfc.jwk import RSAKey
+
+    key = RSAKey.generate_key(BITS, {"use": "sig", "alg": "RS256"}, private=True, auto_kid=True)
+    return {"jwk": key.as_dict(private=True), "until": None}

@@ -1,0 +1,74 @@
+"""Where a verified launch arrives: its deployment, its course, its link and the member are found, or made."""
+
+from dataclasses import dataclass
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people import members
+from grader.courses.people import platforms as rules
+from grader.courses.people.identity import Role
+from grader.courses.people.platforms import Person
+from grader.courses.sending.outbox import send_scores
+from grader.platforms.launching import claims as words
+from grader.platforms.launching.launch import Gradebook, Launch
+from grader.store import platforms
+from grader.store.engine.database import Database
+from grader.store.platforms import Context, ResourceLink
+from grader.store.tables import Member
+
+NOT_APPROVED = (
+    "This installation of the tool (deployment {}) waits for approval: ask the administrator of the grader for "
+    "`grader lti approve`, or to approve it on the page /instructor/lti."
+)
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """What a launch leads to. `member` is None while the platform's course is linked with no course here."""
+
+    context: Context
+    member: Member | None
+    role: Role
+    quiz: str | None
+    question: str | None
+
+
+def arrive(database: Database, session: Session, launch: Launch) -> Arrival | None:
+    """Records what the launch tells, and finds who comes and where to. Raises Forbidden for a removed member.
+
+    A learner's scores go to the platform from now on, where the launch grants that.
+    None if the launch's deployment is not approved; one that is new is noted, to be approved.
+    """
+    deployment = platforms.note_deployment(session, launch.platform.id, launch.deployment_id)
+    if deployment is None or deployment.approved_at is None:
+        return None
+    context = platforms.context_at(
+        session, launch.platform.id, launch.deployment_id, launch.context_id, launch.context_title
+    )
+    if launch.members_url and context.members_url != launch.members_url:
+        context.members_url = launch.members_url
+    session.flush()
+    link = recorded(session, context, launch) if launch.link_id else None
+    quiz, question = (None, None) if link is None else (link.quiz, link.question)
+    role = Role.INSTRUCTOR if launch.teaches and launch.subject is not None else Role.STUDENT
+    if context.course is None:
+        return Arrival(context, None, role, quiz, question)
+    if launch.subject is None:
+        member = members.unnamed(session, context.course)
+    else:
+        person = Person(launch.platform.issuer, launch.subject, launch.name, role)
+        member = rules.member_of(session, context, person)
+        if quiz is not None and role is Role.STUDENT and words.SCORES in launch.gradebook.scopes:
+            send_scores(database, session, context.course, quiz, question or "", learner=member.id, by="lti")
+    return Arrival(context, member, role, quiz, question)
+
+
+def recorded(session: Session, context: Context, launch: Launch) -> ResourceLink:
+    """The launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
+    link = platforms.resource_link(session, context.id, launch.link_id)
+    if launch.quiz is not None and (link.quiz, link.question) != (launch.quiz, launch.question):
+        link.quiz, link.question = launch.quiz, launch.question
+    if launch.gradebook != Gradebook(link.line_item_url, link.line_items_url, tuple(link.scopes.split())):
+        link.line_item_url, link.line_items_url = launch.gradebook.line_item_url, launch.gradebook.line_items_url
+        link.scopes = " ".join(launch.gradebook.scopes)
+    return link

@@ -1,0 +1,103 @@
+"""The answer to a platform's request to choose content: signed links to quizzes and questions.
+
+Source: LTI Deep Linking 2.0, sections 3 and 4.
+"""
+
+import secrets
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+from urllib.parse import urlencode
+
+from grader.domain.markup import plain_text
+from grader.domain.platform import Platform
+from grader.platforms.launching import claims as words
+from grader.platforms.launching.launch import Selection
+from grader.questions import Question, Quiz
+from grader.store.platforms import resource_id_of
+
+LIFETIME_S = 300
+CHOICES_MAX = 50
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What an instructor chose: a quiz, or one question of it."""
+
+    quiz: Quiz
+    question: Question | None = None
+
+    @property
+    def points(self) -> float:
+        """The points of all that the link leads to."""
+        asked = self.quiz.questions if self.question is None else (self.question,)
+        return sum(question.points for question in asked)
+
+    @property
+    def title(self) -> str:
+        """The title without markup: of the quiz, with that of the question or its id."""
+        title = plain_text(self.quiz.title)
+        if self.question is None:
+            return title
+        return f"{title}: {plain_text(self.question.title or self.question.id)}"
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The ids of quiz and question, as a link carries them."""
+        return {"quiz": self.quiz.id, **({} if self.question is None else {"question": self.question.id})}
+
+
+def response(
+    sign: Callable[[dict[str, Any]], str],
+    platform: Platform,
+    deployment_id: str,
+    selection: Selection,
+    *,
+    choices: Iterable[Choice],
+    launch_url: str,
+) -> str:
+    """The signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
+    now = int(time.time())
+    items = [content_item(choice, launch_url, with_line_item=selection.takes_line_items) for choice in choices]
+    claims: dict[str, Any] = {
+        "iss": platform.client_id,
+        "aud": [platform.issuer],
+        "iat": now,
+        "exp": now + LIFETIME_S,
+        "nonce": secrets.token_urlsafe(32),
+        f"{words.CLAIM}deployment_id": deployment_id,
+        f"{words.CLAIM}message_type": words.DEEP_LINKING_RESPONSE,
+        f"{words.CLAIM}version": words.VERSION,
+        f"{words.DEEP_LINKING_CLAIM}content_items": items,
+    }
+    if selection.data is not None:
+        claims[f"{words.DEEP_LINKING_CLAIM}data"] = selection.data
+    return sign(claims)
+
+
+def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> dict[str, Any]:
+    """A link, with its column of the gradebook and its dates."""
+    item: dict[str, Any] = {
+        "type": "ltiResourceLink",
+        "title": choice.title,
+        "url": f"{launch_url}?{urlencode(choice.names)}",
+        "custom": choice.names,
+    }
+    if with_line_item and choice.points > 0:
+        resource = resource_id_of(choice.quiz.id, None if choice.question is None else choice.question.id)
+        item["lineItem"] = {"scoreMaximum": choice.points, "label": choice.title, "resourceId": resource}
+    policy = choice.quiz.policy
+    closes = policy.late.until if policy.late else policy.due
+    if available := span(policy.opens, closes):
+        item["available"] = available
+    if submission := span(policy.opens, policy.due):
+        item["submission"] = submission
+    return item
+
+
+def span(start: datetime | None, end: datetime | None) -> dict[str, str]:
+    """The dates that are given, as ISO 8601."""
+    given = {"startDateTime": start, "endDateTime": end}
+    return {name: moment.isoformat() for name, moment in given.items() if moment is not None}

@@ -1,0 +1,170 @@
+"""Reads what a verified launch says: who comes, from which course, by which link, and what the platform offers.
+
+Source: LTI 1.3 core, section 5; LTI Advantage: AGS 2.0, NRPS 2.0, Deep Linking 2.0.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from grader.courses.people.identity import visible_part
+from grader.domain.platform import Platform
+from grader.errors import Unauthorized
+from grader.platforms.launching import claims as words
+from grader.platforms.launching.addresses import is_at, is_of_platform
+from grader.store.platforms import ID
+from grader.store.tables import NAME
+
+ROLES_MAX = 50
+NAME_CLAIMS = ("name", "given_name", "family_name", "preferred_username")
+QUIZ_CHARACTERS_MAX = 64
+
+
+@dataclass(frozen=True)
+class Gradebook:
+    """The Assignment and Grade Services of a launch. An address is empty where the platform gives none."""
+
+    line_item_url: str = ""
+    line_items_url: str = ""
+    scopes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a platform asks for when its instructor chooses content here (Deep Linking)."""
+
+    return_url: str
+    data: str | None
+    takes_many: bool
+    takes_line_items: bool
+
+
+@dataclass(frozen=True)
+class Launch:
+    """A verified launch. `subject` is None where the platform does not say who comes.
+
+    `link_id` is empty, and `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads
+    to, if it says so itself.
+    """
+
+    platform: Platform
+    deployment_id: str
+    subject: str | None
+    name: str
+    teaches: bool
+    context_id: str
+    context_title: str
+    link_id: str
+    quiz: str | None
+    question: str | None
+    gradebook: Gradebook
+    members_url: str
+    selection: Selection | None
+
+
+def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> Launch:
+    """The launch that verified claims describe. `origin` is where this tool is reached. Raises Unauthorized."""
+    if claims.get(f"{words.CLAIM}version") != words.VERSION:
+        raise Unauthorized(f"The launch is not of LTI {words.VERSION}.")
+    message = claims.get(f"{words.CLAIM}message_type")
+    if message not in (words.RESOURCE_LINK, words.DEEP_LINKING):
+        raise Unauthorized("This kind of launch is not offered here.")
+    target = claims.get(f"{words.CLAIM}target_link_uri")
+    is_selection = message == words.DEEP_LINKING
+    if not (is_selection and target is None) and not is_at(origin, target):
+        raise Unauthorized("The launch leads to an address that is not this service's.")
+    context = part(claims, f"{words.CLAIM}context")
+    quiz, question = chosen_in(part(claims, f"{words.CLAIM}custom"), str(target or ""))
+    services = part(claims, words.NRPS_CLAIM)
+    return Launch(
+        platform=platform,
+        deployment_id=identifier(claims, f"{words.CLAIM}deployment_id"),
+        subject=identifier(claims, "sub") if "sub" in claims else None,
+        name=name_in(claims),
+        teaches=words.teaches(roles_in(claims)),
+        context_id=identifier(context, "id") if context else "",
+        context_title=label(context.get("title")) or label(context.get("label")),
+        link_id="" if is_selection else identifier(part(claims, f"{words.CLAIM}resource_link"), "id"),
+        quiz=quiz,
+        question=question,
+        gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
+        members_url=address(services.get("context_memberships_url")),
+        selection=selection_in(claims) if is_selection else None,
+    )
+
+
+def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
+    found = claims.get(name)
+    if found is not None and not isinstance(found, dict):
+        raise Unauthorized(f"The launch's claim {name} is no object.")
+    return found or {}
+
+
+def identifier(claims: Mapping[str, Any], name: str) -> str:
+    """An identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
+    found = claims.get(name)
+    if not isinstance(found, str) or not 1 <= len(found) <= ID or not found.isprintable():
+        short = name.removeprefix(words.CLAIM)
+        raise Unauthorized(f"The launch does not say its {short}, as a text of 1 to {ID} characters.")
+    return found
+
+
+def label(text: object) -> str:
+    """A text as it may be shown: printable, and no longer than a name. Empty for anything else."""
+    return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
+
+
+def name_in(claims: Mapping[str, Any]) -> str:
+    """The user's name as far as the platform tells it."""
+    whole, given, family, user = (label(claims.get(claim)) for claim in NAME_CLAIMS)
+    return whole or f"{given} {family}".strip()[:NAME] or user or "learner"
+
+
+def roles_in(claims: Mapping[str, Any]) -> list[str]:
+    """The roles; the list may be empty, but not missing. Raises Unauthorized."""
+    roles = claims.get(f"{words.CLAIM}roles")
+    if not isinstance(roles, list) or not all(isinstance(role, str) for role in roles[:ROLES_MAX]):
+        raise Unauthorized("The launch does not list the user's roles.")
+    return roles[:ROLES_MAX]
+
+
+def chosen_in(custom: Mapping[str, Any], target: str) -> tuple[str | None, str | None]:
+    """Quiz and question of a link: its custom parameters, else the query of its address."""
+    query = {name: values[0] for name, values in parse_qs(urlsplit(target).query).items()}
+    source = custom if short(custom.get("quiz")) else query
+    quiz = short(source.get("quiz"))
+    return quiz, short(source.get("question")) if quiz else None
+
+
+def short(text: object) -> str | None:
+    """The id of a quiz or question; None for what cannot be one."""
+    is_id = isinstance(text, str) and 1 <= len(text) <= QUIZ_CHARACTERS_MAX and text.isprintable()
+    return str(text) if is_id else None
+
+
+def address(url: object) -> str:
+    """An address that requests may be sent to; empty for anything else."""
+    return str(url) if is_of_platform(url) else ""
+
+
+def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
+    """The services that the launch grants."""
+    listed = claim.get("scope")
+    granted = listed if isinstance(listed, list) else []
+    scopes = tuple(scope for scope in words.SCOPES if scope in granted)
+    return Gradebook(address(claim.get("lineitem")), address(claim.get("lineitems")), scopes)
+
+
+def selection_in(claims: Mapping[str, Any]) -> Selection:
+    """The settings of a Deep Linking request. Raises Unauthorized if nothing chosen here could be given back."""
+    settings = part(claims, f"{words.DEEP_LINKING_CLAIM}deep_linking_settings")
+    return_url, data = address(settings.get("deep_link_return_url")), settings.get("data")
+    if not return_url:
+        raise Unauthorized("The platform does not say where the choice goes to.")
+    types = settings.get("accept_types")
+    if not isinstance(types, list) or "ltiResourceLink" not in types:
+        raise Unauthorized("The platform takes no links of this kind.")
+    many, items = settings.get("accept_multiple"), settings.get("accept_lineitem", True)
+    return Selection(return_url, data if isinstance(data, str) else None, many is not False, items is not False)

@@ -1,0 +1,128 @@
+"""Dynamic Registration: a platform hands over its configuration, and gets this tool's.
+
+Source: LTI Dynamic Registration 1.0; OpenID Connect Dynamic Client Registration 1.0.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+from urllib.parse import urlsplit
+
+from grader.courses.people.platforms import Registration
+from grader.errors import Unprocessable
+from grader.platforms.launching import claims as words
+from grader.platforms.launching.addresses import is_of_platform, origin_of
+from grader.platforms.launching.fetching import Requester
+from grader.platforms.launching.launch import label
+from grader.platforms.launching.login import keys_url, launch_url, login_url
+
+PURPOSE = "lti-registration"
+LIFETIME = timedelta(days=2)
+TOKEN_CHARACTERS_MAX = 8000
+NAME = "MuJoCo grader"
+DESCRIPTION = "Quizzes and exercises with MuJoCo, graded by simulation."
+PLATFORM = "https://purl.imsglobal.org/spec/lti-platform-configuration"
+TOOL = "https://purl.imsglobal.org/spec/lti-tool-configuration"
+CREATED = (200, 201)
+
+
+@dataclass(frozen=True)
+class Registered:
+    """What a platform answered: its registration, and its first deployment if it named one."""
+
+    registration: Registration
+    deployment_id: str | None
+
+
+def tool_configuration(origin: str) -> dict[str, Any]:
+    """What this tool tells platforms of itself; learners' addresses are not asked for."""
+    launch = launch_url(origin)
+    return {
+        "application_type": "web",
+        "response_types": ["id_token"],
+        "grant_types": ["implicit", "client_credentials"],
+        "initiate_login_uri": login_url(origin),
+        "redirect_uris": [launch],
+        "client_name": NAME,
+        "jwks_uri": keys_url(origin),
+        "logo_uri": f"{origin}/static/icon.svg",
+        "token_endpoint_auth_method": "private_key_jwt",
+        "scope": " ".join(words.SCOPES),
+        TOOL: {
+            "domain": urlsplit(origin).netloc,
+            "description": DESCRIPTION,
+            "target_link_uri": launch,
+            "claims": ["iss", "sub", "name", "given_name", "family_name"],
+            "messages": [
+                {"type": words.RESOURCE_LINK, "target_link_uri": launch, "label": NAME},
+                {"type": words.DEEP_LINKING, "target_link_uri": launch, "label": "Choose a quiz or an exercise"},
+            ],
+        },
+    }
+
+
+async def register(requester: Requester, configuration_url: str, token: str, origin: str) -> Registered:
+    """Fetches a platform's configuration, and registers this tool there. Raises Unprocessable."""
+    if not is_of_platform(configuration_url) or len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
+        raise Unprocessable("The address of the platform's configuration cannot be used.")
+    configuration = await exchanged(requester, "GET", configuration_url)
+    registration = registration_in(configuration, configuration_url)
+    endpoint = configuration.get("registration_endpoint")
+    if not is_of_platform(endpoint):
+        raise Unprocessable("The platform's configuration has no registration_endpoint.")
+    headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
+    body = json.dumps(tool_configuration(origin)).encode()
+    answer = await exchanged(requester, "POST", str(endpoint), headers, body)
+    client_id, tool = answer.get("client_id"), answer.get(TOOL)
+    if not isinstance(client_id, str):
+        raise Unprocessable("The platform gave no client_id.")
+    deployment = tool.get("deployment_id") if isinstance(tool, dict) else None
+    known = Registration(**{**vars(registration), "client_id": client_id})
+    return Registered(known, deployment if isinstance(deployment, str) else None)
+
+
+def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
+    """What a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
+    issuer = configuration.get("issuer")
+    if not isinstance(issuer, str) or urlsplit(issuer).hostname != urlsplit(url).hostname:
+        raise Unprocessable("The platform's configuration is of another host than its issuer.")
+    endpoints = {key: configuration.get(key) for key in ("authorization_endpoint", "token_endpoint", "jwks_uri")}
+    for name, value in endpoints.items():
+        if not is_of_platform(value):
+            raise Unprocessable(f"The platform's configuration has no {name} with https.")
+    login, token, keys = map(str, endpoints.values())
+    about = configuration.get(PLATFORM)
+    family = label(about.get("product_family_code")) if isinstance(about, dict) else ""
+    audience = configuration.get("authorization_server")
+    return Registration(
+        name=f"{family} {urlsplit(issuer).hostname}".strip(),
+        issuer=issuer,
+        client_id="",
+        login_url=login,
+        token_url=token,
+        keys_url=keys,
+        token_audience=audience if isinstance(audience, str) else "",
+        origins=tuple(dict.fromkeys((origin_of(issuer), origin_of(login)))),
+    )
+
+
+async def exchanged(
+    requester: Requester, method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
+) -> dict[str, Any]:
+    """The JSON object that a platform answers. Raises Unprocessable."""
+    sent = {"Accept": "application/json", **(headers or {})}
+    try:
+        answer = await requester.request(method, url, headers=sent, body=body)
+    except Exception as error:  # whatever the other side, or the way to it, does wrong
+        raise Unprocessable(f"The platform cannot be reached at {origin_of(url)}: {type(error).__name__}.") from error
+    if answer.status not in CREATED:
+        raise Unprocessable(f"The platform refuses: it answers {answer.status}.")
+    try:
+        found = json.loads(answer.body)
+    except (ValueError, RecursionError) as error:
+        raise Unprocessable("The platform's answer is not JSON.") from error
+    if not isinstance(found, dict):
+        raise Unprocessable("The platform's answer is no JSON object.")
+    return found

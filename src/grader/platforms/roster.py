@@ -1,0 +1,138 @@
+"""Names and Role Provisioning Services: the members of a platform's course, pulled into ours.
+
+Source: LTI NRPS 2.0, section 2.
+"""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people import members
+from grader.courses.people import platforms as rules
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity, Role
+from grader.courses.people.platforms import Person
+from grader.courses.people.roster import is_email
+from grader.domain.platform import Platform
+from grader.errors import Conflict, Forbidden, Unprocessable
+from grader.platforms.launching import claims as words
+from grader.platforms.launching.addresses import is_of_platform, origin_of
+from grader.platforms.launching.fetching import Answer
+from grader.platforms.launching.launch import name_in
+from grader.store.platforms import ID, Context
+
+MEDIA_TYPE = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
+PAGES_MAX = 200
+MEMBERS_MAX = 20_000
+NEXT = re.compile(r'<([^<>]*)>[^,<]*;\s*rel="?next"?', re.IGNORECASE)
+
+
+class Authorized(Protocol):
+    """Sends requests with an access token of the platform. `lms.access_tokens.AccessTokens` is one."""
+
+    async def request(
+        self, platform: Platform, scopes: Sequence[str], method: str, url: str, *, headers: Mapping[str, str]
+    ) -> Answer:
+        """Sends one request with a token for the scopes, and reads the response."""
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """What a roster came to: members here, and people whom an instructor had removed."""
+
+    members: int
+    removed: int
+
+
+async def pull(authorized: Authorized, platform: Platform, url: str) -> list[Person]:
+    """The active members of a platform's course, page by page. Raises Unprocessable if the platform does not tell."""
+    people, following, asked = dict[str, Person](), url, set[str]()
+    while following:
+        if following in asked or len(asked) >= PAGES_MAX or origin_of(following) != origin_of(url):
+            raise Unprocessable("The platform's roster goes on at an address that makes no sense.")
+        asked.add(following)
+        answer = await answered(authorized, platform, following)
+        people |= {person.subject: person for person in persons_in(answer.body, platform.issuer)}
+        if len(people) > MEMBERS_MAX:
+            raise Unprocessable(f"The platform's roster is too long: at most {MEMBERS_MAX} members are taken.")
+        following = next_in(answer.headers)
+    return list(people.values())
+
+
+async def answered(authorized: Authorized, platform: Platform, url: str) -> Answer:
+    """One page of the roster. Raises Unprocessable."""
+    try:
+        answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})
+    except Exception as error:  # whatever the other side, or the way to it, does wrong
+        raise Unprocessable(f"The platform does not give its roster: {error}") from error
+    if answer.status != 200:
+        raise Unprocessable(f"The platform does not give its roster: it answers {answer.status}.")
+    return answer
+
+
+def next_in(headers: Mapping[str, str]) -> str:
+    """The address of the next page; empty after the last one."""
+    links = next((value for name, value in headers.items() if name.lower() == "link"), "")
+    found = NEXT.search(links)
+    return found[1] if found and is_of_platform(found[1]) else ""
+
+
+def persons_in(body: bytes, issuer: str) -> list[Person]:
+    """The active members on one page. Raises Unprocessable."""
+    try:
+        listed = json.loads(body)["members"]
+        active = [one for one in listed if one.get("status", "Active") == "Active" and is_known(one)]
+        return [person_of(one, issuer) for one in active]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise Unprocessable("The platform's roster cannot be read.") from error
+
+
+def is_known(member: Mapping[str, Any]) -> bool:
+    """Whether the platform says who this is."""
+    subject = member.get("user_id")
+    return isinstance(subject, str) and 1 <= len(subject) <= ID and subject.isprintable()
+
+
+def person_of(member: Mapping[str, Any], issuer: str) -> Person:
+    """A member as the platform describes them."""
+    roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
+    role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
+    return Person(issuer, member["user_id"], name_in(member), role, email_in(member))
+
+
+def email_in(member: Mapping[str, Any]) -> str | None:
+    """The member's address, if the platform tells one that can be one."""
+    email = member.get("email")
+    return email if isinstance(email, str) and is_email(email) else None
+
+
+def source_of(session: Session, context_id: int) -> Context:
+    """The platform's course whose roster can be pulled. Raises NotFound, Conflict."""
+    context = rules.context_with(session, context_id)
+    if context.course is None:
+        raise Conflict("This course of a platform is not linked with a course here.")
+    if not context.members_url:
+        raise Conflict("The platform offers no roster (Names and Roles) for this course, or has not launched it yet.")
+    return context
+
+
+def enter(session: Session, by: Identity | None, context: Context, people: Sequence[Person]) -> Pulled:
+    """Makes the people members of the linked course; those of an earlier roster who are missing stay.
+
+    Raises Unauthorized if the caller's right ended while the platform answered.
+    """
+    assert context.course is not None
+    members.require_credential(session, by)
+    removed = 0
+    for person in people:
+        try:
+            rules.member_of(session, context, person)
+        except Forbidden:
+            removed += 1
+    pulled = Pulled(len(people) - removed, removed)
+    record(session, by, context.course, Action.ROSTER_PULLED, context.title, members=pulled.members)
+    return pulled

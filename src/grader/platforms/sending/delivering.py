@@ -1,0 +1,146 @@
+"""The jobs of the outbox: one row at a time, outside of any transaction and any request."""
+
+import asyncio
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any, Protocol
+
+import structlog
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from grader.platforms.sending.replies import Again, Dead, Gone, Held, Later, Reply, Sent, Unneeded
+from grader.queue import jobs
+from grader.queue.worker import JobOutcome
+from grader.store import outbox
+from grader.store.outbox import DEAD, HELD, SENT, WAITING, Delivery, Destination
+from grader.store.tables import now
+
+PAUSES_S = (5.0, 300.0, 1800.0, 7200.0, 18_000.0, 36_000.0, 50_400.0, 72_000.0, 86_400.0)
+"""The pause after each failure, 75 hours in all. Source: Standard Webhooks, "Retry schedule"."""
+
+JITTER = 0.1
+"""Share by which a pause is lengthened at random, so that not all come at once."""
+
+NO_SENDER_S = 3600.0
+"""Pause where this process has no sender of the kind: without LTI, for scores [s]."""
+
+OUR_FAULT = "The grader itself failed; its log has the reason."
+
+log = structlog.get_logger()
+
+
+class Sender(Protocol):
+    """Delivers to one kind of destination."""
+
+    def prepare(self, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
+        """What `send` needs, or a reply if nothing is sent now. In a transaction, with the row locked."""
+
+    async def send(self, prepared: Any) -> Reply:
+        """Sends it, outside of any transaction."""
+
+
+@dataclass(frozen=True)
+class Started:
+    """A row whose delivery is in progress; `version` is the change that it delivers."""
+
+    row_id: int
+    version: int
+    sender: Sender | None
+    prepared: Any
+
+
+@dataclass(frozen=True)
+class Delivering:
+    """Does the jobs of the topic `deliver`. A change that comes while its row is being sent is sent next."""
+
+    senders: Mapping[str, Sender]
+    pauses_s: tuple[float, ...] = PAUSES_S
+    clock: Callable[[], datetime] = now
+
+    def start(self, session: Session, subject: str) -> Started | None:
+        """Prepares what is sent, unless the row waits no more."""
+        row = outbox.locked(session, int(subject))
+        if row is None:
+            return None
+        destination = session.get_one(Destination, row.destination)
+        if row.state not in (WAITING, HELD):
+            row.has_job = False
+            return None
+        row.state = WAITING
+        sender = self.senders.get(destination.kind)
+        if sender is None:  # another process may have one
+            return Started(row.id, row.version, None, Later(NO_SENDER_S))
+        return Started(row.id, row.version, sender, prepared(sender, session, row, destination))
+
+    def run(self, started: Started) -> JobOutcome:
+        """Sends it."""
+        if isinstance(started.prepared, Reply):
+            reply = started.prepared
+        else:
+            assert started.sender is not None
+            reply = asyncio.run(started.sender.send(started.prepared))
+        return JobOutcome(lambda session: self._store(session, started, reply))
+
+    def give_up(self, started: Started) -> JobOutcome:
+        """Goes on by the schedule of deliveries: a fault of ours loses none."""
+        return JobOutcome(lambda session: self._store(session, started, Again(OUR_FAULT)))
+
+    def put_back(self, _session: Session, _subject: str) -> None:
+        """Nothing: the row waits anyway."""
+
+    def _store(self, session: Session, started: Started, reply: Reply) -> None:
+        row = outbox.locked(session, started.row_id)
+        if row is None:
+            return
+        row.has_job = False
+        if isinstance(reply, Sent):
+            row.sent_at, row.sent, row.tried, row.forced = self.clock(), reply.score, None, False
+        if row.state != WAITING:
+            return  # its webhook was disabled meanwhile
+        if row.version != started.version and not isinstance(reply, Gone):
+            self._again(session, row, self._pause_s(row, reply) if isinstance(reply, Again | Later) else 0.0)
+        elif isinstance(reply, Again) and row.attempts < len(self.pauses_s):
+            row.attempts, row.error = row.attempts + 1, reply.why
+            self._again(session, row, self._pause_s(row, reply))
+        else:
+            self._settle(session, row, reply)
+
+    def _settle(self, session: Session, row: Delivery, reply: Reply) -> None:
+        match reply:
+            case Sent() | Unneeded():
+                row.state, row.attempts, row.error, row.next_at = SENT, 0, None, None
+            case Held(after_s):
+                row.state, row.next_at = HELD, None
+                if after_s is not None:
+                    self._again(session, row, after_s)
+            case Later(after_s):
+                self._again(session, row, after_s)
+            case Gone(why):
+                outbox.disable(session, row.destination, why)
+            case Dead(why) | Again(why):
+                row.state, row.error, row.next_at, row.forced = DEAD, why, None, False
+                log.warning("a delivery is a dead letter", delivery=row.id, destination=row.destination)
+
+    def _pause_s(self, row: Delivery, reply: Again | Later) -> float:
+        if isinstance(reply, Later):
+            return reply.after_s
+        planned = self.pauses_s[min(max(row.attempts, 1), len(self.pauses_s)) - 1]
+        return max(planned, reply.after_s) * random.uniform(1.0, 1.0 + JITTER)
+
+    def _again(self, session: Session, row: Delivery, pause_s: float) -> None:
+        row.has_job, row.next_at = True, self.clock() + timedelta(seconds=pause_s)
+        jobs.put(session, jobs.DELIVER, str(row.id), share=row.destination, delay_s=pause_s)
+
+
+def prepared(sender: Sender, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
+    """What is sent. A fault of ours must not stop the rows behind this one: it is tried again by the schedule."""
+    try:
+        return sender.prepare(session, row, destination)
+    except SQLAlchemyError:
+        raise
+    except Exception:
+        log.exception("a delivery cannot be prepared", delivery=row.id)
+        return Again(OUR_FAULT)

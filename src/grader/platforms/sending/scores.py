@@ -1,0 +1,271 @@
+"""Sends scores to learning platforms: final and changed ones only, and never over what a person has entered.
+
+What a platform has is read before every score, where the launch granted that. A value that is none of ours was entered
+by a person: the score becomes a dead letter, and is sent when a person replays it. A try whose outcome is unknown, such
+as one before a kill, is settled in the same way, unless it was of another score: that one may still be on its way, and
+arrive after the reading. A platform refuses it only if it has taken a later timestamp, so the score is sent once more.
+
+Source: LTI Assignment and Grade Services 2.0, sections 3.3 and 3.4.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from http import HTTPStatus
+
+from sqlalchemy.orm import Session
+
+from grader.courses.answering.access import LearnerAccess, read_access
+from grader.courses.people.identity import Identity, Role
+from grader.courses.rules.policy import Shown
+from grader.domain.addresses import RefusedURL
+from grader.library import Library
+from grader.platforms.sending.access_tokens import AccessTokens, NoToken
+from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, Target, wanted, with_path
+from grader.platforms.sending.outgoing import Response, Unreachable
+from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
+from grader.platforms.sending.score import PlatformResult, Score, score_of
+from grader.store import results
+from grader.store.outbox import Delivery, Destination
+from grader.store.tables import Member, now
+
+MEDIA_SCORE = "application/vnd.ims.lis.v1.score+json"
+MEDIA_RESULTS = "application/vnd.ims.lis.v2.resultcontainer+json"
+
+TRIED_MAX = 8
+"""Tries of unknown outcome that are remembered."""
+
+RETRIED = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.TOO_EARLY, HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.UNAUTHORIZED)
+"""Statuses after which another try may help, beside 5xx. A 401 to a new token may be that of a platform restarting."""
+
+THROTTLED = "rate limit exceeded"
+"""What Canvas says in a 403 when it throttles, in lower case."""
+
+SECOND = timedelta(seconds=1)
+
+LibraryNow = Callable[[Session, str, str], Library]
+"""The content of (course, quiz) as servers use it now."""
+
+
+ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
+"""Where the score of (course, learner, quiz, question) goes, or with an empty question that of the whole quiz."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
+
+    `is_contested` if another score of ours may still arrive and replace the one that the platform shows.
+    """
+
+    target: Target
+    score: Score
+    label: str
+    timestamp: datetime
+    known: Sequence[Score]
+    is_first: bool
+    is_contested: bool
+    forced: bool
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The sender of scores."""
+
+    current_library: LibraryNow
+    score_target: ScoreTarget
+    tokens: AccessTokens
+    line_items: LineItems
+    clock: Callable[[], datetime] = now
+
+    def prepare(self, session: Session, row: Delivery, _destination: Destination) -> Prepared | Reply:
+        """Computes the score as it is now, and stores that it is tried: a later try may have to know."""
+        library = self.current_library(session, row.course, row.quiz)
+        theirs = results.of_learner(session, row.course, row.learner, row.quiz)
+        quiz = library.quizzes.get(row.quiz)
+        worth = {} if quiz is None else {question.id: question.points for question in quiz.questions}
+        score = score_of(theirs, worth, row.question)
+        sent = None if row.sent is None else Score.from_json(row.sent)
+        tried = [Score.from_json(one) for one in json.loads(row.tried or "[]")]
+        if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
+            return Unneeded()
+        asked = [row.question] if row.question else [*theirs]
+        if (held := withheld(read_access_of(session, library, row), row.quiz, asked, self.clock())) is not None:
+            return held
+        target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
+        if target is None:
+            return Unneeded()
+        if SCORE not in target.scopes:
+            return Dead("The platform lets us send no scores: the launch did not grant the scope.")
+        timestamp = self.clock().astimezone(UTC).replace(microsecond=0)
+        if row.timestamp is not None and timestamp < row.timestamp + SECOND:
+            return Later((row.timestamp + SECOND - self.clock()).total_seconds())
+        known = [*tried, *([sent] if sent is not None else [])]
+        row.timestamp = timestamp
+        tries = tried if tried[-1:] == [score] else [*tried, score]
+        row.tried = json.dumps([one.to_json() for one in tries[-TRIED_MAX:]])
+        title = row.quiz if quiz is None else quiz.title
+        label = f"{title}: {row.question}" if row.question else title
+        contested = is_contested(score, sent, tried)
+        return Prepared(target, score, label, timestamp, known, sent is None, contested, row.forced)
+
+    async def send(self, prepared: Prepared) -> Reply:
+        """Sends a score, if the platform has none of a person's."""
+        try:
+            url = await self.line_items.url_of(prepared.target, prepared.label, prepared.score.maximum)
+            found = await self._result(prepared, url)
+            if found is not None and (reply := before(prepared, found)) is not None:
+                return reply
+            return await self._post(prepared, url)
+        except (Failed, CallFailed, NoToken, RefusedURL, Unreachable) as failed:
+            return self._reply_after(failed)
+
+    def _reply_after(self, failed: Exception) -> Reply:
+        match failed:
+            case Failed():
+                return failed.reply
+            case CallFailed():
+                return self.reply_to(failed.response)
+            case NoToken():
+                reply = self.reply_to(failed.response)
+                return Dead(str(failed)) if isinstance(reply, Dead) else reply
+            case RefusedURL():
+                return Dead(f"The platform's address is not allowed: {failed}")
+            case _:
+                return Again(str(failed))
+
+    async def _result(self, prepared: Prepared, url: str) -> PlatformResult | None:
+        """What the platform shows now; None if it does not let us read it."""
+        target = prepared.target
+        if READ_RESULT not in target.scopes:
+            return None
+        asked = with_path(url, "results", user_id=target.lti_user_id)
+        response = await self._call(target, "GET", asked, {"Accept": MEDIA_RESULTS})
+        if response.status == HTTPStatus.NOT_FOUND:
+            raise Failed(self._gone(target, response))
+        if response.status != HTTPStatus.OK:
+            raise CallFailed(response)
+        return PlatformResult.of(response.json() if response.body else [], target.lti_user_id)
+
+    async def _post(self, prepared: Prepared, url: str) -> Reply:
+        target, score = prepared.target, prepared.score
+        body = score.body(target.lti_user_id, prepared.timestamp)
+        response = await self._call(target, "POST", with_path(url, "scores"), {"Content-Type": MEDIA_SCORE}, body)
+        if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
+            return Sent(score.to_json())
+        if response.status == HTTPStatus.NOT_FOUND:
+            return self._gone(target, response)
+        if response.status in (HTTPStatus.CONFLICT, HTTPStatus.BAD_REQUEST):
+            found = await self._result(prepared, url)
+            return after_refusal(prepared, found, response)
+        return self.reply_to(response)
+
+    async def _call(
+        self, target: Target, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
+    ) -> Response:
+        scopes = wanted(target.scopes)
+        return await self.tokens.request(target.platform, scopes, method, url, headers=headers, body=body)
+
+    def _gone(self, target: Target, response: Response) -> Reply:
+        """A line item that we found ourselves is looked up anew at the next try, which a person decides on."""
+        if not target.line_item_url:
+            self.line_items.forget(target)
+        return Dead(f"The platform has no such line item or learner: 404 {response.text}".strip())
+
+    def reply_to(self, response: Response) -> Reply:
+        """Whether another try may help after an answer that is no success."""
+        status, text = response.status, f"The platform answered {response.status} {response.text}".strip()
+        throttled = status == HTTPStatus.FORBIDDEN and THROTTLED in response.text.lower()
+        if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or throttled:
+            return Again(text, retry_after_s(response.headers, self.clock()))
+        return Dead(text)
+
+
+def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced: bool) -> bool:
+    """Whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
+    if forced:
+        return True
+    if not score.is_final and any(one.is_final for one in (*tried, *([sent] if sent is not None else []))):
+        return False
+    return bool(tried) or score != sent
+
+
+def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bool:
+    """Whether another score may still arrive and replace this one, where the platform shows this one.
+
+    `tried` is in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing
+    replaces this score if its tries all came after those of others, and it was not `sent` before them.
+    """
+    same = [replace(one, activity=score.activity) == score for one in tried]
+    if all(same):
+        return False
+    was_sent = sent is not None and replace(sent, activity=score.activity) == score
+    return was_sent or len(tried) >= TRIED_MAX or not any(same) or not all(same[same.index(True) :])
+
+
+def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
+    """The reply without sending, from what the platform shows; None if the score is to be sent."""
+    if is_settled(prepared, found):
+        return Sent(prepared.score.to_json())
+    if prepared.forced or not is_a_persons(prepared, found):
+        return None
+    return Dead(overridden(found))
+
+
+def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:
+    """The reply to a 400 or 409, which may say that the platform has something newer."""
+    refusal = f"The platform answered {response.status} {response.text}".strip()
+    if found is None:
+        return Dead(f"{refusal} (what it has may not be read)")
+    if is_settled(prepared, found):
+        return Sent(prepared.score.to_json())
+    if is_a_persons(prepared, found):
+        return Dead(overridden(found))
+    # Nothing newer is there: the platform's clock is ahead of ours, and a later timestamp will do.
+    is_stale = found.score is not None or response.status == HTTPStatus.CONFLICT
+    return Again(refusal) if is_stale else Dead(refusal)
+
+
+def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
+    """Whether the platform has the final score already, for good: it is no pending one of the same points, either."""
+    score = prepared.score
+    if prepared.is_contested or not score.is_final or found.score is None or not score.is_at(found):
+        return False
+    return not any(one.is_at(found) and not one.is_final for one in prepared.known)
+
+
+def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
+    """Whether a person has entered what the platform shows.
+
+    A score of zero before our first one counts as none: platforms enter it by themselves when an answer is late.
+    """
+    ours = [prepared.score, *prepared.known]
+    is_first_zero = prepared.is_first and not found.score
+    return found.score is not None and not is_first_zero and not any(one.is_at(found) for one in ours)
+
+
+def overridden(found: PlatformResult) -> str:
+    """The reason of a dead letter that a person's grade stands against."""
+    of = "" if found.maximum is None else f" of {found.maximum:g}"
+    return f"Overridden by a person: the platform has {found.score:g}{of}. Replay it to replace that."
+
+
+def is_no_student(session: Session, row: Delivery) -> bool:
+    """Whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
+    member = session.get(Member, row.learner)
+    return member is None or member.role != Role.STUDENT
+
+
+def read_access_of(session: Session, library: Library, row: Delivery) -> LearnerAccess:
+    """Where the learner stands."""
+    return read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
+
+
+def withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
+    """Whether the learner may not see yet how one of the questions was graded: then the platform does not show it."""
+    closed = [one for one in (access.decide(quiz, name) for name in questions) if one.shown < Shown.FEEDBACK]
+    if not closed:
+        return None
+    closes = [one.closes for one in closed if one.closes is not None and one.closes > clock]
+    return Held((max(closes) - clock).total_seconds() + 1.0 if len(closes) == len(closed) else None)

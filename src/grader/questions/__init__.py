@@ -1,0 +1,61 @@
+"""Quizzes and their questions; each question is of a kind, which is a plug-in. A kind imports from here alone."""
+
+from grader.domain.verdict import Finding, Status, Verdict, verdict_of
+from grader.domain.verify import Verify
+from grader.errors import InvalidAnswer
+from grader.questions.answer_keys import AnswerKey, NumberKey, OptionKey
+from grader.questions.grade import grade_answer, read_answer
+from grader.questions.kind import FIELD, CountedNumber, Example, Fields, Option, QuestionKind, Remark, typed_in
+from grader.questions.question import ModelXml, OptionIndex, Options, Question, Reveal, Whys
+from grader.questions.quiz import LessonHead, Quiz
+from grader.questions.registry import (
+    GROUP,
+    AnyKind,
+    installed_kinds,
+    kind_of,
+    parse_question,
+    question_adapter,
+    template_of,
+)
+from grader.questions.student_view import lab_view, question_view, student_view, unopened_view
+
+__all__ = [
+    "FIELD",
+    "GROUP",
+    "AnswerKey",
+    "AnyKind",
+    "CountedNumber",
+    "Example",
+    "Fields",
+    "Finding",
+    "InvalidAnswer",
+    "LessonHead",
+    "ModelXml",
+    "NumberKey",
+    "Option",
+    "OptionIndex",
+    "OptionKey",
+    "Options",
+    "Question",
+    "QuestionKind",
+    "Quiz",
+    "Remark",
+    "Reveal",
+    "Status",
+    "Verdict",
+    "Verify",
+    "Whys",
+    "grade_answer",
+    "installed_kinds",
+    "kind_of",
+    "lab_view",
+    "parse_question",
+    "question_adapter",
+    "question_view",
+    "read_answer",
+    "student_view",
+    "template_of",
+    "typed_in",
+    "unopened_view",
+    "verdict_of",
+]

@@ -1,0 +1,173 @@
+"""Read numbers as people type them: decimal commas, grouped digits, powers of ten, fractions, multiples of pi.
+
+Expects text that `spelling.fold` has brought to one spelling. No text is ever evaluated.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+
+from grader.domain.markup import quoted
+from grader.errors import InvalidAnswer
+
+NUMBER = re.compile(
+    r"""
+    (?P<sign>[+-]?)\ ?
+    (?:
+        10\ ?(?:\^|\*\*)\ ?(?P<p>\()?(?P<power>[+-]?[0-9]+)(?(p)\))
+      | (?P<whole>[0-9]+)\ (?P<part>[1-9][0-9]?)/(?P<parts>[1-9][0-9]?)(?![0-9.,]|\ ?/)
+      | (?P<mantissa>(?=[.,]?[0-9])[0-9.,][0-9.,'_]*(?:\ (?!10\ ?(?:\^|\*\*)|1\ ?/\ ?[^\W\d])[0-9][0-9.,'_]*)*)
+        (?:
+            \ ?[eE](?P<exponent>[+-]?[0-9]+)
+          | (?:\ ?[*xX]\ ?|\ )(?P<open>\()?10\ ?(?:\^|\*\*)\ ?(?P<s>\()?(?P<scale>[+-]?[0-9]+)(?(s)\))(?(open)\))
+        )?
+    )?
+    (?:\ ?\*?\ ?(?:(?:np|numpy|[Mm]ath)\.|M_)?(?P<pi>pi|Pi|PI|π)(?![A-Za-z]))?
+    (?:\ ?/\ ?(?P<over>[0-9]+(?:\.[0-9]*)?)(?![0-9.,]))?
+    """,
+    re.VERBOSE,
+)
+IN_PARENTHESES = re.compile(r"([+-]?) ?\(([^()]*)\)")
+
+PLAIN = re.compile(r"[0-9]+\.?[0-9]*|\.[0-9]+")
+AMBIGUOUS = re.compile(r"[1-9][0-9]{0,2},[0-9]{3}")
+DECIMAL_COMMA = re.compile(r"[0-9]*,[0-9]+")
+SPACED = re.compile(r"[1-9][0-9]{0,2}([ '_])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
+COMMA_GROUPS = re.compile(r"[1-9][0-9]{0,2}(?:(?:,[0-9]{3})+\.[0-9]*|(?:,[0-9]{3}){2,})")
+DOT_GROUPS = re.compile(r"[1-9][0-9]{0,2}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})")
+
+NOT_FINITE = re.compile(r"[+-]? ?(?:nan|inf|infinity|∞)(?![a-z])", re.IGNORECASE)
+BOUND = re.compile(
+    r"(?:less|more|fewer|at most|at least|below|above|under|over|up to|greater|smaller|between|max|maximum|minimum"
+    r"|no more|not more|no less|not less)\b",
+    re.I,
+)
+BOUND_AFTER = re.compile(
+    r"[\w%°] ?\b(?:(?:or|and) (?:less|lower|below|under|smaller|shorter|more|higher|above|over|greater|larger|longer)"
+    r"|or so|max|maximum|at most|at least)[.,;!? ]*$",
+    re.I,
+)
+"""The end of `5 ms or less`."""
+UNCERTAIN = re.compile(r"±|\+/?-")
+LOST_POWER = re.compile(r"[0-9] ?[*xX] ?10-?[0-9]")
+CALCULATION = re.compile(
+    r"[0-9)] ?[*/+] ?\(?[0-9.]|[0-9] ?(?:\^|\*\*) ?[(+-]?[0-9.]|(?<!\*)\* ?[0-9(]|[0-9]\([0-9]|[0-9]!|√"
+    r"|[0-9] ?[xX] [0-9]|\b(?:sqrt|sin|cos|tan|asin|acos|atan|exp|log|ln)\b"
+)
+RANGE = re.compile(r"[0-9A-Za-z°%] - ?[0-9]|[0-9] ?- ?[0-9]|\.\.|…|[0-9A-Za-z°%] ?(?:to|or|and|bis|oder) [0-9]")
+
+
+@dataclass(frozen=True)
+class TypedNumber:
+    """A finite number, and the text that followed it (its unit, or nothing)."""
+
+    value: float
+    rest: str
+
+
+def read_number(text: str) -> TypedNumber:
+    """Read the number at the start of a text. Raises InvalidAnswer where there is none, or more than one."""
+    if not text:
+        raise InvalidAnswer("The answer is empty: type a number.")
+    if NOT_FINITE.match(text):
+        raise InvalidAnswer(f"{quoted(text)} is not a finite number: type a finite number.")
+    if BOUND.match(text) or BOUND_AFTER.search(text) or UNCERTAIN.search(text):
+        raise not_one_number(text)
+    if found := IN_PARENTHESES.match(text):
+        inner = read_number(found[2].strip())
+        if inner.rest:
+            raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
+        return TypedNumber(-inner.value if found[1] == "-" else inner.value, text[found.end() :].strip())
+    found = NUMBER.match(text)
+    if found is None or not (found["mantissa"] or found["power"] or found["whole"] or found["pi"]):
+        raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
+    return TypedNumber(_value_of(found, text), text[found.end() :].strip())
+
+
+def not_one_number(text: str) -> InvalidAnswer:
+    """Build the refusal of a bound or a range, such as `< 5` and `5 ± 1`."""
+    return InvalidAnswer(f"{quoted(text)} is a bound or a range: type one number.")
+
+
+def unreadable(text: str, rest: str, otherwise: str) -> InvalidAnswer:
+    """Build the refusal of a text whose `rest` cannot be read; gives the likeliest reason, by default `otherwise`."""
+    scanned = rest if rest == text else f"1{rest}"  # the number before it is one operand
+    if LOST_POWER.search(scanned):
+        return InvalidAnswer(f"{quoted(text)} has a power of ten without its sign ^: write it as in 5e-3, and type it.")
+    if RANGE.search(scanned):
+        return InvalidAnswer(f"{quoted(text)} is a range or a calculation: type one number.")
+    if CALCULATION.search(scanned):
+        return InvalidAnswer(f"{quoted(text)} is a calculation: type its result.")
+    return InvalidAnswer(f"{otherwise}: type one number.")
+
+
+def _value_of(found: re.Match[str], text: str) -> float:
+    """Compute the value of a match of NUMBER, rounded once where it is one decimal literal."""
+    exponent = found["exponent"] or found["scale"] or found["power"] or "0"
+    if found["whole"]:
+        value = _mixed(found, text)
+    else:
+        mantissa = read_digits(found["mantissa"], text) if found["mantissa"] else "1"
+        value = float(f"{mantissa}e{exponent}")
+        if value == 0 and float(mantissa) != 0:
+            raise InvalidAnswer(f"{quoted(text)} is too small to be told from zero: type another number.")
+    if found["pi"]:
+        value *= math.pi
+    if found["over"]:
+        if float(found["over"]) == 0:
+            raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
+        value /= float(found["over"])
+    return finite(-value if found["sign"] == "-" else value, text)
+
+
+def _mixed(found: re.Match[str], text: str) -> float:
+    """Compute `12 1/2`. Raises InvalidAnswer for an improper fraction: `5 10/2` can be read in two ways."""
+    part, parts = int(found["part"]), int(found["parts"])
+    if part >= parts:
+        raise _not_one_literal(text)
+    return float(found["whole"]) + part / parts
+
+
+def read_digits(digits: str, text: str) -> str:
+    """Normalise grouped and separated digits to digits with one decimal point.
+
+    Raises InvalidAnswer, which quotes `text`, the answer around the digits.
+    """
+    if "." in digits[:-1]:
+        digits = digits.removesuffix(".")  # the full stop of a sentence
+    if PLAIN.fullmatch(digits):
+        return digits
+    if AMBIGUOUS.fullmatch(digits):
+        point, none = (quoted(text.replace(digits, digits.replace(",", mark))) for mark in (".", ""))
+        raise InvalidAnswer(f"{quoted(text)} can mean {point} or {none}: type one of these two, or your number.")
+    if DECIMAL_COMMA.fullmatch(digits):
+        return digits.replace(",", ".")
+    if SPACED.fullmatch(digits):
+        return re.sub("[ '_]", "", digits).replace(",", ".")
+    if COMMA_GROUPS.fullmatch(digits):
+        return digits.replace(",", "")
+    if DOT_GROUPS.fullmatch(digits):
+        return digits.replace(".", "").replace(",", ".")
+    raise _not_one_literal(text)
+
+
+def _not_one_literal(text: str) -> InvalidAnswer:
+    """Build the refusal without the advice to drop separators: `5,5,0` may mean 5.5, and 550 is another number."""
+    return InvalidAnswer(
+        f"{quoted(text)} cannot be read as one number: "
+        "put nothing but a decimal point between its digits, as in 1234.5, and type it."
+    )
+
+
+def finite(value: float, text: str) -> float:
+    """Return the value itself. Raises InvalidAnswer where it is not finite."""
+    if math.isnan(value):
+        raise InvalidAnswer(f"{quoted(text)} is not a finite number: type a finite number.")
+    if math.isinf(value):
+        raise InvalidAnswer(f"{quoted(text)} is too large: type a finite number.")
+    return value
+
+
+def format_number(value: float) -> str:
+    """Write a number with 12 digits, which hides the rounding of a conversion between units."""
+    return f"{value:.12g}"

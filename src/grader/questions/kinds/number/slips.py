@@ -1,0 +1,160 @@
+"""Find known slips: changes that turn a wrong number into the right one. Sentences do not reveal it."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+from grader.errors import InvalidAnswer
+from grader.questions.answer_keys import NumberKey
+from grader.questions.kinds.number.numbers import format_number
+from grader.questions.kinds.number.quantities import Quantity
+from grader.questions.kinds.number.units import FAMILIES, Unit, convert, from_base_units, known_unit, symbols
+
+DECADES_MAX = 12
+BROADEST_TOLERANCE = 0.1
+"""Largest tolerance relative to |answer| at which slips are sought; within a wider one many slips match by chance."""
+
+SLIPS_MAX = 2
+"""The largest number of matching slips; with more of them none is named, as it would be a guess."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A known mistake: what is seen of the number (`Your number ...`), and the cure."""
+
+    seen: str
+    cure: str
+
+
+def is_right(value: float, key: NumberKey) -> bool:
+    """Whether a value lies within the tolerance, ends included; the rounding of a unit conversion does not count."""
+    if not math.isfinite(value):
+        return False
+    rounding = 16 * math.ulp(max(abs(value), abs(key.answer), key.tolerance))
+    return abs(value - key.answer) <= key.tolerance + rounding
+
+
+SIZES = (
+    (1.1, "by less than 10 %"),
+    (2.0, "by less than a factor of two"),
+    (10.0, "by a factor of two to ten"),
+    (math.inf, "by more than a factor of ten"),
+)
+"""In words so coarse that they do not give the answer: the largest ratio of the two numbers, and what is said."""
+
+
+def size_of(given: Quantity, key: NumberKey) -> str:
+    """Return how far off a wrong number is; empty where its ratio to the answer says nothing."""
+    if given.value * key.answer <= 0 or key.tolerance > BROADEST_TOLERANCE * abs(key.answer):
+        return ""
+    with_answer = sorted((abs(given.value), abs(key.answer)))
+    ratio = with_answer[1] / with_answer[0]
+    return next((words for most, words in SIZES if ratio < most), SIZES[-1][1])
+
+
+SIGN = Slip("has the wrong sign", "check which direction counts as positive")
+TWO = Slip("is off by a factor of two", "look for a factor that is missing or counted twice")
+ANGLE = Slip("mixes up degrees and radians", "convert the angle")
+RECIPROCAL = Slip("is the reciprocal of what is asked", "swap numerator and denominator")
+SIGN_AND_TWO = Slip("has the wrong sign and is off by a factor of two", "check the signs first, then the factors")
+TWO_AND_TEN = Slip("is off by a factor of two and by a power of ten", "check the unit prefixes first, then the factors")
+
+
+def _ten(power: int, seen: str = "") -> Slip:
+    factor = format_number(10.0**power)
+    return Slip(f"{seen}is off by a power of ten (a factor of {factor})", "check the exponents and the unit prefixes")
+
+
+def find_slip(given: Quantity, key: NumberKey) -> str | None:
+    """Return one sentence with the slip and its cure; None where no known slip explains the number."""
+    if given.value == 0 or key.tolerance > BROADEST_TOLERANCE * abs(key.answer):
+        return None
+    wanted = known_unit(given.unit) if given.unit else None
+    if wanted and (other := _other_unit(given, wanted, key)):
+        return _unit_slip(given, wanted, other)
+    slips = list(_single_slips(given, wanted, key)) or list(_double_slips(given.value, key))
+    if not 0 < len(slips) <= SLIPS_MAX:
+        return None
+    seen, cure = (", or ".join(parts) for parts in ([slip.seen for slip in slips], [slip.cure for slip in slips]))
+    return f"Your number {seen}: {cure}."
+
+
+def _unit_slip(given: Quantity, wanted: Unit, other: Unit) -> str:
+    if given.typed_unit:
+        seen, cure = f"you wrote {given.typed_unit.words}", "correct the unit or the number"
+    else:
+        verb = "were" if len(wanted.powers) == 1 else "was"
+        seen, cure = f"{wanted.words} {verb} asked for", "convert it, or type its unit as well"
+    return f"Your number would be right in {other.words}, but {seen}: {cure}."
+
+
+def _other_unit(given: Quantity, wanted: Unit, key: NumberKey) -> Unit | None:
+    """Find the unit in which the typed number would have been right."""
+    for unit in _neighbours(wanted):
+        try:
+            if is_right(convert(given.number, unit, wanted), key):
+                return unit
+        except InvalidAnswer:
+            continue
+    return None
+
+
+@lru_cache(maxsize=1024)
+def _neighbours(wanted: Unit) -> tuple[Unit, ...]:
+    """List the unit itself and every unit that differs from it in one factor."""
+    found = [wanted]
+    for place, (name, power) in enumerate(wanted.powers):
+        for family in FAMILIES:
+            for other in family if name in family else ():
+                powers = (*wanted.powers[:place], (other, power), *wanted.powers[place + 1 :])
+                found.append(Unit(symbols(powers), powers))
+    return tuple(found)
+
+
+def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Iterator[Slip]:
+    value = given.value
+    if is_right(-value, key):
+        yield SIGN
+    if is_right(2 * value, key) or is_right(value / 2, key):
+        yield TWO
+    if power := _power_of_ten(value, key):
+        yield _ten(power)
+    if (wanted is None or wanted.is_angular) and (
+        is_right(math.degrees(value), key) or is_right(math.radians(value), key)
+    ):
+        yield ANGLE
+    if _is_reciprocal(given, wanted, key):
+        yield RECIPROCAL
+
+
+def _double_slips(value: float, key: NumberKey) -> Iterator[Slip]:
+    if is_right(-2 * value, key) or is_right(-value / 2, key):
+        yield SIGN_AND_TWO
+    if power := _power_of_ten(-value, key):
+        yield _ten(power, seen="has the wrong sign and ")
+    if _power_of_ten(2 * value, key) or _power_of_ten(value / 2, key):
+        yield TWO_AND_TEN
+
+
+def _power_of_ten(value: float, key: NumberKey) -> int | None:
+    """Return the power of ten by which the number is off; None where it is off by anything else."""
+    ratio = key.answer / value if value else math.inf
+    if not 0 < ratio < math.inf:
+        return None
+    decades = round(math.log10(ratio))
+    if not 0 < abs(decades) <= DECADES_MAX or not is_right(value * 10.0**decades, key):
+        return None
+    return abs(decades)
+
+
+def _is_reciprocal(given: Quantity, wanted: Unit | None, key: NumberKey) -> bool:
+    """Whether the number is the reciprocal of the answer, also in base units: 200 for 5 ms."""
+    if is_right(1 / given.value, key):
+        return True
+    if wanted is None or given.typed_unit is not None:
+        return False
+    try:
+        return is_right(from_base_units(1 / given.number, wanted), key)
+    except InvalidAnswer:
+        return False

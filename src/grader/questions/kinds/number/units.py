@@ -1,0 +1,245 @@
+"""Read units as people type them, name by name. No text is ever evaluated."""
+
+import math
+import re
+import threading
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import Enum, auto
+from functools import cache, cached_property, lru_cache
+from typing import Any
+
+import pint
+from pint.util import UnitsContainer
+
+from grader.domain.markup import quoted
+from grader.errors import InvalidAnswer
+from grader.questions.kinds.number.spelling import fold, without_markup
+from grader.questions.kinds.number.unit_names import COUNTED, IN_ANY_CASE, JOINED, SPELLINGS, TWO_MEANINGS
+
+CHARACTERS_MAX = 60
+"""The longest text that is read as a unit."""
+
+FACTOR = re.compile(
+    r"""
+    (?P<times>\ ?[*.-]\ ?|\ ?(?P<over>/|per\ )\ ?|\ )?
+    (?P<open>\(\ ?)?
+    (?P<name>(?:[^\W\dπ]|[°%‰])+)
+    (?:(?:\ ?(?:\^|\*\*)\ ?(?P<bracket>\()?)?(?P<power>[+-]?[1-9])(?![0-9]|\.[0-9])(?(bracket)\)))?
+    (?P<close>\ ?\)(?:\ ?(?:\^|\*\*)?\ ?(?P<group_power>[+-]?[1-9])(?![0-9]|\.[0-9]))?)?
+    """,
+    re.VERBOSE,
+)
+"""One factor of a product of units and the sign before it; every part after the name is optional."""
+
+POWERS = {"square": 2, "sq": 2, "cubic": 3}
+POWER_BEFORE = re.compile(r"\b(square|sq|cubic) ([A-Za-z]+)")
+PREFIX_APART = re.compile(r"\b(micro|milli|centi|kilo|mega)[ -](?=[A-Za-z])")
+"""`square meters` and `milli seconds`."""
+
+FAMILIES = (
+    ("nanosecond", "microsecond", "millisecond", "second", "minute", "hour"),
+    ("micrometer", "millimeter", "centimeter", "meter", "kilometer"),
+    ("milligram", "gram", "kilogram"),
+    ("milliradian", "radian", "degree", "turn"),
+    ("millinewton", "newton", "kilonewton"),
+    ("millijoule", "joule", "kilojoule"),
+    ("milliwatt", "watt", "kilowatt"),
+    ("hertz", "kilohertz", "megahertz"),
+    ("kelvin", "degree_Celsius", "degree_Fahrenheit"),
+)
+"""Units that students confuse with one another."""
+
+SUGGESTED = [spelled for family in FAMILIES for name in family for spelled in (f"{name}s", name)]
+SIMILARITY_MIN = 0.8
+"""difflib's similarity, 0 to 1, at which a unit is suggested: `miliseconds` is 0.96 from `milliseconds`."""
+
+SCALES_WITH_OFFSET = ("degree_Celsius", "degree_Fahrenheit", "degree_Reaumur")
+"""Temperature scales. In a product they mean differences: a degree Celsius per metre is a kelvin per metre."""
+
+LOGARITHMIC = ("bel", "neper", "decade", "octave", "decibelwatt", "decibelmilliwatt", "decibelmicrowatt")
+"""Units of levels, which are not converted: a negative ratio has no level."""
+
+SAME_IN_PLURAL = ("hertz", "siemens", "Celsius", "Fahrenheit", "percent", "lux", " per minute", " per second")
+
+TURNS = ("turn", "revolutions_per_minute", "revolutions_per_second")
+
+_lock = threading.Lock()
+
+
+class Rotation(Enum):
+    """How a unit counts rotation."""
+
+    CYCLES = auto()
+    TURNS = auto()
+    ANGLE = auto()
+    NONE = auto()
+
+
+UNCLEAR = frozenset(frozenset(pair) for pair in ((Rotation.CYCLES, Rotation.ANGLE), (Rotation.TURNS, Rotation.NONE)))
+"""Conversions with two readings: `1 Hz` can mean 1 or 2 pi rad/s, and `1 rpm` 1 or 2 pi per minute."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit known to pint: how it was written, and the power of every named unit in it."""
+
+    text: str
+    powers: tuple[tuple[str, int], ...]
+
+    @cached_property
+    def quantity(self) -> pint.Unit:
+        """The same unit for pint's conversions."""
+        return registry().Unit(UnitsContainer(dict(self.powers)))
+
+    @property
+    def words(self) -> str:
+        """`milliseconds (ms)` for a single unit; what was written for a product of units."""
+        if len(self.powers) != 1 or self.powers[0][1] != 1:
+            return self.text
+        name = self.powers[0][0].replace("_", " ")
+        plural = name if name.endswith(SAME_IN_PLURAL) else f"{name}s"
+        plural = plural.replace("degree ", "degrees ")
+        return plural if self.text in (name, plural) else f"{plural} ({self.text})"
+
+    @cached_property
+    def radians(self) -> float:
+        """The power of an angle in the unit: 1 for radians, degrees and turns, and for rpm, which contains a turn."""
+        _, root = registry().get_root_units(self.quantity)
+        return float(str(root._units.get("radian", 0)))
+
+    @property
+    def is_angular(self) -> bool:
+        """Whether an angle is part of the unit."""
+        return bool(self.radians)
+
+    @cached_property
+    def rotation(self) -> Rotation:
+        """How the unit counts rotation. pint itself takes a cycle for a radian."""
+        if any(name in TURNS for name, _ in self.powers):
+            return Rotation.TURNS
+        if self.is_angular:
+            return Rotation.ANGLE
+        return Rotation.CYCLES if any(name.endswith("hertz") for name, _ in self.powers) else Rotation.NONE
+
+
+def registry() -> "pint.UnitRegistry[Any]":
+    """Return the one registry of this process: pint does not mix units of two registries."""
+    with _lock:
+        return _build_registry()
+
+
+@cache
+def _build_registry() -> "pint.UnitRegistry[Any]":
+    return pint.UnitRegistry(cache_folder=None)
+
+
+@lru_cache(maxsize=1024)
+def read_unit(text: str) -> Unit:
+    """Read a product of units and their powers: `N m/rad`, `kg·m²`, `1/s`, `m s^-1`. Raises InvalidAnswer."""
+    folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3").replace("per cent", "percent")
+    folded = PREFIX_APART.sub(r"\1", POWER_BEFORE.sub(lambda found: f"{found[2]}^{POWERS[found[1]]}", folded))
+    if len(folded) > CHARACTERS_MAX:
+        raise InvalidAnswer(f"{quoted(text)} is too long to be a unit")
+    powers: dict[str, int] = {}
+    factors = _factors(folded)
+    for symbol, power in [factor for factor in factors if factor[0].lower() not in COUNTED] or factors:
+        *first, last = JOINED.get(symbol, (symbol,))
+        sign = 1 if power > 0 else -1
+        for part, part_power in (*((part, sign) for part in first), (last, power)):
+            name = look_up(part)
+            powers[name] = powers.get(name, 0) + part_power
+    named = tuple((name, power) for name, power in powers.items() if power)
+    if named != tuple((name, 1) for name, _ in named[:1]):
+        named = tuple((f"delta_{name}" if name in SCALES_WITH_OFFSET else name, power) for name, power in named)
+    return Unit(text.strip(), named)
+
+
+def _factors(text: str) -> list[tuple[str, int]]:
+    """List the symbols of a product and their powers, with parentheses resolved. Raises InvalidAnswer."""
+    factors: list[tuple[str, int]] = []
+    group_start: int | None = None
+    group_sign = 1
+    position = 1 if text.startswith(("1/", "1 /")) else 0
+    while position < len(text) or not factors:
+        found = FACTOR.match(text, position)
+        is_joined = found and (found["over"] or bool(found["times"]) is bool(factors))
+        if not found or not is_joined or (found["open"] and group_start is not None):
+            raise InvalidAnswer(f"{quoted(text)} cannot be read as a unit")
+        position = found.end()
+        sign = -1 if found["over"] else 1
+        if found["open"]:
+            group_start, group_sign, sign = len(factors), sign, 1
+        factors.append((found["name"], sign * group_sign * int(found["power"] or 1)))
+        if found["close"]:
+            if group_start is None:
+                raise InvalidAnswer(f"{quoted(text)} closes a parenthesis that was not opened")
+            power = int(found["group_power"] or 1)
+            factors[group_start:] = [(name, power * own) for name, own in factors[group_start:]]
+            group_start, group_sign = None, 1
+    if group_start is not None:
+        raise InvalidAnswer(f"{quoted(text)} leaves a parenthesis open")
+    return factors
+
+
+def look_up(name: str) -> str:
+    """Find the full name of the unit with this symbol or name. Raises InvalidAnswer where there is none."""
+    if name in TWO_MEANINGS:
+        raise InvalidAnswer(f"The unit {quoted(name)} can mean {TWO_MEANINGS[name]}")
+    if spelled := SPELLINGS.get(name) or IN_ANY_CASE.get(name.lower()):
+        return spelled
+    for candidate in (name, name.lower()) if len(name) > 3 else (name,):
+        try:
+            full_name = registry().get_name(candidate)
+        except pint.PintError:  # unknown, or a prefix before a temperature
+            continue
+        if full_name and not full_name.endswith(LOGARITHMIC):
+            return full_name
+    similar = get_close_matches(name.lower(), SUGGESTED, n=1, cutoff=SIMILARITY_MIN) if len(name) > 3 else []
+    question = f" (did you mean {similar[0].replace('_', ' ')}?)" if similar else ""
+    raise InvalidAnswer(f"The unit {quoted(name)} is not known{question}")
+
+
+def symbols(powers: tuple[tuple[str, int], ...]) -> str:
+    """Write powers of units as `N·m/rad`, in their order."""
+    over = [_symbol(name, power) for name, power in powers if power > 0]
+    under = [_symbol(name, -power) for name, power in powers if power < 0]
+    return "/".join(["·".join(over) or "1", *under])
+
+
+def _symbol(name: str, power: int) -> str:
+    symbol = str(registry().get_symbol(name))
+    return symbol if power == 1 else f"{symbol}^{power}"
+
+
+@lru_cache(maxsize=1024)
+def known_unit(text: str) -> Unit | None:
+    """Read an author's unit; None for a word that only labels what is counted (`steps`)."""
+    try:
+        return read_unit(without_markup(text))
+    except InvalidAnswer:
+        return None
+
+
+def convert(value: float, given: Unit, wanted: Unit) -> float:
+    """Convert a value to another unit. Raises InvalidAnswer where the units measure different things."""
+    if dict(given.powers) == dict(wanted.powers):
+        return value
+    try:
+        converted: float = registry().Quantity(value, given.quantity).to(wanted.quantity).magnitude
+    except (pint.PintError, OverflowError, ZeroDivisionError) as error:
+        case = " (small and capital letters differ)" if given.text.casefold() == wanted.text.casefold() else ""
+        raise InvalidAnswer(f"{quoted(given.text)} does not measure what is asked{case}") from error
+    if {given.rotation, wanted.rotation} in UNCLEAR:
+        raise InvalidAnswer(f"{quoted(given.text)} counts rotation in another way than is asked")
+    if given.rotation is Rotation.TURNS and wanted.rotation is Rotation.CYCLES:
+        converted /= math.tau**given.radians
+    if given.rotation is Rotation.CYCLES and wanted.rotation is Rotation.TURNS:
+        converted *= math.tau**wanted.radians
+    return converted
+
+
+def from_base_units(value: float, wanted: Unit) -> float:
+    """Convert a value from base units (s, m, kg, rad, ...) to another unit of the same kind. Raises InvalidAnswer."""
+    base: Any = registry().get_root_units(wanted.quantity)[1]
+    return convert(value, Unit(str(base), tuple(base._units.items())), wanted)

@@ -1,0 +1,109 @@
+"""Finds the installed kinds of question, and validates authors' JSON with their models."""
+
+import inspect
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache, reduce
+from importlib.metadata import EntryPoint, entry_points
+from operator import or_
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, GetCoreSchemaHandler, TypeAdapter
+from pydantic_core import CoreSchema
+
+from grader.errors import GraderError
+from grader.questions.kind import TEMPLATE, QuestionKind
+from grader.questions.question import Question
+
+GROUP = "grader.question_kinds"
+"""The entry-point group in which kinds of question are found."""
+
+AnyKind = QuestionKind[Any, Any]
+
+
+@cache
+def installed_kinds() -> Mapping[str, AnyKind]:
+    """Returns every installed kind by each of its names, in the order of the names of the entry points.
+
+    Raises GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole.
+    """
+    found: dict[str, AnyKind] = {}
+    for point in sorted(entry_points(group=GROUP)):
+        kind = load_kind(point)
+        for name in kind.names:
+            if name in found:
+                raise GraderError(f"two installed kinds are called {name!r}, one of them in {point.value}: remove one")
+            found[name] = kind
+    if not found:
+        raise GraderError("no kind of question is installed: install the grader again, such as with `make install`")
+    return found
+
+
+def load_kind(point: EntryPoint) -> AnyKind:
+    """Makes the kind of an entry point. Raises GraderError."""
+    try:
+        kind = point.load()()
+    except Exception as error:  # code of another package: anything may be raised
+        package = point.dist.name if point.dist else "its package"
+        why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
+        raise GraderError(f"the question kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+    if faults := "; ".join(kind_faults(kind)):
+        raise GraderError(f"the question kind {point.name!r} ({point.value}) is not whole: {faults}")
+    whole: AnyKind = kind
+    return whole
+
+
+def kind_faults(kind: Any) -> Iterator[str]:
+    """Yields what a kind lacks, with the cure."""
+    if not isinstance(kind, QuestionKind):
+        yield "derive it from grader.questions.QuestionKind"
+        return
+    model = getattr(kind, "question", None)
+    if not (isinstance(model, type) and issubclass(model, Question)):
+        yield "set `question` to a model that derives from grader.questions.Question"
+    elif not kind.names:
+        yield f"declare `kind: Literal[...]` in {model.__name__}, with the names that authors write"
+    template = template_of(kind)
+    if not template.is_file():
+        yield f"put a template with its field at {template}"
+    elif not kind.is_script and "macro field(" not in template.read_text(encoding="utf-8"):
+        yield f"define the macro field(base, it) in {template}"
+
+
+def template_of(kind: AnyKind) -> Path:
+    """Returns where the template of a kind is: beside its module."""
+    return Path(inspect.getfile(type(kind))).with_name(TEMPLATE)
+
+
+def kind_of(question: Question) -> AnyKind:
+    """Returns the kind of a question."""
+    return installed_kinds()[question.kind]
+
+
+def question_type() -> Any:
+    """Returns the type of a question of any installed kind, for pydantic."""
+    models = dict.fromkeys(kind.question for kind in installed_kinds().values())
+    return Annotated[reduce(or_, models), Field(discriminator="kind")]
+
+
+@cache
+def question_adapter() -> TypeAdapter[Question]:
+    """Returns what validates and dumps a question of any installed kind."""
+    return TypeAdapter(question_type())
+
+
+def parse_question(raw: Any) -> Question:
+    """Validates the JSON value of one question. Raises pydantic.ValidationError."""
+    return question_adapter().validate_json(json.dumps(raw), strict=True)
+
+
+class _OfInstalledKinds:
+    """Validates a field of a model as a question of any installed kind. Such a model sets `defer_build`."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Returns the schema of all kinds, which are loaded here for the first time."""
+        return handler.generate_schema(question_type())
+
+
+AnyQuestion = Annotated[Question, _OfInstalledKinds()]

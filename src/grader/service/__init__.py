@@ -1,0 +1,4 @@
+"""Assembles and runs the service: the app, its processes, the worker, deliveries, monitoring.
+
+Only `commands` imports it.
+"""

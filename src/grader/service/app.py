@@ -1,0 +1,257 @@
+"""Assembles the service: settings, database, content, jail, worker, routes."""
+
+import gc
+import signal
+import socket
+import sys
+import threading
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from importlib.metadata import version
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+from fastapi.concurrency import run_in_threadpool
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+
+from grader.api import openapi, routes
+from grader.courses.answering.intake import store_answers
+from grader.courses.people.pseudonyms import Blinding
+from grader.courses.reporting.quiz_statistics import Statistics
+from grader.courses.reviewing.rubric_changes import Recomputing
+from grader.courses.sending.outbox import release_all
+from grader.gate import problems
+from grader.gate.admission import AdmissionMiddleware, AdmissionRules
+from grader.gate.compression import CompressionMiddleware
+from grader.gate.conditional import ConditionalMiddleware
+from grader.gate.lab_runs import LabRuns
+from grader.gate.monitoring import Monitor, check_content
+from grader.gate.openid import Provider
+from grader.gate.rate import RateLimit
+from grader.gate.readiness import Check, Readiness
+from grader.gate.requests import RequestsMiddleware
+from grader.gate.services import Services, services_in
+from grader.grading.content import Contents
+from grader.logs import is_json, log_to_stderr
+from grader.platforms.keys import ToolKeys
+from grader.platforms.launching.fetching import PlatformKeys
+from grader.platforms.tool import Tool, is_installed
+from grader.service.accounts import tell_addresses
+from grader.service.deliveries import deliveries_of
+from grader.service.worker import build_graders, build_worker
+from grader.settings import Settings
+from grader.store.engine.database import Database
+from grader.store.engine.group_commit import GroupCommit
+from grader.store.upkeep.installation import blind_review_secret
+from grader.web.frame.errors import PageErrors
+from grader.web.routes import router as pages
+
+SHUTDOWN_S = 5
+"""How long a shutdown waits for open event streams [s]."""
+
+COMPRESSED_BYTES_MIN = 1024
+COMPRESSION = 5
+"""The gzip level: nearly as small as 9, in a third of the time."""
+
+SWITCH_S = 0.0005
+"""How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
+waits after every answer of the database. Python's own 5 ms would be most of the time that a batch takes."""
+
+YOUNG_OBJECTS = 10_000
+"""New objects between two looks for garbage cycles; Python's own 700 cost a tenth of every request."""
+
+FAULT = 3
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The whole service as one ASGI app. Raises ContentError if the content has faults."""
+    log_to_stderr(as_json=is_json(settings.log_format))
+    services = build_services(settings)
+    app = FastAPI(
+        title="MuJoCo grader",
+        version=version("mujoco-grader"),
+        lifespan=lifespan_of(services),
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        telemetry={"tracing": False, "metrics": False, "logs": False},  # /metrics and the log tell it
+    )
+    app.state.services = services
+    problems.install(app)
+    app.include_router(routes.router)
+    app.include_router(pages)
+    openapi.install(app)
+    app.add_middleware(ConditionalMiddleware)
+    app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
+    app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
+    app.add_middleware(PageErrors)
+    app.add_middleware(RequestsMiddleware)
+    if settings.trusted_proxies:
+        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))
+    return app
+
+
+def build_services(settings: Settings) -> Services:
+    """Builds the objects that the routes share, on a migrated database. Nothing is started yet."""
+    database = Database(settings.database, settings.connections)
+    database.migrate()
+    content = Contents(settings.content, settings.courses, database)
+    graders = build_graders(settings)
+    worker = build_worker(
+        settings, database, content.archive, graders, deliveries_of(settings, database, content.archive)
+    )
+    monitor = Monitor(database, graders, worker)
+    return Services(
+        settings=settings,
+        database=database,
+        content=content,
+        writer=GroupCommit(database, partial(store_answers, database)),
+        blinding=Blinding(blind_review_secret(database)),
+        labs=LabRuns(settings.lab_cache_mb * 1024 * 1024, int(settings.share(settings.lab_steps_per_min))),
+        admission=admission_rules(settings),
+        monitor=monitor,
+        readiness=readiness_of(settings, monitor, content),
+        statistics=Statistics(database),
+        provider=provider_of(settings),
+        tool=tool_of(settings, database),
+    )
+
+
+def admission_rules(settings: Settings) -> AdmissionRules:
+    """What the settings say about admission."""
+    return AdmissionRules(
+        settings.hosts,
+        settings.public_origin,
+        settings.body_kb * 1024,
+        by_user=rate_limit(settings, settings.rate_per_s, settings.rate_burst),
+        by_address=rate_limit(settings, settings.address_rate_per_s, settings.address_rate_burst),
+    )
+
+
+def rate_limit(settings: Settings, rate_per_s: float, burst: int) -> RateLimit:
+    """This process's share of a limit of the installation; at least one request may come."""
+    return RateLimit(settings.share(rate_per_s), max(1.0, settings.share(burst)))
+
+
+def provider_of(settings: Settings) -> Provider | None:
+    """The OpenID provider of the settings, if they name one."""
+    if settings.oidc_issuer is None or settings.oidc_client_id is None:
+        return None
+    secret = settings.oidc_client_secret
+    text = None if secret is None else secret.get_secret_value()
+    return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
+
+
+def tool_of(settings: Settings, database: Database) -> Tool | None:
+    """The LTI tool; None without the packages of its extra."""
+    if not is_installed():
+        return None
+    from grader.platforms.sending.access_tokens import AccessTokens
+    from grader.platforms.sending.outgoing import Outgoing
+
+    keys, outgoing = ToolKeys(database), Outgoing(settings.private_hosts)
+    return Tool(keys, PlatformKeys(outgoing), outgoing, AccessTokens(outgoing, keys.sign))
+
+
+def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
+    """What must work for a server with these settings to be ready. Without grading processes it has no jail."""
+    checks: dict[str, Check] = {"database": monitor.check_database, "content": lambda: check_content(content)}
+    if settings.workers:
+        checks["jail"] = monitor.check_jail
+    return Readiness({**checks, "worker": monitor.check_worker})
+
+
+def lifespan_of(services: Services) -> Any:
+    """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
+
+    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content.
+    """
+    database, graders, worker = services.database, services.monitor.graders, services.monitor.worker
+    recomputing = Recomputing(database=database, desk_of=services.desk_of)
+    services.content.add_listener(recomputing.wake)
+    services.content.add_listener(partial(release_all, database))
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        try:
+            recomputing.start()
+            services.writer.start()
+            await run_in_threadpool(release_all, database)
+            if services.settings.workers:
+                await run_in_threadpool(graders.start)
+                worker.start()
+            gc.collect()
+            gc.freeze()  # what is there from now on is never walked again
+            yield
+        finally:
+            await run_in_threadpool(recomputing.stop)
+            await run_in_threadpool(services.writer.close)
+            await run_in_threadpool(worker.stop)
+            await run_in_threadpool(graders.close)
+            services.labs.close()
+
+    return lifespan
+
+
+class Server(uvicorn.Server):
+    """Calls `ready` with its port as soon as pages can be opened."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[int], None]) -> None:
+        super().__init__(config)
+        self.ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Binds the port, or takes the sockets."""
+        await super().startup(sockets)
+        if self.started:
+            self.ready(self.servers[0].sockets[0].getsockname()[1])
+
+
+def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+    """How uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
+    return uvicorn.Config(
+        app,
+        http="httptools",
+        ws="none",
+        loop="uvloop",
+        host=settings.host,
+        port=settings.port,
+        log_config=None,
+        log_level="warning",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        timeout_graceful_shutdown=SHUTDOWN_S,
+    )
+
+
+def run_server(settings: Settings) -> None:
+    """Serves in this process. Exits 3 if it cannot start."""
+
+    def ready(port: int, app: FastAPI) -> None:
+        checks = services_in(app).readiness.checks
+        tell_addresses(settings.model_copy(update={"port": port}), checks["jail"]() if "jail" in checks else {})
+
+    run_app(settings, ready)
+
+
+def run_app(
+    settings: Settings,
+    ready: Callable[[int, FastAPI], None],
+    listener: socket.socket | None = None,
+) -> None:
+    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again.
+
+    Calls `ready` with the port and the app. Exits 3 if it cannot start.
+    """
+    sys.setswitchinterval(SWITCH_S)
+    gc.set_threshold(YOUNG_OBJECTS)
+    app = create_app(settings)
+    signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
+    config = server_config(app, settings)
+    server = Server(config, lambda port: ready(port, app))
+    server.run(None if listener is None else [listener])
+    if not server.started:
+        sys.exit(FAULT)

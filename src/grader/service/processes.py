@@ -1,0 +1,252 @@
+"""`grader serve`: one server process, or several that share one listening socket, with a worker beside them.
+
+With several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
+ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little.
+"""
+
+import json
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import structlog
+
+from grader.logs import is_json, log_to_stderr
+from grader.metrics import FOLDER, shared_folder
+from grader.service.accounts import tell_addresses
+from grader.settings import Settings
+
+MAIN = "from grader.commands.main import main; from grader.service.processes import run_part; main(run_part)"
+
+BACKLOG = 2048
+"""Connections that may wait to be accepted; uvicorn's own default."""
+
+PAUSE_S, PAUSE_S_MAX = 0.5, 30.0
+"""Pause before a process is started again [s], and after several that were never ready."""
+
+FAULT = 3
+
+BLOCK_BYTES = 4096
+
+END_S = 30.0
+"""Longest end of a process; then it is killed [s]."""
+
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one process gets: its settings, and the descriptors that it inherits. A worker has no `listener`."""
+
+    settings: Settings
+    listener: int | None
+    ready: int
+
+
+class Child:
+    """A server or worker process, which is started again whenever it ends until `stopping` is set."""
+
+    def __init__(self, settings: Settings, listener: int | None, *, metrics: str, stopping: threading.Event) -> None:
+        self._settings, self._listener = settings, listener
+        self._environment = {**os.environ, FOLDER: metrics}
+        self._stopping = stopping
+        self._process: subprocess.Popen[bytes] | None = None
+        self._is_ready = self._reload_due = False
+        self.report: Mapping[str, Any] = {}
+        """What it reported when it was ready: a worker describes its jail."""
+
+    @property
+    def exit_status(self) -> int:
+        """The exit status of the process; a fault if a signal ended it."""
+        status = None if self._process is None else self._process.wait()
+        return status if status is not None and status > 0 else FAULT
+
+    def start(self) -> bool:
+        """Starts the process. Returns whether it became ready; False also once everything ends."""
+        if self._stopping.is_set():
+            return False
+        inherited, pipe = [] if self._listener is None else [self._listener], os.pipe()
+        try:
+            self._process = process = subprocess.Popen(  # noqa: S603  our own command
+                [sys.executable, "-P", "-c", MAIN],
+                env=self._environment, stdin=subprocess.PIPE, pass_fds=[*inherited, pipe[1]],
+            )  # fmt: skip
+        finally:
+            os.close(pipe[1])
+        with os.fdopen(pipe[0]) as ready:
+            assert process.stdin is not None
+            part = Part(self._settings, self._listener, pipe[1])
+            try:
+                process.stdin.write(pickle.dumps(part))
+                process.stdin.flush()
+            except BrokenPipeError:  # it ended at once
+                return False
+            if self._stopping.is_set():  # its signal came before there was a process
+                process.terminate()
+            report = ready.read()
+        self.report, self._is_ready = json.loads(report) if report else {}, bool(report)
+        if self._reload_due:
+            self.reload()
+        return self._is_ready
+
+    def keep_running(self) -> None:
+        """Waits for the end of the process, and starts it again."""
+        pause_s = PAUSE_S
+        while True:
+            assert self._process is not None
+            status = self._process.wait()
+            if self._stopping.is_set():
+                return
+            self._is_ready = False
+            role = "worker" if self._listener is None else "server"
+            log.error("a process ended and is started again", role=role, pid=self._process.pid, status=status)
+            self._stopping.wait(pause_s)
+            pause_s = PAUSE_S if self.start() else min(2 * pause_s, PAUSE_S_MAX)
+
+    def reload(self) -> None:
+        """Makes a server load its content again; one that starts does so when it is ready, as SIGHUP would end it."""
+        self._reload_due = True
+        if self._is_ready and self._process is not None:
+            self._reload_due = False
+            self._process.send_signal(signal.SIGHUP)
+
+    def terminate(self) -> None:
+        """Begins to end the process."""
+        if self._process is not None:
+            self._process.terminate()
+
+    def end(self) -> None:
+        """Ends the process, and waits for it."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def serve(settings: Settings) -> None:
+    """Serves until a signal ends it; SIGHUP loads the content again. Exits with another status if it cannot start."""
+    if settings.processes == 1:
+        from grader.service.app import run_server
+
+        run_server(settings)
+        return
+    log_to_stderr(as_json=is_json(settings.log_format))
+    stopping = threading.Event()
+    with ExitStack() as stack:
+        listener = stack.enter_context(open_listener(settings.host, settings.port))
+        bound = settings.model_copy(update={"port": listener.getsockname()[1]})
+        metrics = stack.enter_context(shared_folder())
+        make = partial(Child, metrics=metrics, stopping=stopping)
+        servers = [make(bound.model_copy(update={"workers": 0}), listener.fileno()) for _ in range(settings.processes)]
+        children = [*servers, *([make(bound, None)] if settings.workers else [])]
+        catch_signals(children, stopping)
+        try:
+            status = supervise(children, stopping, bound)
+        finally:
+            stopping.set()
+            listener.close()  # connections that are not accepted yet are refused
+            with ThreadPoolExecutor(len(children)) as pool:
+                list(pool.map(Child.end, children))
+    sys.exit(status)
+
+
+def catch_signals(children: Sequence[Child], stopping: threading.Event) -> None:
+    """Passes signals on: the end to all processes, SIGHUP to the servers; workers ignore it."""
+
+    def end(_number: int, _frame: object) -> None:
+        stopping.set()
+        for child in children:
+            child.terminate()
+
+    def reload(_number: int, _frame: object) -> None:
+        for child in children:
+            child.reload()
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGHUP, reload)
+
+
+def supervise(children: Sequence[Child], stopping: threading.Event, settings: Settings) -> int:
+    """Starts the processes and keeps them until `stopping`. Returns 0, or the status of one that cannot start.
+
+    The first starts alone: it moves the tables, and tells the faults of content and settings once.
+    """
+    first, *others = children
+    with ThreadPoolExecutor(len(children)) as pool:
+        alive = {first: first.start()}
+        if alive[first]:
+            alive |= zip(others, pool.map(Child.start, others), strict=True)
+    if stopping.is_set():
+        return 0
+    for child, is_ready in alive.items():
+        if not is_ready:
+            return child.exit_status
+    tell_addresses(settings, children[-1].report)
+    keepers = [threading.Thread(target=child.keep_running) for child in children]
+    for keeper in keepers:
+        keeper.start()
+    for keeper in keepers:
+        keeper.join()
+    return 0
+
+
+def open_listener(host: str, port: int) -> socket.socket:
+    """Opens a listening socket. Raises OSError."""
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    # asyncio switches Nagle's algorithm off only for sockets that name TCP: with it every answer would take 40 ms.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def run_part() -> None:
+    """Runs one process, as its standard input says, until that ends."""
+    part: Part = pickle.load(sys.stdin.buffer)  # noqa: S301  our own process wrote it
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    ready = partial(report_ready, part.ready)
+    if part.listener is None:
+        from grader.service.deliveries import deliveries_of
+        from grader.service.worker import run_worker
+
+        run_worker(part.settings, deliveries_of, ready)
+        return
+    from grader.service.app import run_app
+
+    run_app(part.settings, lambda _port, _app: ready({}), socket.socket(fileno=part.listener))
+
+
+def report_ready(descriptor: int, report: Mapping[str, Any]) -> None:
+    """Reports that this process is ready."""
+    with os.fdopen(descriptor, "w") as ready:
+        json.dump(dict(report), ready)
+
+
+def end_with_parent() -> None:
+    """Ends this process, as a signal would, once the process that started it has ended."""
+    while os.read(sys.stdin.fileno(), BLOCK_BYTES):  # a buffered reader's lock would be held when the interpreter ends
+        pass
+    backstop = threading.Timer(END_S, os._exit, (FAULT,))
+    backstop.daemon = True
+    backstop.start()
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -1,0 +1,287 @@
+"""One database, SQLite or PostgreSQL: transactions for reading and for writing, and its migrations."""
+
+import os
+import select
+import shutil
+import sqlite3
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from math import inf
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import DBAPIError, InterfaceError, InvalidatePoolError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.orm import Session
+from sqlalchemy.pool import QueuePool
+
+from grader.store.engine import revisions
+from grader.store.engine.names import folded
+from grader.store.engine.signals import Signals
+
+CONNECTIONS = 64
+"""Connections that a database may have at once, with default settings; PostgreSQL itself allows 100."""
+
+KEPT = 16
+"""So many of them stay open."""
+
+BUSY_S = 30.0
+"""How long SQLite waits for the lock of another process [s]."""
+
+AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
+"""What SQLAlchemy raises while a database is away, locked, full or read-only."""
+
+IDLE_S = 1.0
+"""After so long without use a pooled connection of PostgreSQL is asked whether it still works [s]."""
+
+READ_ONLY = "25006"
+"""The code of PostgreSQL's error read_only_sql_transaction."""
+
+PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
+"""How long PostgreSQL may not answer before it counts as away: a connection [s], what was sent over one [ms]."""
+
+MIGRATION_LOCK = 7_105_114_101
+"""The PostgreSQL advisory lock for migrations; the number is arbitrary."""
+
+
+ANALYZED_AT = (100, 1_000, 10_000)
+"""Numbers of stored answers after which PostgreSQL gathers statistics at once."""
+
+LOCK_ALL = text(
+    "SELECT pg_advisory_xact_lock(key) FROM (SELECT DISTINCT hashtextextended(name, 0) AS key "
+    "FROM unnest(CAST(:names AS text[])) AS name ORDER BY key) AS keys"
+)
+"""Takes locks in the order of their keys, so that two transactions cannot wait for each other."""
+
+
+class Database:
+    """Sessions on one database. `read()` and `write()` are transactions; nothing else commits."""
+
+    def __init__(self, url: str, connections: int = CONNECTIONS) -> None:
+        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file.
+
+        Threads beyond the number of `connections` wait for one.
+        """
+        parsed = make_url(url)
+        if parsed.drivername == "postgresql":
+            parsed = parsed.set(drivername="postgresql+psycopg")
+        self.is_sqlite = parsed.get_backend_name() == "sqlite"
+        if self.is_sqlite and parsed.database:
+            _create_private(Path(parsed.database))
+        kept = min(connections, KEPT)
+        # Last in, first out: few connections are in use, and those have prepared their statements.
+        self.engine = create_engine(
+            parsed, poolclass=QueuePool, pool_size=kept, max_overflow=connections - kept, pool_use_lifo=True,
+            connect_args=patience_with(parsed), hide_parameters=True,
+        )  # fmt: skip
+        if self.is_sqlite:
+            _set_up_sqlite(self.engine)
+        else:
+            _set_up_postgresql(self.engine)
+        self.signals = Signals(self.engine, self.is_sqlite)
+        self._reader = self.engine if self.is_sqlite else self.engine.execution_options(postgresql_readonly=True)
+        self._writer = self.engine.execution_options(writes=True)
+        self._hasty = self.engine.execution_options(writes=True, hasty=True)
+        self._stored = 0
+        # SQLite's own wait for a lock sleeps in steps; within one process a queue of threads is fair and quicker.
+        self._turn = Lock() if self.is_sqlite else nullcontext()
+
+    @property
+    def backend(self) -> str:
+        """`sqlite` or `postgresql`."""
+        return self.engine.url.get_backend_name()
+
+    @contextmanager
+    def read(self) -> Iterator[Session]:
+        """A transaction for reading, which stores nothing. PostgreSQL refuses changes in it.
+
+        There it ends with a COMMIT: after a ROLLBACK psycopg forgets the statements that it has prepared.
+        """
+        with Session(self._reader, autoflush=False) as session:
+            yield session
+            if not self.is_sqlite:
+                session.expunge_all()  # objects that were changed are not flushed
+                session.commit()
+
+    @contextmanager
+    def write(self, *, hasty: bool = False) -> Iterator[Session]:
+        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it.
+
+        A `hasty` commit does not wait for the disk: a power cut may undo it, whole. For what is simply done again then.
+        """
+        with Session(self._hasty if hasty else self._writer, expire_on_commit=False) as session:
+            with self._turn, session.begin():
+                yield session
+                self.signals.before_commit(session)
+            self.signals.after_commit(session)
+
+    def lock(self, session: Session, name: str) -> None:
+        """Holds a lock of this name until the transaction ends. On SQLite there is only one writer anyway."""
+        if not self.is_sqlite:
+            session.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 0))"), {"name": name})
+
+    def lock_learner(self, session: Session, course: str, learner: str) -> None:
+        """As `lock`, for what depends on all answers of one learner: attempts and results."""
+        self.lock(session, f"{course}\n{learner}")
+
+    def lock_learners(self, session: Session, learners: Iterable[tuple[str, str]]) -> None:
+        """As `lock_learner`, for several (course, learner) at once."""
+        if not self.is_sqlite:
+            session.execute(LOCK_ALL, {"names": [f"{course}\n{learner}" for course, learner in learners]})
+
+    def tell_planner(self, session: Session, stored: int) -> None:
+        """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
+
+        Its autovacuum looks once a minute. Without statistics it takes any index for as good as another, and reads the
+        answers of all learners to find those of one.
+        """
+        before, self._stored = self._stored, self._stored + stored
+        if not self.is_sqlite and any(before < step <= self._stored for step in ANALYZED_AT):
+            session.execute(text("ANALYZE submissions, verdicts, results"))
+
+    @property
+    def free_bytes(self) -> int | None:
+        """Free bytes on the disk of a SQLite file; None on PostgreSQL, whose own machine has it."""
+        file = self.engine.url.database
+        return shutil.disk_usage(Path(file).parent).free if self.is_sqlite and file else None
+
+    def check(self) -> None:
+        """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
+        with self.write() as session:
+            session.execute(text("UPDATE alembic_version SET version_num = version_num"))
+
+    def migrate(self, revision: str | None = None) -> None:
+        """Brings the tables to a revision, the newest if None; safe to call from several processes at once.
+
+        Raises Conflict if a later version has written them, and Unprocessable for an unknown revision.
+        """
+        with self._turn, self._writer.connect() as connection, _foreign_keys_off(connection), connection.begin():
+            if not self.is_sqlite:
+                connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
+            revisions.move(connection, revision)
+
+    @property
+    def revision(self) -> str | None:
+        """The revision of the tables; None if there are none."""
+        with self.engine.connect() as connection:
+            return revisions.current(connection)
+
+    def empty_log(self) -> None:
+        """Moves SQLite's write-ahead log into its file, so that nothing deleted is left in it; else does nothing."""
+        if self.is_sqlite:
+            with self.engine.connect() as connection:
+                driver: Any = connection.connection
+                driver.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def close(self) -> None:
+        """Closes every connection."""
+        self.signals.close()
+        self.engine.dispose()
+
+
+def patience_with(url: URL) -> dict[str, Any]:
+    """The driver's arguments that say how long it waits; what the URL says itself stays."""
+    if url.get_backend_name() == "sqlite":
+        return {"timeout": BUSY_S}
+    return {name: value for name, value in PATIENCE.items() if name not in url.query}
+
+
+def is_away(error: BaseException) -> bool:
+    """Whether an error means that the database cannot serve now, and no fault of a statement: 503, not 500."""
+    cause = error.orig if isinstance(error, DBAPIError) else None
+    if isinstance(cause, sqlite3.OperationalError) and cause.sqlite_errorcode == sqlite3.SQLITE_ERROR:
+        return False
+    return isinstance(error, AWAY) or getattr(cause, "sqlstate", None) == READ_ONLY
+
+
+def driver_error(error: Exception) -> str:
+    """The name of the driver's error, such as SQLITE_FULL or DiskFull: its text may hold names of hosts."""
+    cause = getattr(error, "orig", None) or error
+    return str(getattr(cause, "sqlite_errorname", type(cause).__name__))
+
+
+@contextmanager
+def _foreign_keys_off(connection: Connection) -> Iterator[None]:
+    """Lets migrations rebuild tables that others refer to, as SQLite asks for it; nothing on PostgreSQL.
+
+    Source: https://www.sqlite.org/lang_altertable.html, section 7. The switch works outside of transactions only.
+    """
+    if connection.dialect.name != "sqlite":
+        yield
+        return
+    driver: Any = connection.connection
+    driver.execute("PRAGMA foreign_keys = OFF")
+    try:
+        yield
+    finally:
+        driver.execute("PRAGMA foreign_keys = ON")
+
+
+def _create_private(path: Path) -> None:
+    """Creates a database file that only its owner can read, in a folder of the same kind, unless it is there."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with suppress(FileExistsError):  # an existing file is not opened: closing it would end SQLite's locks on it
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
+
+
+def _set_up_postgresql(engine: Engine) -> None:
+    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds.
+
+    A pooled connection is asked whether it still works only if it was idle, or if its socket has something to read,
+    such as the news that the server has ended it: to ask every time is one more round trip in every transaction.
+    """
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: Any, _record: Any) -> None:
+        connection.execute("SET jit = off")
+        connection.commit()
+
+    @event.listens_for(engine, "checkin")
+    def on_checkin(_connection: Any, record: Any) -> None:
+        record.info["used"] = time.monotonic()
+
+    @event.listens_for(engine, "checkout")
+    def on_checkout(connection: Any, record: Any, _fairy: Any) -> None:
+        idle_s = time.monotonic() - record.info.get("used", -inf)
+        if idle_s > IDLE_S or _has_news(connection):
+            try:
+                engine.dialect.do_ping(connection)
+            except connection.Error as error:
+                raise InvalidatePoolError from error
+
+    @event.listens_for(engine, "begin")
+    def on_begin(connection: Connection) -> None:
+        if connection.get_execution_options().get("hasty", False):
+            connection.exec_driver_sql("SET LOCAL synchronous_commit = off")
+
+
+def _has_news(connection: Any) -> bool:
+    """Whether an idle connection of PostgreSQL was closed, or has something to read."""
+    if connection.closed:
+        return True
+    socket = select.poll()
+    socket.register(connection.fileno(), select.POLLIN)
+    return bool(socket.poll(0))
+
+
+def _set_up_sqlite(engine: Engine) -> None:
+    """Sets WAL, durable commits, foreign keys and functions, and begins transactions: the driver's own miss DDL."""
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: Any, _record: Any) -> None:
+        connection.isolation_level = None
+        for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+            connection.execute(f"PRAGMA {pragma}")
+        connection.create_function("folded", 1, folded, deterministic=True)
+
+    @event.listens_for(engine, "begin")
+    def on_begin(connection: Connection) -> None:
+        # A writer takes the lock at once: a reader that turns writer halfway would fail instead of waiting.
+        options = connection.get_execution_options()
+        if (hasty := options.get("hasty", False)) != connection.info.get("hasty", False):
+            connection.exec_driver_sql(f"PRAGMA synchronous = {'NORMAL' if hasty else 'FULL'}")
+            connection.info["hasty"] = hasty
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")

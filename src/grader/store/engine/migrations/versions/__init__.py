@@ -1,0 +1,4 @@
+"""One file per change of the tables, in order.
+
+Each has an upgrade and a downgrade.
+"""

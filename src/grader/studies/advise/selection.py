@@ -1,0 +1,464 @@
+"""Select the cheapest integrator and timestep that meet a tolerance on a scene, by measured error.
+
+This is the lesson's procedure with a reference solution: refine until a quantity no longer changes by more than the
+tolerance, and take the largest timestep below that point. Every setting is measured once, the cheapest first, on all
+cores. Cost is counted in evaluations of the forward dynamics per simulated second, so that the choice does not depend
+on the load of the machine; only a budget that runs out can leave settings unmeasured, and the selection says so.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from math import inf, isclose, isfinite
+
+import mujoco
+import numpy as np
+
+from grader.numerics.accuracy.convergence import measure_distance, measure_position_distance
+from grader.numerics.accuracy.reference import Reference, find_obstacle, list_sample_times, solve_dop853
+from grader.numerics.integrators import BY_CODE, DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4, Integrator, find_refusal
+from grader.numerics.rollout import Rollout, simulate
+from grader.numerics.scene import Scene, Vector
+from grader.numerics.stepping import STEPS_MAX
+from grader.studies.advise.measures import measure_quantity
+
+SAMPLE_S = 0.02
+"""Errors are evaluated at multiples of this; every timestep in TIMESTEPS_S divides it."""
+
+TIMESTEPS_S = (0.0001, 0.0002, 0.00025, 0.0005, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.01, 0.02)
+
+PREFERENCE = (IMPLICITFAST, EULER, DISCRETE, IMPLICIT, RK4)
+"""Preferred order at equal cost; the first is the one from which the lesson starts."""
+
+START = (IMPLICITFAST, 0.002)
+"""The setting from which the lesson starts; costs are told relative to it."""
+
+QUARTER = (RK4, 0.0005)
+"""What the lesson tries next where energy is conserved."""
+
+CONFIRMATIONS = 2
+"""A timestep passes if this many of the next smaller ones pass too, so that none passes by accident."""
+
+REFERENCE_SHARE = 0.1
+"""The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
+
+REFERENCE_S = (0.0002, 0.0001, 0.00005, 0.000025, 0.0000125)
+"""Timesteps [s] of the reference where DOP853 cannot be used: halved until two of them agree."""
+
+RTOLS = (1e-9, 1e-11, 1e-13)
+"""Tolerances of DOP853: tightened until two of them agree."""
+
+CORES = os.cpu_count() or 1
+"""Runs at a time: mj_step releases Python's lock."""
+
+Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
+Setting = tuple[Integrator, float]
+"""An integrator and a timestep [s]."""
+
+Say = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A measured setting.
+
+    `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu` is the CPU time per
+    simulated second of the one run, which the rest of the machine may disturb; `warning` names the first warning and
+    its time.
+    """
+
+    integrator: Integrator
+    timestep_s: float
+    error: float
+    cost: float
+    cpu: float = field(default=0.0, compare=False)
+    warning: str | None = None
+
+    @property
+    def setting(self) -> Setting:
+        """The integrator and the timestep [s]."""
+        return self.integrator, self.timestep_s
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The best candidate, or None, with the reason in words.
+
+    `margin` is the tolerance over the error of the best; `reference_error` the uncertainty of the reference. `front`
+    holds the candidates that no other beats in both cost and error, the cheapest first. `own` is the model's own
+    setting. `told` is the smallest tolerance for which this reference could tell, None if there is no reference.
+    """
+
+    best: Candidate | None
+    margin: float
+    reason: str
+    reference_error: float
+    candidates: tuple[Candidate, ...]
+    front: tuple[Candidate, ...] = ()
+    own: Candidate | None = None
+    told: float | None = None
+
+
+class QuantityStill(ValueError):
+    """The quantity moves by no more than the tolerance, so that an error says nothing."""
+
+
+class OutOfTime(RuntimeError):
+    """The budget is spent."""
+
+
+def select(
+    scene: Scene,
+    *,
+    tolerance: float,
+    seconds: float,
+    quantity: Quantity | None = None,
+    integrators: Sequence[Integrator] = PREFERENCE,
+    timesteps_s: Sequence[float] = TIMESTEPS_S,
+    budget_s: float = inf,
+    progress: Say = lambda _: None,
+) -> Selection:
+    """Measure candidates over `seconds` and choose the cheapest that meets `tolerance`.
+
+    Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
+    measured. Of each integrator the largest timestep comes first; it ends where a timestep passes and CONFIRMATIONS
+    smaller ones confirm it, or where its next setting costs more than the best of another one. An integrator that
+    MuJoCo refuses for the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of
+    what was measured is then returned.
+
+    Raises ValueError as `check_question` does, and for timesteps that do not divide SAMPLE_S; Still where the quantity
+    moves too little.
+    """
+    check_question(tolerance, seconds, timesteps_s)
+    if any(not isclose(SAMPLE_S / h, round(SAMPLE_S / h)) for h in timesteps_s):
+        raise ValueError(f"every timestep must divide {SAMPLE_S} s, at whose multiples errors are evaluated")
+    if scene.model.nhistory:
+        return _cannot_tell("a delay counts samples, so that runs at two timesteps are not comparable")
+    with ThreadPoolExecutor(CORES) as pool:
+        able = [integrator for integrator in integrators if find_refusal(scene.model, integrator) is None]
+        offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
+        survey = _Survey(
+            _Meter(scene, seconds, quantity),
+            tolerance,
+            offered,
+            until=time.monotonic() + budget_s,
+            progress=progress,
+            pool=pool,
+        )
+        return survey.select()
+
+
+def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float] = TIMESTEPS_S) -> None:
+    """Raise ValueError for a tolerance or length [s] that is not positive and finite, or a length of too many steps."""
+    if not (0 < tolerance < inf and SAMPLE_S <= seconds < inf):
+        raise ValueError(f"tolerance must be positive and the run {SAMPLE_S} s or longer")
+    longest = STEPS_MAX * min(*timesteps_s, *REFERENCE_S)
+    if not seconds <= longest:
+        raise ValueError(f"the run may last {longest:g} s at most, not {seconds:g} s")
+
+
+def describe_setting(candidate: Candidate) -> str:
+    """Returns the setting in words, such as `implicitfast at 2 ms`."""
+    return f"{candidate.integrator.name} at {1000 * candidate.timestep_s:.4g} ms"
+
+
+def find_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Returns the candidates that no other beats in both cost and error (the Pareto front), the cheapest first."""
+    front: list[Candidate] = []
+    for candidate in sorted(candidates, key=lambda c: (c.cost, c.error, PREFERENCE.index(c.integrator))):
+        if candidate.error < min((c.error for c in front), default=inf):
+            front.append(candidate)
+    return tuple(front)
+
+
+def _cannot_tell(why: str, doubt: float = inf) -> Selection:
+    told = doubt / REFERENCE_SHARE if isfinite(doubt) else None
+    hint = "" if told is None else f"; a tolerance of {told:.1g} or more could be told"
+    return Selection(None, 0.0, f"cannot tell: {why}{hint}", doubt, (), told=told)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run with its CPU time per simulated second."""
+
+    rollout: Rollout
+    cpu: float
+
+
+class _Meter:
+    """Runs a scene and measures errors against a reference, in positions or in a quantity."""
+
+    def __init__(self, scene: Scene, seconds: float, quantity: Quantity | None) -> None:
+        self.scene, self.quantity = scene, quantity
+        self.grid_s = np.asarray(list_sample_times(seconds, SAMPLE_S))
+        self.seconds = float(self.grid_s[-1])
+
+    def times_of(self, timestep_s: float) -> Vector:
+        """Returns the times [s] at which a run is compared: the steps nearest to the multiples of SAMPLE_S."""
+        steps = np.unique(np.rint(self.grid_s / timestep_s))
+        return np.asarray(steps[steps > 0] * timestep_s)
+
+    def run(self, setting: Setting, at_s: Vector | None = None) -> _Run:
+        integrator, timestep_s = setting
+        times = self.times_of(timestep_s) if at_s is None else at_s
+        begin = time.thread_time()
+        rollout = simulate(
+            self.scene, seconds=float(times[-1]), timestep_s=timestep_s, integrator=integrator.code, at_s=times
+        )
+        spent = time.thread_time() - begin
+        return _Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
+
+    def reference_run(self, timestep_s: float, times_s: Vector) -> Rollout:
+        """Returns a run that is kept at the steps on both sides of every time."""
+        steps = times_s / timestep_s
+        around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
+        return self.run((PREFERENCE[0], timestep_s), np.asarray(around * timestep_s)).rollout
+
+    def error(self, one: Rollout | Reference, other: Rollout | Reference) -> float:
+        """Returns the sup norm of the difference at the times of `one`; inf if it diverged."""
+        if isinstance(one, Rollout) and one.diverged_at_step is not None:
+            return inf
+        if isinstance(other, Rollout) and other.diverged_at_step is not None:
+            return inf
+        second = _interpolate(self.scene, other, one.time)
+        if self.quantity is None:
+            return measure_distance(self.scene, one, second).qpos
+        values = (measure_quantity(self.scene, run, self.quantity) for run in (one, second))
+        largest = float(np.max(np.abs(np.subtract(*values)), initial=0.0))
+        return largest if isfinite(largest) else inf
+
+    def excursion(self, run: Rollout) -> float:
+        """How far the quantity moves from its start; inf for a run that diverged."""
+        if run.diverged_at_step is not None:
+            return inf
+        if self.quantity is None:
+            start = np.tile(self.scene.start.qpos, (len(run.qpos), 1))
+            return measure_position_distance(self.scene, run.qpos, start)
+        still = simulate(self.scene, steps=0)
+        values = measure_quantity(self.scene, run, self.quantity)
+        return float(np.max(np.abs(values - measure_quantity(self.scene, still, self.quantity)[0]), initial=0.0))
+
+
+def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Reference:
+    """States at `times`, between two kept ones by linear interpolation.
+
+    The reference keeps a state within one of its own timesteps on both sides of each time: the error is of second order
+    in that timestep.
+    """
+    after = np.clip(np.searchsorted(run.time, times - 1e-9), 0, len(run.time) - 1)
+    before = np.where(np.abs(run.time[after] - times) < 1e-9, after, np.maximum(after - 1, 0))
+    width = run.time[after] - run.time[before]
+    share = np.divide(times - run.time[before], width, out=np.zeros(len(times)), where=width > 0)[:, None]
+    qpos, qvel, act = (
+        (1 - share) * part[before] + share * part[after] if share.any() else part[after]
+        for part in (run.qpos, run.qvel, run.act)
+    )
+    for row in qpos if share.any() else ():
+        mujoco.mj_normalizeQuat(scene.model, row)
+    return Reference(times, qpos, qvel, act)
+
+
+class _Survey:
+    """Measures settings once each, within a budget of wall time.
+
+    `offered` holds the timesteps [s] to choose from for each integrator, the largest first; `measured` what was found.
+    """
+
+    def __init__(
+        self,
+        meter: _Meter,
+        tolerance: float,
+        offered: Mapping[Integrator, Sequence[float]],
+        *,
+        until: float,
+        progress: Say,
+        pool: ThreadPoolExecutor,
+    ) -> None:
+        self.meter, self.tolerance, self.offered = meter, tolerance, offered
+        self.until, self.progress, self.pool = until, progress, pool
+        self.measured: dict[Setting, Candidate] = {}
+        self.doubt = inf
+        self.evaluation_s = 0.0
+        self.unmeasured: list[Setting] = []
+
+    def select(self) -> Selection:
+        model = self.meter.scene.model
+        own = (BY_CODE[int(model.opt.integrator)], float(model.opt.timestep))
+        first = dict.fromkeys([START, QUARTER, own])
+        self.progress("the first runs")
+        self.meter.run(START)  # warms caches: the CPU time of the second run is the yardstick
+        runs = dict(zip(first, self.pool.map(self.meter.run, first), strict=True))
+        start = runs[START]
+        self.evaluation_s = start.cpu * START[1] / START[0].evaluations
+        moved = self.meter.excursion(start.rollout)
+        if moved <= self.tolerance:
+            raise QuantityStill(
+                f"the {'positions' if self.meter.quantity is None else 'quantity'} "
+                + ("never move" if moved == 0 else f"move by {moved:.2g} only")
+                + f" within {self.meter.seconds:g} s, and a tolerance of {self.tolerance:g} allows any method"
+            )
+        times = np.unique(np.concatenate([self.meter.times_of(h) for h in (own[1], SAMPLE_S)]))
+        try:
+            reference = self.reference(times)
+        except RuntimeError as error:
+            return _cannot_tell(str(error))
+        if not self.doubt <= REFERENCE_SHARE * self.tolerance:
+            why = (
+                f"the reference itself is uncertain by {self.doubt:.2g}, too much for a tolerance of {self.tolerance:g}"
+            )
+            return _cannot_tell(why, self.doubt)
+        self.take(runs, reference)
+        self.refine(reference)
+        return self.choose(own)
+
+    def take(self, runs: Mapping[Setting, _Run], reference: Rollout | Reference) -> None:
+        """Hold runs against the reference."""
+        self.measured |= {setting: self.candidate(setting, run, reference) for setting, run in runs.items()}
+
+    def candidate(self, setting: Setting, run: _Run, reference: Rollout | Reference) -> Candidate:
+        integrator, timestep_s = setting
+        rollout, warning = run.rollout, None
+        if rollout.diverged_at_step is not None:
+            name = rollout.warning.name if rollout.warning is not None else "time ran backwards"
+            warning = f"{name} after {rollout.steps * timestep_s:.3g} s"
+        error = self.meter.error(rollout, reference)
+        return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
+
+    def reference(self, times_s: Vector) -> Rollout | Reference:
+        """Returns the reference solution; `doubt` becomes its distance to the second-best solution.
+
+        Smooth scenes use DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the
+        difference estimates the remaining error of a first-order method.
+        """
+        solve = self.solve if find_obstacle(self.meter.scene) is None else self.step
+        best: Rollout | Reference | None = None
+        for finer in solve(times_s):
+            if best is not None:
+                self.doubt = self.meter.error(self.kept(best, times_s), finer)
+                if self.doubt <= REFERENCE_SHARE * self.tolerance:
+                    return finer
+            best = finer
+        assert best is not None
+        return best
+
+    def kept(self, run: Rollout | Reference, times_s: Vector) -> Rollout | Reference:
+        """Returns the run at `times_s` after the start, unless it diverged."""
+        if isinstance(run, Rollout) and run.diverged_at_step is not None:
+            return run
+        return _interpolate(self.meter.scene, run, times_s + self.meter.scene.start.time_s)
+
+    def solve(self, times_s: Vector) -> Iterator[Reference]:
+        """Solutions by DOP853 at ever tighter tolerances, as long as the budget lasts."""
+
+        def forward(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            if time.monotonic() > self.until:
+                raise OutOfTime("the budget is too small for a reference solution")
+            mujoco.mj_forward(model, data)
+
+        found = False
+        for rtol in RTOLS:
+            self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
+            try:
+                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward)
+            except OutOfTime:
+                if not found:
+                    raise
+                return
+            found = True
+
+    def step(self, times_s: Vector) -> Iterator[Rollout]:
+        """Runs at ever smaller timesteps, as long as the budget lasts; the first two at a time."""
+        for timesteps_s in (REFERENCE_S[:2], *((h,) for h in REFERENCE_S[2:])):
+            finest_s = timesteps_s[-1]
+            if not self.lasts(self.predicted((PREFERENCE[0], finest_s))):
+                if finest_s == REFERENCE_S[1]:
+                    raise OutOfTime("the budget is too small for a reference solution")
+                return
+            self.progress(f"the reference: {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
+            yield from self.pool.map(self.meter.reference_run, timesteps_s, [times_s] * len(timesteps_s))
+
+    def predicted(self, setting: Setting) -> float:
+        """Returns the expected time [s] of a run on one core."""
+        return self.evaluation_s * setting[0].evaluations * self.meter.seconds / setting[1]
+
+    def lasts(self, seconds: float) -> bool:
+        return time.monotonic() + seconds <= self.until
+
+    def refine(self, reference: Rollout | Reference) -> None:
+        """Measure ever smaller timesteps of every integrator that can still be the best."""
+        while True:
+            best = self.best()
+            wanted = [one for integrator in self.offered if (one := self.next_of(integrator, best)) is not None]
+            fitting = [setting for setting in wanted if self.lasts(self.predicted(setting))]
+            self.unmeasured = [setting for setting in wanted if setting not in fitting]
+            if not fitting:
+                return
+            fitting.sort(key=lambda setting: setting[0].evaluations / setting[1])
+            batch = fitting[:CORES]
+            self.progress(f"{len(self.measured)} settings measured")
+            self.take(dict(zip(batch, self.pool.map(self.meter.run, batch), strict=True)), reference)
+
+    def next_of(self, integrator: Integrator, best: Candidate | None) -> Setting | None:
+        """The next smaller timestep of an integrator; None once one is confirmed, or where none can beat `best`."""
+        if self.confirmed(integrator) is not None:
+            return None
+        offered = self.offered[integrator]
+        tried = {h: self.measured[integrator, h] for h in offered if (integrator, h) in self.measured}
+        smallest_failed = min((h for h, one in tried.items() if not self.passes(one)), default=inf)
+        left = [h for h in offered if h < smallest_failed]
+        if not left or (best is not None and integrator.evaluations / left[0] > best.cost):
+            return None
+        return next(((integrator, h) for h in left if h not in tried), None)
+
+    def confirmed(self, integrator: Integrator) -> Candidate | None:
+        """Returns the largest timestep that passes, with CONFIRMATIONS smaller ones, or all that there are."""
+        offered = self.offered[integrator]
+        for index in range(len(offered)):
+            row = [self.measured.get((integrator, h)) for h in offered[index : index + 1 + CONFIRMATIONS]]
+            if all(one is not None and self.passes(one) for one in row):
+                return row[0]
+        return None
+
+    def passes(self, candidate: Candidate) -> bool:
+        return candidate.error + self.doubt <= self.tolerance
+
+    def by_accident(self, candidate: Candidate) -> bool:
+        """Whether a smaller timestep of the same integrator does not pass."""
+        own = (one for one in self.measured.values() if one.integrator is candidate.integrator)
+        return any(one.timestep_s < candidate.timestep_s and not self.passes(one) for one in own)
+
+    def best(self) -> Candidate | None:
+        """Returns the cheapest confirmed setting."""
+        return min(filter(None, map(self.confirmed, self.offered)), key=_rank, default=None)
+
+    def choose(self, own: Setting) -> Selection:
+        """Returns the selection among what was measured."""
+        candidates = tuple(sorted(self.measured.values(), key=_rank))
+        best = self.best()
+        late = "" if not self.unmeasured else "; the budget ended before all settings were measured"
+        if best is None:
+            least = min(candidates, key=lambda c: c.error)
+            margin, reason = 0.0, f"none of the candidates meets {self.tolerance:g}"
+            if isfinite(least.error):
+                reason += f"; the best, {describe_setting(least)}, has an error of {least.error:.2g}"
+        else:
+            margin = self.tolerance / best.error if best.error else inf
+            reason = (
+                f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {best.cost:g}"
+            )
+            reason += " evaluations a second"
+            if lucky := [
+                describe_setting(c) for c in candidates if c.cost < best.cost and self.passes(c) and self.by_accident(c)
+            ]:
+                reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
+        told = self.doubt / REFERENCE_SHARE
+        return Selection(
+            best, margin, reason + late, self.doubt, candidates, find_front(candidates), self.measured[own], told
+        )
+
+
+def _rank(candidate: Candidate) -> tuple[float, int]:
+    """Returns the order of choice: the cheapest first, then by preference."""
+    return candidate.cost, PREFERENCE.index(candidate.integrator)

@@ -1,0 +1,4 @@
+"""Studies of physics.
+
+They measure error, stability and energy against run time, and what skipping parts of the engine saves.
+"""

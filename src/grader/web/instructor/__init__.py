@@ -1,0 +1,4 @@
+"""Pages of instructors: one module a page.
+
+No page needs a script.
+"""

@@ -1,0 +1,243 @@
+"""`/instructor/gradebook` and `/instructor/learners/{id}`: what counts, and a learner's whole story. No script."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Annotated, Any, NamedTuple
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from grader.courses.people.identity import Identity
+from grader.courses.people.namesakes import marks_in
+from grader.courses.reviewing.blinding import blinded, unseen_by
+from grader.courses.rules.gradebook import Form
+from grader.domain.markup import plain_text
+from grader.domain.verdict import Status
+from grader.errors import NotFound
+from grader.gate.services import AppServices, Services
+from grader.library import Library
+from grader.questions import Question, Quiz, kind_of
+from grader.store import people, results, submissions
+from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
+from grader.store.submissions import SubmissionFilter
+from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.rendering import page
+from grader.web.instructor.people import origin_of
+from grader.web.learner.pages import sign_in_page
+from grader.web.text.lessons import lessons_of
+from grader.web.text.questions import titles_of
+from grader.web.text.statuses import NOT_ANSWERED, REPLACED, STATUSES, WAITS, Told
+from grader.web.verdict.work import Given, given_in_full
+
+PAGE = "/instructor/gradebook"
+ROWS = 100
+"""Learners on one page."""
+ABSENT = 200
+"""Learners who have not begun that are named."""
+ANSWERS = 100
+"""Answers of a learner's story on one page."""
+POINTS_EQUAL = 1e-9
+"""Points that differ by less are equal: 0.1 + 0.2 is 0.3."""
+
+LEGEND = (*(STATUSES[one] for one in (Status.CORRECT, Status.PARTIAL, Status.INCORRECT)), WAITS, NOT_ANSWERED)
+SHOWN = dict(zip(SHOWS, ("everyone", "who waits for a verdict", "who has not answered everything"), strict=True))
+FORMS = {Form.GENERIC: "CSV", Form.CANVAS: "CSV for Canvas", Form.MOODLE: "CSV for Moodle"}
+
+router = APIRouter(include_in_schema=False)
+
+
+class Cell(NamedTuple):
+    """A result in words. Without points it is not late either."""
+
+    told: Told
+    points: float | None = None
+    max_points: float = 0.0
+    is_late: bool = False
+
+
+EMPTY = Cell(NOT_ANSWERED)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A learner in a quiz: a cell for every question, at how many there is a result, and the points."""
+
+    learner: str
+    name: str
+    cells: Sequence[Cell]
+    answered: int
+    points: float
+
+
+Name = Annotated[str, Query(max_length=64)]
+
+
+@router.get(PAGE)
+def gradebook(
+    request: Request, services: AppServices, who: Visitor, *, quiz: Name = "",
+    find: Annotated[str, Query(max_length=200)] = "",
+    show: Name = SHOWS[0], by: Name = ORDERS[0], down: bool = False, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
+) -> Response:  # fmt: skip
+    """Learners by questions of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, services, who)
+    quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
+    if not quizzes:
+        return page(request, "gradebook.html", who=who, quizzes=[])
+    chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
+    shown = {"find": find.replace("\0", ""), "show": show if show in SHOWS else SHOWS[0]}
+    order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
+    rows = rows_of(services, who, chosen, start, **shown, **order)
+    with services.database.read() as session:
+        absent = people.without_results(session, who.course, [chosen.id], shown["find"], ABSENT + 1)
+        marks = marks_in(session, who.course)
+    titles = titles_of(services.library_for(who))
+    context: dict[str, Any] = {
+        **shown,
+        **order,
+        "quizzes": quizzes,
+        "quiz": chosen,
+        "titles": [(one.id, titles[chosen.id, one.id], plain_text(one.title or one.q)) for one in chosen.questions],
+        "of": sum(one.points for one in chosen.questions),
+        "rows": rows[:ROWS],
+        "absent": absent[:ABSENT],
+        "more_absent": len(absent) > ABSENT,
+        "following": start + ROWS if len(rows) > ROWS else None,
+        "shows": SHOWN,
+        "legend": LEGEND,
+        "forms": FORMS,
+        "marks": marks,
+    }
+    return page(request, "gradebook.html", who=who, **context)
+
+
+def rows_of(services: Services, who: Identity, quiz: Quiz, start: int, **wanted: Any) -> list[Row]:
+    """One learner more than a page has."""
+    with services.database.read() as session:
+        without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
+        reviewer = who.id if unseen else ""
+        ranking = Ranking(who.course, quiz.id, len(quiz.questions), without, reviewer=reviewer, **wanted)
+        found = results.ranked(session, ranking, start, ROWS + 1)
+        theirs = results.of_learners(session, who.course, quiz.id, [learner for learner, _ in found])
+    return [row_of(learner, name, theirs[learner], quiz, unseen) for learner, name in found]
+
+
+def row_of(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
+    """A learner with all results in a quiz, also at questions that it has lost; what is `unseen` adds no points."""
+    cells = {one.question: cell_of(one, unseen) for one in theirs}
+    points = math.fsum(one.points for one in theirs if not is_in(unseen, one))
+    return Row(learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points)
+
+
+def cell_of(result: Any, unseen: Collection[LearnerAt]) -> Cell:
+    """A result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
+    if is_in(unseen, result) or not (result.is_final or result.points):
+        return Cell(WAITS)
+    if not result.is_final:
+        told = WAITS
+    elif result.points >= result.max_points - POINTS_EQUAL:
+        told = STATUSES[Status.CORRECT]
+    else:
+        told = STATUSES[Status.PARTIAL] if result.points > 0 else STATUSES[Status.INCORRECT]
+    return Cell(told, result.points, result.max_points, result.is_late)
+
+
+def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
+    """Whether a result is a first mark that this reviewer must not see yet; there are seldom any."""
+    return bool(unseen) and LearnerAt(result.course, result.learner, result.quiz, result.question) in unseen
+
+
+@router.get("/instructor/learners/{learner}")
+def story(
+    request: Request,
+    learner: str,
+    services: AppServices,
+    who: Visitor,
+    *,
+    before: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """Every answer of a learner with its verdict, by question; of those under review without a name, how many.
+
+    Raises Unauthorized, Forbidden, NotFound.
+    """
+    who = instructor(who)
+    with services.database.read() as session:
+        wanted = SubmissionFilter(who.course, learner=learner)
+        rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
+        member = people.get(session, learner, who.course)
+        if member is None and not rows:
+            raise NotFound("There is no such learner.")
+        seen = blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
+        counts = results.everywhere(session, who.course, learner)
+        unseen = unseen_by(session, who).results
+        shown = [(row, given_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
+        marks = marks_in(session, who.course)
+    given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
+    cells = {at: cell_of(result, unseen) for at, result in counts.items()}
+    name = member.name if member is not None else rows[0].user
+    parts = parts_of(services.library_for(who), given, cells)
+    following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
+    counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
+    total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
+    return page(
+        request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
+        total=total, member=member, origin="" if member is None else origin_of(member), marks=marks,
+        lessons=lessons_of(services.library_for(who).quizzes),
+    )  # fmt: skip
+
+
+def parts_of(
+    library: Library,
+    given: Sequence[tuple[str, str, Given | None]],
+    cells: Mapping[tuple[str, str], Cell],
+) -> list[dict[str, Any]]:
+    """The answers by question, in the order of the content; questions that it has lost come last.
+
+    None stands for an answer that bears a pseudonym for its reviewers.
+    """
+    order = [(quiz.id, one.id) for quiz in library.quizzes.values() for one in quiz.questions]
+    titles, questions = titles_of(library), questions_of(library)
+    places = {at: place for place, at in enumerate(order)}
+
+    def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
+        return places.get(one[:2], len(order)), one[0], one[1]
+
+    return [
+        {
+            "quiz": at[1],
+            "question": at[2],
+            "title": titles.get((at[1], at[2]), at[2]),
+            "cell": cells.get((at[1], at[2]), EMPTY),
+            "answers": [
+                (
+                    answer,
+                    told_answer(questions.get((at[1], at[2])), answer),
+                    told_in(library, at[1], answer, is_newest=place == 0),
+                )
+                for place, answer in enumerate(answers)
+                if answer is not None
+            ],
+            "blind": answers.count(None),
+        }
+        for at, theirs in groupby(sorted(given, key=place), key=place)
+        for answers in [[answer for _, _, answer in theirs]]
+    ]
+
+
+def questions_of(library: Library) -> dict[tuple[str, str], Question]:
+    """All questions, by (quiz, question)."""
+    return {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
+
+
+def told_answer(question: Question | None, given: Given) -> str:
+    """An answer in words; as it was typed where the content has lost the question."""
+    return given.text if question is None else kind_of(question).show(question, given.answer)
+
+
+def told_in(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Told:
+    """The state of an answer: an earlier one no longer waits for a person, unless all attempts count."""
+    found = library.quizzes.get(quiz)
+    waits = is_newest or given.is_decided or given.verdict is None or (found and found.policy.counts == "average")
+    return given.told if waits else REPLACED

@@ -1,0 +1,242 @@
+"""`/instructor/people`: members, invitations, tokens, the course link and the audit log. It needs no script."""
+
+import json
+from collections.abc import Sequence
+from datetime import timedelta
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import RedirectResponse, Response
+from sqlalchemy.orm import Session
+
+from grader.courses.people import invitations, tokens
+from grader.courses.people import members as rules
+from grader.courses.people.audit import Action
+from grader.courses.people.external import known_as
+from grader.courses.people.identity import Identity, Role, Scope
+from grader.courses.people.namesakes import marks_in
+from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
+from grader.gate.services import AppServices, Services
+from grader.store import courses, people, platforms
+from grader.store.courses import AuditEntry
+from grader.store.tables import ROW_ID_MAX, Credential, Member
+from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.rendering import page
+from grader.web.learner.pages import sign_in_page
+from grader.web.platform.frames import PRIVATE
+
+PAGE = "/instructor/people"
+ROWS = 50
+"""Members on one page, and entries of the audit log."""
+
+WAYS = {
+    "name": "named here",
+    "oidc": "your organisation's sign-in",
+    "browser": "came without an invitation",
+    "lti": "a platform",
+}
+"""How a member is found again, by the kind of the account."""
+
+SUBJECTS = {
+    "of_answers": {Action.CLAIMED, Action.RELEASED, Action.REVIEWED, Action.MARKED_SECOND, Action.RECOMPUTED},
+    "of_members": {Action.SEEN_AS},
+    "of_regrades": {Action.REGRADED, Action.REGRADE_CANCELLED},
+}
+"""The actions whose subject in the audit log is the id of something that has a page."""
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get(PAGE)
+def show(
+    request: Request, services: AppServices, who: Visitor, *, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
+    before: Annotated[int | None, Query(ge=1, le=ROW_ID_MAX)] = None,
+) -> Response:  # fmt: skip
+    """The people of a course: members after the first `start`, audit entries before a number; else how to sign in."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, services, who)
+    return shown(request, services, who, start=start, before=before)
+
+
+def shown(
+    request: Request, services: Services, who: Identity, status: int = 200, *, start: int = 0,
+    before: int | None = None, **more: Any,
+) -> Response:  # fmt: skip
+    """The page as it is now, with the outcome of a form: what was `typed`, `links` that are shown once, a `token`."""
+    with services.database.read() as session:
+        members = people.by_name(session, who.course, start, ROWS + 1)
+        entries = courses.audit_page(session, who.course, before, ROWS + 1)
+        link = courses.link_of(session, who.course)
+        context: dict[str, Any] = {
+            "members": member_rows(session, who, members[:ROWS]),
+            "more_members": start + ROWS if len(members) > ROWS else None,
+            "invitations": [
+                tokens.shown(one) for one in invitations.pending(session, who.course) if is_invitation(one)
+            ],
+            "tokens": [tokens.shown(one) for one in tokens.tokens(session, who.course)],
+            "audit": [(one, *subject_of(one)) for one in entries[:ROWS]],
+            "marks": marks_in(session, who.course),
+            "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
+        }
+    join_url = None if link is None else f"{services.origin_of(request)}/join?code={link.code}"
+    context |= {
+        "join_url": join_url,
+        "roles": list(Role),
+        "scopes": list(Scope),
+        "typed": {},
+        "start": start,
+        "is_open": services.sessions.anonymous,
+        **SUBJECTS,
+    }
+    return page(request, "people.html", status, PRIVATE, who=who, **(SUBJECTS | context | more))
+
+
+def is_invitation(link: Credential) -> bool:
+    """Whether a pending link is an invitation, and not a learner's own to come back."""
+    return link.expires_at is not None and link.expires_at - link.created_at < 2 * invitations.INVITATION
+
+
+def member_rows(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
+    """Members with where they come from, and whether another has the same address."""
+    launched = platforms.courses_of(session, [one.id for one in members])
+    twins = people.sharing_email(session, who.course, members)
+    return [
+        {
+            "row": one,
+            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or origin_of(one),
+            "has_twin": bool(twins.get(one.id)),
+            "is_self": one.id == who.id,
+        }
+        for one in members
+    ]
+
+
+def origin_of(member: Member) -> str:
+    """Where a member comes from who was launched by no platform."""
+    way = "browser" if member.account is None else member.account.partition(":")[0]
+    if way == "lms":
+        known = known_as(member)
+        return f"{known.namespace}: {known.id}"
+    return WAYS.get(way, way)
+
+
+def subject_of(entry: AuditEntry) -> tuple[str, str | None]:
+    """The object of an audited action in words, and the id of the member if it names one."""
+    detail = json.loads(entry.detail)
+    if entry.action == Action.EXTENDED and detail:  # that of an erased learner is empty
+        return f"{entry.subject}, {detail['name']}", detail["member"]
+    return entry.subject, None if entry.action == Action.REPLAYED else detail.get("member")
+
+
+@router.post(f"{PAGE}/invitations")
+def invite(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+    """Makes a single-use link for each name, and shows them this once; shows the page again if it is refused."""
+    who = instructor(who)
+    names = [name for line in form.get("names", "").splitlines() if (name := line.strip())]
+    try:
+        if not names:
+            raise Unprocessable("Write at least one name.")
+        if len(names) > invitations.NAMES_AT_ONCE:
+            raise Unprocessable(f"Invite at most {invitations.NAMES_AT_ONCE} at once.")
+        with services.database.write() as session:
+            made = invitations.invite(session, who, who.course, names, form.get("role", ""))
+    except CallerError as error:
+        return shown(request, services, who, 422, typed=form, trouble=str(error))
+    return with_links(request, services, who, made)
+
+
+def with_links(request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]) -> Response:
+    """The page with new links, which are shown this once."""
+    origin = services.origin_of(request)
+    return shown(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
+
+
+@router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
+def revoke_invitation(invitation: str, services: AppServices, who: Visitor) -> Response:
+    """Ends a link that was not used. Raises Unauthorized, Forbidden, NotFound."""
+    who = instructor(who)
+    with services.database.write() as session:
+        invitations.revoke(session, who, invitation)
+    return RedirectResponse(f"{PAGE}#invitations-title", 303)
+
+
+@router.post(f"{PAGE}/link")
+def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
+    """Makes a new course link, or with `close` ends it. Raises Unauthorized, Forbidden."""
+    who = instructor(who)
+    with services.database.write() as session:
+        if "close" in form:
+            invitations.close_link(session, who)
+        else:
+            invitations.rotate_link(session, who)
+    return RedirectResponse(f"{PAGE}#course-title", 303)
+
+
+@router.post(f"{PAGE}/members/{{member_id}}")
+def change_member(request: Request, member_id: str, services: AppServices, who: Visitor, form: Form) -> Response:
+    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which.
+
+    Shows the page again if it is refused. Raises Unauthorized, Forbidden.
+    """
+    who, do = instructor(who), form.get("do", "")
+    try:
+        with services.database.write() as session:
+            if do == "remove":
+                rules.remove(session, who, member_id)
+            elif do in (Role.STUDENT, Role.INSTRUCTOR):
+                rules.change_role(session, who, member_id, do)
+            elif do == "link":
+                member = people.get(session, member_id, who.course)
+                if member is None:
+                    raise NotFound("There is no such member.")
+                made = invitations.invite_member(session, who, member)
+    except Unauthorized:
+        raise
+    except CallerError as error:
+        return shown(request, services, who, 409, trouble=str(error))
+    if do == "link":
+        return with_links(request, services, who, [made])
+    return RedirectResponse(f"{PAGE}#members-title", 303)
+
+
+@router.post(f"{PAGE}/tokens")
+def create_token(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+    """Creates a token and shows it this once; shows the page again if it is refused.
+
+    Asks first, before a name that the course does not know becomes a new user.
+    """
+    who = instructor(who)
+    scopes = [one for one in Scope if f"scope-{one}" in form]
+    user = form.get("user", "").strip()
+    try:
+        with services.database.read() as session:
+            is_known = rules.known(session, user, who.course)
+            bear_it = people.bearers(session, who.course, user)
+        if not is_known and form.get("new") != user:
+            return shown(request, services, who, typed=form, unknown=user, bear_it=bear_it)
+        with services.database.write() as session:
+            text = tokens.create_token(
+                session, user, form.get("role", ""), who.course, scopes=scopes or None,
+                lifetime=lifetime_of(form.get("days", "")), by=who,
+            )  # fmt: skip
+    except CallerError as error:
+        return shown(request, services, who, 422, typed=form, trouble=str(error))
+    return shown(request, services, who, token=(user, text))
+
+
+def lifetime_of(days: str) -> timedelta | None:
+    """How long a token is to be valid; None for no end. Raises Unprocessable."""
+    if not days.strip():
+        return None
+    if not days.strip().isdecimal() or not 1 <= int(days) <= tokens.DAYS_MAX:
+        raise Unprocessable(f"Days are a whole number of 1 to {tokens.DAYS_MAX}.")
+    return timedelta(days=int(days))
+
+
+@router.post(f"{PAGE}/tokens/{{token_id}}/revoke")
+def revoke_token(token_id: str, services: AppServices, who: Visitor) -> Response:
+    """Ends a token. Raises Unauthorized, Forbidden, NotFound."""
+    who = instructor(who)
+    with services.database.write() as session:
+        tokens.revoke(session, token_id, who.course, who)
+    return RedirectResponse(f"{PAGE}#tokens-title", 303)

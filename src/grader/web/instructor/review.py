@@ -1,0 +1,318 @@
+"""`/instructor/review/{id}`: one answer with its question and verdict, and the form of its review. It needs no script.
+
+Opening an answer that waits claims it, so that two reviewers never mark the same one.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import RedirectResponse, Response
+from sqlalchemy.orm import Session
+
+from grader.courses.people.identity import Identity
+from grader.courses.people.namesakes import marks_in
+from grader.courses.reviewing import comments, reviews
+from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.rubric import Mark
+from grader.domain.verdict import NO_COMMENT, REVIEW
+from grader.errors import CallerError, NotFound, Outdated, Unprocessable
+from grader.gate.services import AppServices, Services
+from grader.library import Library
+from grader.questions import Question, kind_of
+from grader.store import reviews as stored
+from grader.store import saved_comments, submissions
+from grader.store.reviews import AGREED, DIFFERS, Waits
+from grader.store.tables import Submission, now
+from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.rendering import page
+from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, Chosen, learner_in
+from grader.web.learner.pages import sign_in_page
+from grader.web.text.prose import cached_prose
+from grader.web.text.questions import page_of, titles_of
+from grader.web.verdict.card import card_of
+from grader.web.verdict.work import Given, given_in_full
+
+COUNTED_MAX = 1000
+"""Answers that are counted of those that wait."""
+
+CHANGED = "The answer was marked or graded again since you opened it. Look at it once more, then decide."
+NOTHING_TICKED = "Tick what holds, or give points; 0 points where nothing does."
+NO_POINTS = "Give points."
+
+router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True)
+class Typed:
+    """The fields of a review's form, as they were typed."""
+
+    ticked: frozenset[str] = frozenset()
+    points: str = ""
+    comment: str = ""
+    saved: str = ""
+    """The id of the saved comment that is chosen."""
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """An instructor at the desk, with a list."""
+
+    services: Services
+    who: Identity
+    chosen: Chosen
+
+    @property
+    def desk(self) -> Desk:
+        """What reviewing in the instructor's course works with."""
+        return self.services.desk_of(self.who.course)
+
+    @property
+    def is_second(self) -> bool:
+        """Whether the answers of the list get their second mark."""
+        return self.chosen.which == SECOND
+
+    def redirect(self, path: str, **told: str) -> RedirectResponse:
+        """To a page of the desk, which tells what was `said` of the `last` answer."""
+        more = f"&{urlencode(told)}" if told else ""
+        return RedirectResponse(f"{path}?{self.chosen.query}{more}", 303)
+
+
+async def sitting_of(services: AppServices, who: Visitor, chosen: Choice) -> Sitting:
+    """The instructor of the browser at the desk. Raises Unauthorized, Forbidden."""
+    return Sitting(services, instructor(who), chosen)
+
+
+AtDesk = Annotated[Sitting, Depends(sitting_of)]
+
+
+@router.post(f"{PAGE}/next")
+def open_next(at: AtDesk) -> Response:
+    """Claims the answer of a list that has waited longest, and redirects to it; to the list once nothing waits."""
+    return next_of(at)
+
+
+@router.post(f"{PAGE}/{{submission_id}}/claim")
+def claim(submission_id: str, at: AtDesk) -> Response:
+    """Claims an answer, and redirects to it. Raises Unauthorized, Forbidden, NotFound, Conflict."""
+    with at.services.database.write() as session:
+        at.desk.lock(session, at.who.course)
+        reviews.claim(session, at.who, found(session, at.who, submission_id), second=at.is_second)
+    return at.redirect(f"{PAGE}/{submission_id}")
+
+
+@router.get(f"{PAGE}/{{submission_id}}")
+def show(
+    request: Request, submission_id: str, services: AppServices, who: Visitor, chosen: Choice, *,
+    said: Annotated[str, Query(max_length=16)] = "", last: Annotated[str, Query(pattern="^[0-9a-f]{0,32}$")] = "",
+) -> Response:  # fmt: skip
+    """One answer and the form of its review; to anyone but an instructor, how to sign in. Raises NotFound."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, services, who)
+    return shown(request, Sitting(services, who, chosen), submission_id, said=said, last=last)
+
+
+@router.post(f"{PAGE}/{{submission_id}}")
+def act(request: Request, submission_id: str, at: AtDesk, form: Form) -> Response:
+    """Decides, gives the answer back, or works with saved comments; `do` says which.
+
+    Shows the page again with what was typed if it is refused. Raises Unauthorized, Forbidden, NotFound.
+    """
+    do, typed = form.get("do", ""), typed_in(form)
+    try:
+        if do in ("next", "decide"):
+            said = decide(at, submission_id, typed, form.get("version", ""))
+            if do == "next":
+                return next_of(at, said=said, last=submission_id)
+            return at.redirect(f"{PAGE}/{submission_id}", said=said)
+        if do == "release":
+            release(at, submission_id)
+            return at.redirect(PAGE)
+        typed = with_comments(at, submission_id, typed, do)
+    except NotFound:
+        raise
+    except CallerError as error:
+        status = 422 if isinstance(error, Unprocessable) else 409
+        return shown(request, at, submission_id, status, typed=typed, trouble=str(error))
+    return shown(request, at, submission_id, typed=typed)
+
+
+def next_of(at: Sitting, **told: str) -> RedirectResponse:
+    """To the next answer of a list, claimed; to the list once nothing waits."""
+    with at.services.database.write() as session:
+        at.desk.lock(session, at.who.course)
+        row = first_of(at, session)
+        if row is None:
+            return at.redirect(PAGE, **({"said": "none"} | told))
+        reviews.claim(session, at.who, row, second=at.is_second)
+    waiting = replace(at, chosen=replace(at.chosen, which=FIRST)) if at.chosen.which == ALL else at
+    return waiting.redirect(f"{PAGE}/{row.id}", **told)
+
+
+def first_of(at: Sitting, session: Session) -> Submission | None:
+    """The answer of a list that has waited longest, if one waits."""
+    if at.chosen.which == DIFFER:
+        differ = stored.disagreements(session, at.chosen.wanted(at.who), None, 1)
+        return differ[0][0] if differ else None
+    try:
+        return reviews.next_to_claim(session, at.chosen.queue(at.desk, at.who), at.who)
+    except NotFound:
+        return None
+
+
+def found(session: Session, who: Identity, submission_id: str) -> Submission:
+    """A submission of the instructor's course. Raises NotFound."""
+    row = submissions.get(session, submission_id) if submission_id.isalnum() else None
+    if row is None or not who.may_see(row.learner, row.course):
+        raise NotFound("There is no such submission.")
+    return row
+
+
+def decide(at: Sitting, submission_id: str, typed: Typed, version: str) -> str:
+    """Keeps a mark; returns what is to be said of it. Raises Conflict, Outdated, Unprocessable, NotFound."""
+    with at.services.database.write() as session:
+        row = found(session, at.who, submission_id)
+        at.desk.hold(session, row)
+        if str(row.version) != version:
+            raise Outdated(CHANGED)
+        mark = mark_of(typed, has_rubric=bool(rubric_of(at.desk.question(row))))
+        if not at.is_second:
+            reviews.decide(at.desk, session, at.who, row, mark)
+            return "decided"
+        return "agree" if reviews.mark_second(at.desk, session, at.who, row, mark).second == AGREED else "differ"
+
+
+def mark_of(typed: Typed, *, has_rubric: bool) -> Mark:
+    """The mark that was typed. Raises Unprocessable."""
+    if len(typed.comment) > comments.REVIEW_CHARACTERS_MAX:
+        raise Unprocessable(f"A comment has at most {comments.REVIEW_CHARACTERS_MAX} characters.")
+    if not typed.points and not (has_rubric and typed.ticked):
+        raise Unprocessable(NOTHING_TICKED if has_rubric else NO_POINTS)
+    ticked = tuple(sorted(typed.ticked)) if has_rubric and typed.ticked else None
+    return Mark(ticked, points_of(typed.points) if typed.points else None, typed.comment.strip())
+
+
+def points_of(text: str) -> float:
+    """Points as they were typed, with a point or a comma. Raises Unprocessable."""
+    try:
+        points = float(text.replace(",", "."))
+    except ValueError:
+        points = math.nan
+    if not math.isfinite(points):
+        raise Unprocessable("Points are a number, such as 1.5.")
+    return points
+
+
+def release(at: Sitting, submission_id: str) -> None:
+    """Ends the claim, so that others may review the answer. Raises NotFound."""
+    with at.services.database.write() as session:
+        at.desk.lock(session, at.who.course)
+        reviews.release(session, at.who, found(session, at.who, submission_id))
+
+
+def with_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typed:
+    """Inserts, saves, replaces or deletes a saved comment; the form after it. Raises Unprocessable, Conflict."""
+    with at.services.database.write() as session:
+        row, text = found(session, at.who, submission_id), typed.comment.strip()
+        here = (row.quiz, row.question)
+        kept = {one.id: one.text for one in saved_comments.of_question(session, row.course, *here)}
+        if do == "insert" and typed.saved in kept:
+            return replace(typed, comment="\n".join(filter(None, (text, kept[typed.saved]))))
+        if do == "delete" and typed.saved in kept:
+            comments.delete(session, at.who, typed.saved)
+        elif do in ("save", "replace"):
+            comments.check(text)
+            if do == "replace" and typed.saved in kept:
+                comments.change(session, at.who, typed.saved, text)
+            elif text not in kept.values():  # a form that is sent twice saves one comment
+                return replace(typed, saved=comments.save(at.services.database, session, at.who, here, text).id)
+    return typed
+
+
+def typed_in(form: dict[str, str]) -> Typed:
+    """What a form holds."""
+    ticked = frozenset(name.removeprefix("item-") for name in form if name.startswith("item-"))
+    comment = form.get("comment", "").replace("\r\n", "\n").replace("\0", "")
+    return Typed(ticked, form.get("points", "").strip(), comment, form.get("saved", ""))
+
+
+def typed_of(given: Given) -> Typed:
+    """The form as the last reviewer of an answer left it; empty before the first."""
+    review = next((one for one in (given.verdict or {}).get("findings", ()) if one["id"] == REVIEW), None)
+    if review is None:
+        return Typed()
+    measured = review["measured"] or {}
+    ticked = frozenset(item["id"] for item in measured.get("rubric", ()))
+    comment = "" if review["message"] == NO_COMMENT else review["message"]
+    by_hand = measured.get("by_hand") or not ticked
+    return Typed(ticked, f"{review['points']:.12g}" if by_hand else "", comment)
+
+
+def rubric_of(question: Question | None) -> list[dict[str, Any]]:
+    """The items that a reviewer can tick."""
+    return [] if question is None else [item.model_dump() for item in kind_of(question).rubric(question)]
+
+
+def shown(
+    request: Request, at: Sitting, submission_id: str, status: int = 200, *, typed: Typed | None = None, **more: Any
+) -> Response:
+    """The page of one answer, with what was typed or was given before. Raises NotFound."""
+    desk, who = at.desk, at.who
+    with at.services.database.read() as session:
+        row = found(session, who, submission_id)
+        seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
+        given = given_in_full(row, seen.verdicts.get(row.id))
+        claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
+        kept = saved_comments.of_question(session, who.course, row.quiz, row.question)
+        learner = learner_in(row, seen.names, marks_in(session, who.course))
+        waiting = sum(one.answers for one in waits_of(at, session))
+    card = card_of(given)
+    if card is None or given.verdict is None:
+        raise NotFound("This submission has no verdict yet.")
+    question = desk.question(row)
+    context: dict[str, Any] = {
+        "card": card,
+        "id": row.id,
+        "version": row.version,
+        "learner": learner,
+        "title": f"{row.quiz}: {titles_of(desk.library).get((row.quiz, row.question), row.question)}",
+        "of": given.verdict["max_points"],
+        "claim": claim,
+        "is_mine": claim is not None and claim.reviewer == who.id,
+        "marks": review if review is not None and review.second == DIFFERS else None,
+        "rubric": rubric_of(question),
+        "comments": kept,
+        "typed": typed or typed_of(given),
+        "waiting": waiting,
+        "chosen": at.chosen,
+        **asked(desk.library, row.quiz, question, given),
+    }
+    return page(request, "review_answer.html", status, who=who, **(context | more))
+
+
+def waits_of(at: Sitting, session: Session) -> Sequence[Waits]:
+    """What waits in the list, by question."""
+    if at.chosen.which == DIFFER:
+        return stored.differing(session, at.who.course, COUNTED_MAX)
+    return stored.waits(session, at.chosen.queue(at.desk, at.who), COUNTED_MAX)
+
+
+def asked(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:
+    """What the desk says of a question: its text, the answer to it, and the reference; the answer once it is gone."""
+    if question is None:
+        return {"answer": given.text}
+    view = next(one for one in page_of(library, library.quiz(quiz))["questions"] if one["id"] == question.id)
+    kind = kind_of(question)
+    text = kind.show(question, given.answer)
+    return {
+        "view": view,
+        "answer": text,
+        "is_prose": kind.is_prose,
+        "is_read": kind.is_prose and given.is_decided,
+        "words": len(text.split()) if kind.is_prose else 0,
+        "reference": cached_prose(kind.reference(question) or ""),
+    }

@@ -1,0 +1,198 @@
+"""`/instructor/review`: lists of answers to review. It needs no script."""
+
+import json
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import Response
+from sqlalchemy.orm import Session
+
+from grader.courses.people.audit import Action, record
+from grader.courses.people.identity import Identity
+from grader.courses.people.namesakes import marked, marks_in
+from grader.courses.reviewing import reviews
+from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.desk import Desk
+from grader.domain.verdict import Status
+from grader.gate.services import AppServices
+from grader.store import reviews as stored
+from grader.store import submissions
+from grader.store.reviews import Queue
+from grader.store.submissions import NEEDS_REVIEW, SubmissionFilter
+from grader.store.tables import ReviewClaim, Submission, now
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import page
+from grader.web.learner.lesson import day
+from grader.web.learner.pages import sign_in_page
+from grader.web.text.numbers import span
+from grader.web.text.questions import page_of, titles_of
+from grader.web.text.statuses import QUEUED, RUNNING, Told, told_of
+
+PAGE = "/instructor/review"
+ROWS = 50
+"""Answers on one page."""
+EXCERPT = 72
+"""Characters of an answer in a list."""
+
+FIRST, SECOND, DIFFER, ALL = "reviews", "second", "disagreements", "submissions"
+LISTS = {
+    FIRST: "waiting for a review",
+    SECOND: "waiting for my second mark",
+    DIFFER: "two marks that differ",
+    ALL: "all answers",
+}
+"""The lists, by the value of `which`."""
+
+router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A list, and the quiz, question and learner's name that it is narrowed to."""
+
+    which: str
+    quiz: str = ""
+    question: str = ""
+    user: str = ""
+
+    @property
+    def query(self) -> str:
+        """The same, as the query of an address."""
+        what = f"{self.quiz}/{self.question}" if self.question else self.quiz
+        named = {"which": self.which, "what": what, "user": self.user}
+        return urlencode({name: value for name, value in named.items() if value})
+
+    def wanted(self, who: Identity) -> SubmissionFilter:
+        """The same, as queries take it."""
+        return SubmissionFilter(who.course, self.user or None, self.quiz or None, self.question or None)
+
+    def queue(self, desk: Desk, who: Identity) -> Queue:
+        """The answers that wait for a mark: for the second in that list, in the others for the first."""
+        return reviews.queue_of(desk, self.wanted(who), who.id if self.which == SECOND else None)
+
+
+async def chosen_of(
+    which: Annotated[str, Query(max_length=64)] = FIRST,
+    what: Annotated[str, Query(max_length=200)] = "",
+    user: Annotated[str, Query(max_length=200)] = "",
+) -> Chosen:
+    """The list that an address names; `what` is a quiz, or a quiz and its question."""
+    quiz, _, question = what.replace("\0", "").partition("/")
+    return Chosen(which if which in LISTS else FIRST, quiz, question, user.replace("\0", "").strip())
+
+
+Choice = Annotated[Chosen, Depends(chosen_of)]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One answer of a list. `held_by` names who reviews it, `is_theirs` where that is another instructor."""
+
+    id: str
+    learner: str
+    quiz: str
+    title: str
+    excerpt: str
+    at: str
+    waited: str
+    told: Told
+    points: tuple[float, float] | None
+    held_by: str
+    is_theirs: bool
+    to_claim: bool
+
+
+@router.get(PAGE)
+def show(
+    request: Request, services: AppServices, who: Visitor, chosen: Choice, *,
+    after: Annotated[str, Query(max_length=32)] = "", said: Annotated[str, Query(max_length=16)] = "",
+    last: Annotated[str, Query(pattern="^[0-9a-f]{0,32}$")] = "",
+) -> Response:  # fmt: skip
+    """One list of answers; to anyone but an instructor, how to sign in."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, services, who)
+    desk = services.desk_of(who.course)
+    with services.database.read() as session:
+        rows, looked_up = rows_of(desk, session, who, chosen, after.replace("\0", "") or None)
+    if looked_up:
+        with services.database.write() as session:
+            record(session, who, who.course, Action.LOOKED_UP, chosen.user)
+    quizzes = [page_of(desk.library, one) for one in desk.library.quizzes.values() if one.questions]
+    following = rows[ROWS - 1].id if len(rows) > ROWS else None
+    shown: dict[str, Any] = {
+        "quizzes": quizzes,
+        "lists": LISTS,
+        "chosen": chosen,
+        "following": following,
+        "said": said,
+        "last": last,
+    }
+    return page(request, "review.html", who=who, rows=rows[:ROWS], **shown)
+
+
+def rows_of(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
+    """One answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
+    found, claims = answers_of(desk, session, who, chosen, after)
+    seen = blinded(desk, session, who, found, submissions.verdicts(session, found), always=chosen.which != ALL)
+    looked_up = chosen.which == ALL and bool(chosen.user and seen.names)  # who asks by name knows whose it is
+    names, titles = {} if looked_up else seen.names, titles_of(desk.library)
+    marks = marks_in(session, who.course)
+    rows = [
+        row_of(one, seen.verdicts.get(one.id), learner_in(one, names, marks), titles, held_by(claims.get(one.id), who))
+        for one in found
+    ]
+    return rows, looked_up
+
+
+def answers_of(
+    desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None
+) -> tuple[Sequence[Submission], Mapping[str, ReviewClaim]]:
+    """The answers of a list and the claims on them: all newest first, those that wait oldest first."""
+    if chosen.which == ALL:
+        return submissions.page(session, chosen.wanted(who), after, ROWS + 1), {}
+    if chosen.which == DIFFER:
+        wanted = replace(chosen.wanted(who), user=None)  # a name would tell whose answers they are
+        return [one for one, _ in stored.disagreements(session, wanted, after, ROWS + 1)], {}
+    waiting = stored.page(session, chosen.queue(desk, who), after, ROWS + 1, now())
+    return [one for one, _ in waiting], {one.id: claim for one, claim in waiting if claim is not None}
+
+
+def learner_in(one: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
+    """Whose answer it is: a pseudonym of `names`, or the name with its mark."""
+    return names[one.id] if one.id in names else marked(one.user, one.learner, marks)
+
+
+def held_by(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
+    """Who reviews an answer now, and whether that is another than this instructor."""
+    return ("", False) if claim is None else (claim.name, claim.reviewer != who.id)
+
+
+def row_of(
+    one: Submission, verdict: Any, learner: str, titles: Mapping[tuple[str, str], str], held: tuple[str, bool]
+) -> Row:
+    """One answer in words. What waits for a person has no points yet."""
+    decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
+    told = told_of(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
+    return Row(
+        one.id,
+        learner,
+        one.quiz,
+        titles.get((one.quiz, one.question), one.question),
+        excerpt(one),
+        day(one.created_at),
+        span((now() - one.created_at).total_seconds()),
+        told,
+        (verdict["points"], verdict["max_points"]) if decided else None,
+        *held,
+        one.status == NEEDS_REVIEW,
+    )
+
+
+def excerpt(one: Submission) -> str:
+    """The first words of an answer in words; nothing of any other."""
+    answer = json.loads(one.answer) if one.answer else None
+    return textwrap.shorten(answer, EXCERPT, placeholder="…") if isinstance(answer, str) else ""

@@ -1,0 +1,134 @@
+"""`/instructor/statistics`: how hard each question is, what it tells apart, and what goes wrong. It needs no script."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+from markupsafe import Markup
+
+from grader.courses.people.identity import Identity
+from grader.courses.reporting.quiz_statistics import QuizStatistics
+from grader.courses.rules.statistics import Cluster, Estimate, QuestionStatistics
+from grader.gate.services import AppServices, Services
+from grader.questions import CountedNumber, Question, Quiz, kind_of
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import page
+from grader.web.instructor.statistics_plots import bar, estimates_plot
+from grader.web.learner.pages import sign_in_page
+from grader.web.text.numbers import NARROW, number, quantity
+from grader.web.text.questions import page_of
+from grader.web.verdict.plots import drawn
+
+PAGE = "/instructor/statistics"
+OF_POINTS, AT_ONCE, TELLS = "Share of the points", "Right at the first attempt", "Discrimination"
+ALL_OPTIONS_MAX = 10
+"""Up to so many options are all shown, also those that nobody chose."""
+HALF_WIDTH = 520.0
+"""Width of a plot that stands beside another."""
+
+router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """How many learners did something: what, in words, their number, and a bar as long."""
+
+    words: str
+    learners: int
+    picture: Markup
+    is_right: bool = False
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One question: its estimates in words, and what was answered."""
+
+    title: str
+    estimates: tuple[tuple[str, str], ...]
+    options: tuple[Bar, ...]
+    clusters: tuple[Bar, ...]
+    mistakes: tuple[Bar, ...]
+
+
+@router.get(PAGE)
+def statistics(
+    request: Request, services: AppServices, who: Visitor, quiz: Annotated[str, Query(max_length=64)] = ""
+) -> Response:
+    """The statistics of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
+    if who is None or not who.is_instructor:
+        return sign_in_page(request, services, who)
+    quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
+    if not quizzes:
+        return page(request, "statistics.html", who=who, quizzes=[])
+    chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
+    found = statistics_of(services, who, chosen)
+    titles = {view["id"]: view["short"] for view in page_of(services.library_for(who), chosen)["questions"]}
+    by_id = {one.id: one for one in chosen.questions}
+    context: dict[str, Any] = {
+        "quizzes": quizzes,
+        "quiz": chosen,
+        "learners": found.learners,
+        "figures": [drawn(sketch, HALF_WIDTH) for sketch in estimates_plot(found.questions, titles)],
+        "questions": [shown(one, by_id[one.question], titles[one.question]) for one in found.questions],
+        "silent": [titles[one] for one in titles if one not in {each.question for each in found.questions}],
+    }
+    return page(request, "statistics.html", who=who, **context)
+
+
+def statistics_of(services: Services, who: Identity, quiz: Quiz) -> QuizStatistics:
+    """The statistics of a quiz as this instructor may see them."""
+    return services.statistics.compute(services.statistics.version(services.library_for(who), quiz.id, who))
+
+
+def shown(one: QuestionStatistics, question: Question, title: str) -> Shown:
+    """One question for the template."""
+    of = one.difficulty.n
+    clusters = [(value_of(cluster, question), cluster.learners) for cluster in one.clusters]
+    return Shown(
+        title,
+        (
+            (OF_POINTS, told_share(one.difficulty)),
+            (AT_ONCE, told_share(one.right_at_once)),
+            (TELLS, told(one.discrimination)),
+        ),
+        options_of(one, question),
+        tuple(Bar(words, count, bar(count, of)) for words, count in clusters),
+        tuple(Bar(words, count, bar(count, of)) for words, count in one.mistakes.items()),
+    )
+
+
+def options_of(one: QuestionStatistics, question: Question) -> tuple[Bar, ...]:
+    """How many learners chose each option first; none where nobody chose anything.
+
+    Of many options, wrong ones that nobody chose are left out.
+    """
+    if not one.options:
+        return ()
+    of = one.difficulty.n
+    options = kind_of(question).options(question)
+    counted = [(option, one.options.get(place, 0)) for place, option in enumerate(options)]
+    if len(options) > ALL_OPTIONS_MAX:
+        counted = [(option, count) for option, count in counted if option.is_right or count]
+    return tuple(Bar(option.text, count, bar(count, of), option.is_right) for option, count in counted)
+
+
+def value_of(cluster: Cluster, question: Question) -> str:
+    """The number that several learners gave, with its unit, and of several numbers with its name."""
+    numbers = kind_of(question).numbers(question)
+    counted = numbers[cluster.number] if cluster.number < len(numbers) else CountedNumber()
+    value = quantity(cluster.value, counted.unit) if counted.unit else number(cluster.value)
+    return f"{counted.text}: {value}" if counted.text else value
+
+
+def told_share(one: Estimate) -> str:
+    """A share with its interval: `62 % (48 to 74 %, n = 42)`."""
+    value, low, high = (f"{100 * part:.0f}" for part in (one.value, one.low, one.high))
+    return f"{value}{NARROW}% ({low} to {high}{NARROW}%, n = {one.n})"
+
+
+def told(one: Estimate | None) -> str:
+    """A correlation with its interval; where there is none, why."""
+    if one is None:
+        return "unknown: too few learners, or all alike"
+    return f"{number(one.value, 2)} ({number(one.low, 2)} to {number(one.high, 2)}, n = {one.n})"

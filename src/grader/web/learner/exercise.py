@@ -1,0 +1,101 @@
+"""The page of one exercise: the statement; the editor, the attempts, the newest verdict and what is under way."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from grader.errors import NotFound
+from grader.library import Library
+from grader.questions import Quiz
+from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, asked, facts_of
+from grader.web.text.lessons import lesson_id, title_of
+from grader.web.text.numbers import points
+from grader.web.text.questions import page_of
+from grader.web.verdict.card import card_of
+from grader.web.verdict.work import Given, Work
+
+LINES_MAX = 2000
+"""Longer scripts stand side by side without marks: to compare takes a time that grows with the square."""
+
+
+@dataclass(frozen=True)
+class SourceLine:
+    """A line of one of two scripts; `kind` is `same`, `changed`, or `gap` where only the other has a line."""
+
+    text: str
+    kind: str
+
+
+def exercise_page(
+    library: Library, quiz: Quiz, question_id: str, work: Work, attempts: Sequence[Given], *,
+    chosen: str | None = None, typed: Typed | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
+    views = page_of(library, quiz)["questions"]
+    at = next(index for index, view in enumerate(views) if view["id"] == question_id)
+    view = views[at]
+    here = asked(view, library.question(quiz.id, question_id), quiz.id, work, typed)
+    running = attempts[0] if attempts and attempts[0].verdict is None else None
+    shown = attempt_to_show(attempts, chosen)
+    facts = {name: value for name, value in facts_of([quiz], work).items() if name != WITH_AN_INSTRUCTOR}
+    lesson = lesson_id(quiz.id)
+    return {
+        "quiz": {"id": quiz.id, "title": quiz.title},
+        "lesson": {"id": lesson, "title": title_of(lesson), "path": f"/lessons/{lesson}"},
+        "here": here,
+        "facts": facts | {"points": points_here(here)},  # what waits may be at other questions
+        "attempts": attempts,
+        "shown": shown,
+        "following": following_of(quiz.id, lesson, views[at + 1 :]),
+        "running": running,
+        "card": None if shown is None else card_of(shown),
+        "source": source_of(here, typed),
+    }
+
+
+def following_of(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -> dict[str, str] | None:
+    """The name and the address of the quiz's next question; None after the last."""
+    if not later:
+        return None
+    view = later[0]
+    on_lesson = f"/lessons/{lesson}#{quiz}--{view['id']}"
+    return {"short": view["short"], "path": view["path"] if view["is_script"] else on_lesson}
+
+
+def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | None:
+    """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
+    if chosen is None:
+        return next((one for one in attempts if one.verdict is not None), None)
+    found = next((one for one in attempts if one.id == chosen), None)
+    if found is None:
+        raise NotFound("You have no such attempt at this exercise.")
+    return found
+
+
+def source_of(here: Asked, typed: Typed | None) -> str:
+    """The text of the editor: what was refused, the newest attempt, else the starter."""
+    return here.value() if typed is not None else here.value() or here.view["starter"] or ""
+
+
+def points_here(here: Asked) -> str:
+    """The points that count at this exercise."""
+    place = here.place
+    if place.points is None or (place.waits and not place.points):
+        return f"none of {points(place.of)} yet"
+    return f"{points(place.points)} of {points(place.of)}"
+
+
+def side_by_side(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:
+    """Two scripts line by line, with gaps so that equal lines stand beside each other."""
+    olds, news = left.splitlines(), right.splitlines()
+    pair: tuple[list[SourceLine], list[SourceLine]] = ([], [])
+    if len(olds) + len(news) > LINES_MAX:
+        return [SourceLine(text, "same") for text in olds], [SourceLine(text, "same") for text in news]
+    matcher = difflib.SequenceMatcher(None, olds, news)
+    for tag, a, b, c, d in matcher.get_opcodes():
+        kind = "same" if tag == "equal" else "changed"
+        for lines, part in zip(pair, (olds[a:b], news[c:d]), strict=True):
+            lines.extend(SourceLine(text, kind) for text in part)
+            lines.extend([SourceLine("", "gap")] * (max(b - a, d - c) - len(part)))
+    return pair

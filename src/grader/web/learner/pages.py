@@ -1,0 +1,212 @@
+"""What a learner sees: the lessons, a lesson, an exercise, two attempts side by side, and plots to take along."""
+
+from functools import cache
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import PlainTextResponse, RedirectResponse, Response
+
+from grader.courses.answering.access import require_opened
+from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
+from grader.domain.markup import plain_text
+from grader.errors import NotFound, Unauthorized
+from grader.gate.services import AppServices, Services
+from grader.library import Library
+from grader.questions import kind_of
+from grader.queue import jobs
+from grader.store.submissions import QUEUED, RUNNING, case_now
+from grader.web.frame.assets import FOLDER
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import HEADERS, page
+from grader.web.learner.exercise import exercise_page, side_by_side
+from grader.web.learner.lesson import Typed, lesson_page, opened_facts
+from grader.web.text.lessons import OTHER, Lesson, lesson_id, lessons_of
+from grader.web.text.questions import page_of
+from grader.web.verdict.plots import light_styles, sketches, standalone
+from grader.web.verdict.work import attempts_of, work_of
+
+SIGN_IN = "Sign in first."
+NO_ATTEMPT = "You have no such attempt."
+
+router = APIRouter(include_in_schema=False)
+
+
+def sign_in_page(request: Request, services: Services, who: Identity | None) -> Response:
+    """How to sign in, for a browser that has to: 401, or 403 in the wrong role."""
+    return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
+
+
+def reader_of(who: Identity | None) -> Identity:
+    """The learner of a page; for a browser on loopback whose session has not begun, one without any work."""
+    return who or Identity("", "", Role.STUDENT, DEFAULT_COURSE)
+
+
+@router.get("/")
+def home(request: Request, services: AppServices, who: Visitor, quiz: str | None = None) -> Response:
+    """The lesson, or the list of lessons where there are several; with `?quiz=` that quiz alone.
+
+    On loopback anyone may read; the first answer begins a session.
+    """
+    if who is None and not services.sessions.anonymous:
+        return sign_in_page(request, services, who)
+    if quiz is not None:
+        return show_lesson(request, services, who, f"/?quiz={quiz}")
+    lessons = lessons_of(services.library_for(who).quizzes)
+    if len(lessons) == 1:
+        return show_lesson(request, services, who, "/")
+    return show_lessons(request, services, who, lessons)
+
+
+def show_lessons(request: Request, services: Services, who: Identity | None, lessons: list[Lesson]) -> Response:
+    """The list of lessons with the learner's points."""
+    library, reader = services.library_for(who), reader_of(who)
+    quizzes = [quiz for lesson in lessons for quiz in lesson.quizzes]
+    with services.database.read() as session:
+        work = work_of(session, library, reader, quizzes)
+    rows = [
+        {
+            "lesson": lesson,
+            "names": [plain_text(quiz.title) for quiz in lesson.quizzes],
+            "facts": opened_facts(lesson.quizzes, work),
+        }
+        for lesson in lessons
+    ]
+    return page(request, "lessons.html", who=who, rows=rows)
+
+
+@router.get("/lessons/{lesson}")
+def lesson_by_id(lesson: str, request: Request, services: AppServices, who: Visitor) -> Response:
+    """One lesson. Raises NotFound."""
+    if who is None and not services.sessions.anonymous:
+        return sign_in_page(request, services, who)
+    return show_lesson(request, services, who, f"/lessons/{lesson}")
+
+
+def show_lesson(
+    request: Request, services: Services, who: Identity | None, address: str, *,
+    typed: Typed | None = None, status: int = 200,
+) -> Response:  # fmt: skip
+    """The lesson at an address: `/`, `/lessons/...` or `/?quiz=...`. Raises NotFound."""
+    library, reader = services.library_for(who), reader_of(who)
+    lesson = lesson_at(library, address)
+    with services.database.read() as session:
+        work = work_of(session, library, reader, lesson.quizzes)
+    shown = lesson_page(library, lesson, work, typed)
+    return page(request, "lesson.html", status, who=who, address=address, **shown)
+
+
+def lesson_at(library: Library, address: str) -> Lesson:
+    """The lesson that an address shows. Raises NotFound."""
+    kind, _, name = address.strip("/").replace("?quiz=", "quiz/").partition("/")
+    if kind == "quiz":
+        quiz = library.quiz(name)
+        return Lesson(quiz.id, plain_text(quiz.title), (quiz,))
+    found = [one for one in lessons_of(library.quizzes) if kind == "" or one.id == name]
+    if kind == "" and len(found) != 1:
+        return Lesson(OTHER, "Questions and exercises", tuple(library.quizzes.values()))
+    if not found:
+        raise NotFound(f"There is no lesson {name!r}.")
+    return found[0]
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}")
+def exercise(
+    quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor, attempt: str | None = None
+) -> Response:
+    """An exercise with its newest verdict, or an earlier attempt; any other question stands on its lesson's page.
+
+    Raises NotFound, and Conflict before the quiz opens.
+    """
+    if who is None and not services.sessions.anonymous:
+        return sign_in_page(request, services, who)
+    library = services.library_for(who)
+    question = library.question(quiz_id, question_id)
+    require_opened(library, quiz_id, reader_of(who).role)
+    if not kind_of(question).is_script:
+        return RedirectResponse(f"/lessons/{lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
+    return show_exercise(request, services, who, quiz_id=quiz_id, question_id=question_id, attempt=attempt)
+
+
+def show_exercise(
+    request: Request, services: Services, who: Identity | None, *, quiz_id: str, question_id: str,
+    attempt: str | None = None, typed: Typed | None = None, status: int = 200,
+) -> Response:  # fmt: skip
+    """The page of an exercise. Raises NotFound."""
+    library, reader = services.library_for(who), reader_of(who)
+    quiz = library.quiz(quiz_id)
+    with services.database.read() as session:
+        work = work_of(session, library, reader, [quiz])
+        attempts = attempts_of(session, work.access, reader, quiz_id, question_id)
+        ahead = jobs.count_ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
+        at = case_now(session, attempts[0].id) if attempts and attempts[0].state == RUNNING else None
+    shown = exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
+    shown |= {"ahead": ahead, "at": at, "refused": status != 200}
+    return page(request, "exercise.html", status, who=who, **shown)
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}/attempts")
+def compare(
+    quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor,
+    left: Annotated[str | None, Query(max_length=64)] = None, right: Annotated[str | None, Query(max_length=64)] = None,
+) -> Response:  # fmt: skip
+    """Two attempts side by side, the two newest without a choice. Raises Unauthorized, NotFound."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
+    library = services.library_for(who)
+    view = next((one for one in page_of(library, library.quiz(quiz_id))["questions"] if one["id"] == question_id), None)
+    if view is None:
+        raise NotFound("There is no such question.")
+    with services.database.read() as session:
+        work = work_of(session, library, who, [library.quiz(quiz_id)])
+        attempts = attempts_of(session, work.access, who, quiz_id, question_id)
+    if len(attempts) < 2:
+        raise NotFound("There are no two attempts to compare yet.")
+    by_id = {one.id: one for one in attempts}
+    pair = (left or attempts[1].id, right or attempts[0].id)
+    if not by_id.keys() >= {*pair}:
+        raise NotFound(NO_ATTEMPT)
+    chosen = [by_id[one] for one in pair]
+    lines = side_by_side(chosen[0].text, chosen[1].text)
+    return page(request, "compare.html", who=who, view=view, attempts=attempts, chosen=chosen, lines=lines)
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
+def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
+    """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
+    if who is None and not services.sessions.anonymous:
+        raise Unauthorized(SIGN_IN)
+    library = services.library_for(who)
+    require_opened(library, quiz_id, reader_of(who).role)
+    text = library.starter(library.question(quiz_id, question_id))
+    if text is None:
+        raise NotFound("This question has no starter file.")
+    name = question_id.replace("-", "_")
+    headers = {"Content-Disposition": f'attachment; filename="{name}.py"'}
+    return PlainTextResponse(text, headers=HEADERS | headers, media_type="text/x-python")
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}/attempts/{attempt}/{name}.svg")
+def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: AppServices, who: Visitor) -> Response:
+    """One plot of the learner's own verdict as a file. Raises Unauthorized, NotFound."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
+    library = services.library_for(who)
+    with services.database.read() as session:
+        work = work_of(session, library, who, [library.quiz(quiz_id)])
+        attempts = attempts_of(session, work.access, who, quiz_id, question_id)
+    given = next((one for one in attempts if one.id == attempt and one.verdict is not None), None)
+    if given is None or given.verdict is None:
+        raise NotFound(NO_ATTEMPT)
+    titles = {finding["id"]: finding["title"] for finding in given.verdict.get("findings") or []}
+    found = next((one for one in sketches(given.verdict.get("evidence") or {}, titles) if one.name == name), None)
+    if found is None:
+        raise NotFound("This verdict has no such plot.")
+    headers = {"Content-Disposition": f'attachment; filename="{question_id}-{name}.svg"'}
+    policy = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
+    return Response(standalone(found, plot_styles()), headers=HEADERS | headers | policy, media_type="image/svg+xml")
+
+
+@cache
+def plot_styles() -> str:
+    """The style sheet's rules for plots."""
+    return light_styles((FOLDER / "style.css").read_text(encoding="utf-8"))

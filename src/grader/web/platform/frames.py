@@ -1,0 +1,83 @@
+"""What pages in a learning platform's frame have in common: cookies, security policy, and plain words for a refusal."""
+
+from collections.abc import Awaitable, Callable
+from functools import wraps
+from typing import Annotated, Any
+from urllib.parse import parse_qsl
+
+from fastapi import Depends, Request
+from fastapi.responses import Response
+
+from grader.courses.people.sign_in import BrowserSession
+from grader.domain.platform import Platform
+from grader.errors import CallerError, Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
+from grader.gate.services import AppServices, Services
+from grader.platforms.tool import MISSING, Tool
+from grader.web.frame.rendering import POLICY, page, security_policy
+
+FIELDS_MAX = 60
+PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+REFUSALS = (Unauthorized, Forbidden, NotFound, Conflict, Unprocessable)
+STATUS: dict[type[CallerError], int] = {Unauthorized: 401, Forbidden: 403, NotFound: 404, Conflict: 409}
+ANYWHERE = {POLICY: security_policy(["*"])}
+"""A refusal has nothing to press, so any site may show it: the platform's administrator must be able to read it."""
+
+
+async def tool_of(services: AppServices) -> Tool:
+    """The LTI tool. Raises NotFound, which says what to install."""
+    if services.tool is None:
+        raise NotFound(MISSING)
+    return services.tool
+
+
+LtiTool = Annotated[Tool, Depends(tool_of)]
+
+
+async def pairs_of(request: Request) -> list[tuple[str, str]]:
+    """The parameters of a request, by GET or as a form, each as often as it is there. Raises Unprocessable."""
+    text = request.url.query if request.method == "GET" else (await request.body()).decode(errors="replace")
+    try:
+        return parse_qsl(text, keep_blank_values=True, max_num_fields=FIELDS_MAX)
+    except ValueError as error:
+        raise Unprocessable(f"At most {FIELDS_MAX} parameters are taken.") from error
+
+
+Handler = Callable[..., Awaitable[Response]]
+
+
+def in_plain_words(handler: Handler) -> Handler:
+    """Shows the reader of a frame a refusal as a page. The handler's first parameter is the request."""
+
+    @wraps(handler)
+    async def handled(request: Request, *args: Any, **kwargs: Any) -> Response:
+        try:
+            return await handler(request, *args, **kwargs)
+        except REFUSALS as error:
+            return refusal(request, error)
+
+    return handled
+
+
+def refusal(request: Request, error: CallerError) -> Response:
+    """The page that says why something was refused."""
+    status = next((status for kind, status in STATUS.items() if isinstance(error, kind)), 422)
+    return page(request, "lti_message.html", status, PRIVATE | ANYWHERE, why=str(error))
+
+
+def framed_page(
+    request: Request, template: str, platform: Platform, posts_to: tuple[str, ...] = (), **context: Any
+) -> Response:
+    """A page of a launch, which this platform alone may show in a frame."""
+    headers = PRIVATE | {POLICY: security_policy(platform.origins, posts_to)}
+    return page(request, template, 200, headers, **context)
+
+
+def is_framed(request: Request) -> bool:
+    """Whether the browser shows the response in a frame, as far as it says so."""
+    return request.headers.get("sec-fetch-dest") != "document"
+
+
+def start_in(request: Request, services: Services, response: Response, opened: BrowserSession) -> Response:
+    """The response, with the cookie of a session in the frame or tab that it is shown in."""
+    response.headers.append("Set-Cookie", services.sessions.set_cookie(opened, framed=is_framed(request)))
+    return response

@@ -1,0 +1,163 @@
+"""`/lti`: logins and launches of learning platforms, and what they fetch of this tool."""
+
+from urllib.parse import quote, urlencode
+
+import structlog
+from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import JSONResponse, RedirectResponse, Response
+
+from grader.errors import Forbidden, Unauthorized, Unprocessable
+from grader.gate.services import AppServices, Services
+from grader.library import Library
+from grader.platforms.launching import login as logins
+from grader.platforms.launching.addresses import origin_of
+from grader.platforms.launching.arrival import NOT_APPROVED, Arrival, arrive
+from grader.platforms.launching.id_token import verify
+from grader.platforms.launching.launch import Launch, read_launch
+from grader.platforms.launching.login import Answered, Login, Unbound
+from grader.platforms.tool import canvas_configuration
+from grader.questions import kind_of
+from grader.web.platform.forms import choose_page, course_page, entered, open_page
+from grader.web.platform.forms import router as forms
+from grader.web.platform.frames import LtiTool, framed_page, in_plain_words, pairs_of
+
+router = APIRouter(include_in_schema=False, prefix="/lti")
+router.include_router(forms)
+log = structlog.get_logger()
+
+PUBLIC = {"Cache-Control": "public, max-age=300", "X-Content-Type-Options": "nosniff"}
+UNLINKED = (
+    "This course is not linked with a course of the grader yet. Its instructor links it by opening this link, "
+    "or any other one that leads here."
+)
+FIELDS = ("state", "id_token", "key", "error")
+
+
+@router.get("/keys.json")
+def public_keys(tool: LtiTool) -> Response:
+    """The public keys with which platforms verify what this tool signs."""
+    return JSONResponse(tool.keys.public(), headers=PUBLIC)
+
+
+@router.get("/canvas.json")
+def for_canvas(request: Request, tool: LtiTool, services: AppServices) -> Response:
+    """What Canvas asks for when a developer key is made by address."""
+    return JSONResponse(canvas_configuration(services.origin_of(request)), headers=PUBLIC)
+
+
+@router.get("/login")
+@router.post("/login")
+@in_plain_words
+async def begin(request: Request, _tool: LtiTool, services: AppServices) -> Response:
+    """Begins a login, and sends the browser to the platform, which knows who its user is."""
+    fields, origin = logins.fields_in(await pairs_of(request)), services.origin_of(request)
+    begun = await run_in_threadpool(services.sessions.writing, lambda session: logins.begin(session, fields, origin))
+    if begun.storage:
+        response: Response = framed_page(
+            request, "lti_storage.html", begun.platform, origin=origin_of(begun.platform.login_url),
+            storage=begun.storage, name=logins.name_of(begun.state), key=begun.key, address=begun.address, form=None,
+        )  # fmt: skip
+    else:
+        response = RedirectResponse(begun.address, 303, {"Cache-Control": "no-store"})
+    response.headers.append("Set-Cookie", key_cookie(services, begun))
+    return response
+
+
+@router.post("/launch")
+@in_plain_words
+async def launch(request: Request, tool: LtiTool, services: AppServices) -> Response:
+    """Verifies a launch, and opens the quiz or question that it leads to, in a session of the linked course."""
+    form = form_in(await pairs_of(request))
+    if "error" in form:
+        log.info("a platform refused a login", error=form["error"][:100])
+        raise Unauthorized("Your learning platform did not sign you in. Sign in there, then open this link again.")
+    state, cookie = form.get("state", ""), request.cookies.get(cookie_name(services, form.get("state", "")), "")
+    answered = await run_in_threadpool(
+        services.sessions.writing, lambda session: logins.answer(session, state, cookie or form.get("key", ""))
+    )
+    if isinstance(answered, Unbound):
+        return bind_otherwise(request, services, answered, form)
+    verified = await launch_of(tool, services.origin_of(request), answered, form.get("id_token", ""))
+    return await run_in_threadpool(settle, request, services, verified, in_tab=not cookie)
+
+
+async def launch_of(tool: LtiTool, origin: str, answered: Answered, id_token: str) -> Launch:
+    """The launch in a token. Raises Unauthorized; the log tells why, and which platform."""
+    try:
+        claims = await verify(id_token, answered.platform, answered.nonce, tool.platform_keys)
+        return read_launch(claims, answered.platform, origin)
+    except Unauthorized as error:
+        log.warning("a launch was refused", platform=answered.platform.id, why=str(error))
+        raise
+
+
+def form_in(pairs: list[tuple[str, str]]) -> dict[str, str]:
+    """The fields of a launch. Raises Unprocessable if one is there twice."""
+    known = [(name, value) for name, value in pairs if name in FIELDS]
+    if len(dict(known)) < len(known):
+        raise Unprocessable("A parameter of the launch is there twice.")
+    return dict(known)
+
+
+def bind_otherwise(request: Request, services: Services, login: Unbound, form: dict[str, str]) -> Response:
+    """For a browser that kept no cookie in the frame: by the platform's storage, else in a new tab."""
+    if login.storage and "key" not in form:
+        return framed_page(
+            request, "lti_storage.html", login.platform, origin=origin_of(login.platform.login_url),
+            storage=login.storage, name=logins.name_of(form["state"]), address=again(services, request, login),
+            form=form,
+        )  # fmt: skip
+    response = framed_page(request, "lti_tab.html", login.platform, address=again(services, request, login))
+    response.status_code = 401
+    return response
+
+
+def again(services: Services, request: Request, login: Unbound) -> str:
+    """Where the login begins again: in a new tab, cookies are kept."""
+    return f"{logins.login_url(services.origin_of(request))}?{urlencode(login.fields)}"
+
+
+def settle(request: Request, services: Services, launch: Launch, *, in_tab: bool) -> Response:
+    """Records the launch, and answers it. `in_tab`: the frame keeps no cookies, so the work opens in a new tab.
+
+    Raises Forbidden, NotFound.
+    """
+    arrival = services.sessions.writing(lambda session: arrive(services.database, session, launch))
+    if arrival is None:
+        raise Forbidden(NOT_APPROVED.format(launch.deployment_id))
+    if arrival.member is None:
+        if not launch.teaches or launch.subject is None:
+            raise Forbidden(UNLINKED)
+        return course_page(request, services, launch, arrival.context)
+    library = services.content.of(arrival.member.course).library
+    if launch.selection is not None:
+        return choose_page(request, services, library, launch, arrival)
+    address = address_of(library, arrival)
+    if in_tab:
+        return open_page(request, services, launch.platform, arrival, address)
+    return entered(request, services, arrival.member, launch.platform.id, address=address)
+
+
+def address_of(library: Library, arrival: Arrival) -> str:
+    """The page of a quiz, at the question. Raises NotFound if the content has it no more."""
+    if arrival.quiz is None:
+        return "/instructor" if arrival.role == "instructor" else "/"
+    library.quiz(arrival.quiz)
+    address = f"/?quiz={quote(arrival.quiz, safe='')}"
+    if arrival.question is None:
+        return address
+    if kind_of(library.question(arrival.quiz, arrival.question)).is_script:
+        return f"/quizzes/{quote(arrival.quiz, safe='')}/{quote(arrival.question, safe='')}"
+    return f"{address}#{quote(arrival.quiz)}--{quote(arrival.question)}"
+
+
+def cookie_name(services: Services, state: str) -> str:
+    """The name of the cookie that binds a login to its browser: one for each, as a page may have several frames."""
+    return f"{'__Host-' if services.sessions.secure else ''}{logins.name_of(state)}"
+
+
+def key_cookie(services: Services, login: Login) -> str:
+    """The `Set-Cookie` header that binds a login to its browser."""
+    attributes = services.sessions.attributes(int(logins.LIFETIME.total_seconds()), framed=True)
+    return f"{cookie_name(services, login.state)}={login.key}; {attributes}"

@@ -1,0 +1,121 @@
+"""`/session` begins a session on loopback, `/signin` exchanges a single-use code for one, `/join` a course's code.
+
+`/signout` ends it.
+
+A GET changes nothing and stores nothing: mail programs and link scanners open links on their own.
+"""
+
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, RedirectResponse, Response
+
+from grader.courses.people.invitations import CLOSED, join
+from grader.courses.people.sign_in import (
+    SPENT,
+    BrowserSession,
+    create_return_code,
+    identity_behind,
+    is_only_in_browser,
+    redeem_sign_in_code,
+    start_anonymous_session,
+)
+from grader.errors import Forbidden, Unauthorized
+from grader.gate.services import AppServices
+from grader.store.courses import course_with_code
+from grader.web.frame.inputs import Form, Visitor
+from grader.web.frame.rendering import page
+
+router = APIRouter(include_in_schema=False)
+
+PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
+
+
+@router.post("/session")
+def begin(request: Request, services: AppServices, who: Visitor) -> Response:
+    """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden.
+
+    The page's script gets the learner as JSON, a form is redirected to the questions.
+    """
+    if not services.sessions.anonymous:
+        raise Forbidden("Open the link that you were given to sign in.")
+    headers = {"Cache-Control": "no-store"}
+    if who is None:
+        opened = services.sessions.writing(start_anonymous_session)
+        who = opened.identity
+        headers["Set-Cookie"] = services.sessions.set_cookie(opened)
+    if "application/json" in request.headers.get("accept", ""):
+        return JSONResponse({"id": who.id, "user": who.user}, headers=headers)
+    return RedirectResponse("/", 303, headers)
+
+
+@router.get("/signin")
+def show_sign_in(request: Request, services: AppServices, who: Visitor, code: str = "") -> Response:
+    """Shows who the code signs in, and a button. The code is used by POST alone."""
+    invited = services.sessions.reading(lambda session: identity_behind(session, code))
+    if invited is None:
+        return page(request, "signin.html", 401, PRIVATE, who=who, trouble=SPENT)
+    return page(request, "confirm.html", 200, PRIVATE, who=who, invited=invited, code=code)
+
+
+@router.post("/signin")
+def sign_in(request: Request, services: AppServices, form: Form) -> Response:
+    """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role."""
+    code = form.get("code", "")
+    opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
+    services.sessions.end(request.cookies)
+    return signed_in(services, opened)
+
+
+def signed_in(services: AppServices, opened: BrowserSession) -> Response:
+    """The redirect to the page of the user's role, with the session's cookie."""
+    target = "/instructor" if opened.identity.is_instructor else "/"
+    return RedirectResponse(
+        target, 303, {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
+    )
+
+
+@router.get("/join")
+def show_join(request: Request, services: AppServices, who: Visitor, code: str = "") -> Response:
+    """A form for the name of a learner who comes with a course link."""
+    course = services.sessions.reading(lambda session: course_with_code(session, code))
+    if course is None:
+        return page(request, "signin.html", 403, PRIVATE, who=who, trouble=CLOSED)
+    return page(request, "join.html", 200, PRIVATE, who=who, course=course, code=code)
+
+
+@router.post("/join")
+def join_course(services: AppServices, form: Form, request: Request) -> Response:
+    """Makes a new learner of the course, and redirects to the questions. Raises Forbidden, Unprocessable."""
+    code, name = form.get("code", ""), form.get("name", "")
+    opened = services.sessions.writing(lambda session: join(session, code, name))
+    services.sessions.end(request.cookies)
+    return signed_in(services, opened)
+
+
+@router.get("/signout")
+def show_sign_out(request: Request, services: AppServices, who: Visitor) -> Response:
+    """Shows what signing out loses, and two buttons: one makes a link to come back, one signs out."""
+    if who is None:
+        return RedirectResponse("/", 303)
+    only_here = services.sessions.reading(lambda session: is_only_in_browser(session, who))
+    return page(request, "signout.html", who=who, only_here=only_here)
+
+
+@router.post("/signout/link")
+def make_return_link(request: Request, services: AppServices, who: Visitor) -> Response:
+    """Shows a single-use link with which the learner comes back; it replaces an earlier one. Raises Unauthorized."""
+    if who is None:
+        raise Unauthorized("Sign in first.")
+    code = services.sessions.writing(lambda session: create_return_code(session, who))
+    link = f"{services.origin_of(request)}/signin?code={code}"
+    return page(request, "signout.html", 200, PRIVATE, who=who, link=link)
+
+
+@router.post("/signout")
+def sign_out(request: Request, services: AppServices, who: Visitor) -> Response:
+    """Ends the session."""
+    services.sessions.end(request.cookies)
+    response = RedirectResponse("/", 303, {"Set-Cookie": services.sessions.delete_cookie()})
+    if who is not None and who.platform is not None:
+        response.headers.append("Set-Cookie", services.sessions.delete_cookie(framed=True))
+    return response

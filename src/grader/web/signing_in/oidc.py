@@ -1,0 +1,70 @@
+"""`/oidc`: sign-in at an OpenID provider. Not found unless the settings name one."""
+
+import secrets
+from datetime import timedelta
+
+import structlog
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response
+
+from grader.errors import NotFound, Unauthorized
+from grader.gate.openid import FAILED, Attempt, Provider
+from grader.gate.services import AppServices, Services
+from grader.web.signing_in.links import signed_in
+
+router = APIRouter(include_in_schema=False, prefix="/oidc")
+log = structlog.get_logger()
+
+COOKIE = "grader_oidc"
+IN_PROGRESS = timedelta(minutes=10)
+
+
+@router.get("/login")
+def begin(request: Request, services: AppServices) -> Response:
+    """Sends the browser to the provider. Nothing is stored here: the state travels in a cookie."""
+    provider, attempt = provider_of(services), Attempt()
+    try:
+        address = provider.address(attempt, redirect_uri_of(services, request))
+    except Exception as error:
+        log.exception("the OIDC provider cannot be reached")
+        raise Unauthorized("The sign-in service cannot be reached. Try again later.") from error
+    return RedirectResponse(address, 303, {"Set-Cookie": cookie(services, str(attempt), IN_PROGRESS)})
+
+
+@router.get("/callback")
+def finish(request: Request, services: AppServices, code: str = "", state: str = "") -> Response:
+    """Opens a session for a browser that returns from the provider. Raises Unauthorized, Forbidden, NotFound."""
+    provider = provider_of(services)
+    attempt = Attempt.read(request.cookies.get(cookie_name(services), ""))
+    if not code or not secrets.compare_digest(attempt.state.encode(), state.encode()):
+        raise Unauthorized(FAILED)
+    claims = provider.claims(attempt, code, redirect_uri_of(services, request))
+    opened = services.sessions.writing(lambda session: provider.open_session(session, claims))
+    services.sessions.end(request.cookies)
+    response = signed_in(services, opened)
+    response.headers.append("Set-Cookie", cookie(services, "", timedelta()))
+    return response
+
+
+def provider_of(services: Services) -> Provider:
+    """The provider of the settings. Raises NotFound without one."""
+    if services.provider is None:
+        raise NotFound("There is no sign-in by OpenID Connect here.")
+    return services.provider
+
+
+def redirect_uri_of(services: Services, request: Request) -> str:
+    """The address to register with the provider."""
+    return f"{services.origin_of(request)}/oidc/callback"
+
+
+def cookie_name(services: Services) -> str:
+    """Returns the name; under https with the prefix that binds the cookie to this host."""
+    return f"__Host-{COOKIE}" if services.sessions.secure else COOKIE
+
+
+def cookie(services: Services, value: str, lifetime: timedelta) -> str:
+    """The `Set-Cookie` header of a sign-in in progress."""
+    secure = "; Secure" if services.sessions.secure else ""
+    age = int(lifetime.total_seconds())
+    return f"{cookie_name(services)}={value}; Max-Age={age}; Path=/; HttpOnly; SameSite=Lax{secure}"

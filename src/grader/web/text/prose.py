@@ -1,0 +1,181 @@
+"""Turns authors' HTML with TeX between dollars into safe HTML with MathML, in time linear in its length."""
+
+import html
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from xml.etree.ElementTree import tostring
+
+import nh3
+from latex2mathml import converter
+from markupsafe import Markup
+
+from grader.web.text.numbers import with_units
+
+TAGS_MAX = 2000
+"""Tags of one text; further ones are shown as typed. The time of the HTML5 algorithm is quadratic in their nesting."""
+
+TEX_LENGTH_MAX = 2000
+TEX_BUDGET = 10_000
+"""Characters of TeX in one text, which take about 20 us each to convert; further formulas are shown as typed."""
+
+FORMULA_COST = 10
+"""The part of the budget that a formula takes besides its length."""
+
+TOKEN = re.compile(r"<!--|</?(?P<name>[a-zA-Z][^\s/<>]*)[^<>]{0,2000}>|<|\\\$|\$")
+"""A comment, a tag, a lone `<` or a dollar sign. Tags are short, as HTML5 compares all their attributes."""
+
+DISPLAY = re.compile(r"\$\$((?:[^$\\]|\\.)++)\$\$", re.DOTALL)
+INLINE = re.compile(r"\$(?![\s$])((?:[^$\\]|\\.)++)(?<!\s)\$(?!\d)", re.DOTALL)
+"""An opening dollar is followed, a closing one preceded by a non-space."""
+
+COMMENT_END = re.compile("-->")
+
+VERBATIM = {tag: re.compile(rf"</{tag}\s*>", re.IGNORECASE) for tag in ("code", "pre", "kbd", "samp")}
+"""Elements in which a dollar sign opens no formula, with their end tags."""
+
+_MATHML = (
+    "math mrow mi mn mo mtext mspace msup msub msubsup mfrac msqrt mroot mover munder munderover mtable mtr mtd "
+    "mstyle mpadded mphantom menclose mmultiscripts mprescripts"
+)
+MATHML_TAGS = frozenset(_MATHML.split())
+MATHML_ATTRIBUTES = {
+    "math": {"display"},
+    "mo": {"stretchy", "fence", "separator", "form", "minsize", "maxsize", "lspace", "rspace"},
+    "mi": {"mathvariant"},
+    "mspace": {"width"},
+    "mfrac": {"linethickness"},
+    "mover": {"accent"},
+    "munder": {"accentunder"},
+    "mstyle": {"displaystyle", "scriptlevel", "mathcolor"},
+    "mtable": {"columnalign", "rowspacing", "columnspacing"},
+    "mtd": {"columnalign"},
+    "menclose": {"notation"},
+}
+_HTML = (
+    "a abbr b blockquote br code dd del details div dl dt em figcaption figure h3 h4 h5 h6 hr i img ins kbd li mark "
+    "ol p pre q s samp small span strong sub summary sup table tbody td tfoot th thead tr u ul var"
+)
+HTML_TAGS = frozenset(_HTML.split())
+HTML_ATTRIBUTES = {
+    "a": {"href", "title"},
+    "abbr": {"title"},
+    "img": {"src", "alt", "width", "height"},
+    "ol": {"start"},
+    "td": {"colspan", "rowspan"},
+    "th": {"colspan", "rowspan", "scope"},
+}
+
+ATTRIBUTES = HTML_ATTRIBUTES | MATHML_ATTRIBUTES
+
+_CLEANER = nh3.Cleaner(
+    tags=set(HTML_TAGS | MATHML_TAGS),
+    attributes=ATTRIBUTES,
+    url_schemes={"http", "https", "mailto"},
+    link_rel="noopener noreferrer",
+)
+
+
+def safe_html(prose: str) -> Markup:
+    """Converts TeX to MathML, keeps numbers and units together, and removes all that could run or load code.
+
+    Text inside code, pre, kbd and samp stays as it is; `\\$` is a dollar sign.
+    """
+    clean = _CLEANER.clean("".join(_Reader(prose).pieces()))  # sanitised last: MathML is no safer than its TeX
+    return Markup(clean)  # noqa: S704
+
+
+@lru_cache(maxsize=4096)
+def cached_prose(prose: str) -> Markup:
+    """`safe_html` of an author's text, which many pages show."""
+    return safe_html(prose)
+
+
+class _Reader:
+    """Reads a text once, from left to right. A search that found nothing is not repeated."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tags, self.tex = TAGS_MAX, TEX_BUDGET
+        self.absent: set[str] = set()
+
+    def pieces(self) -> Iterator[str]:
+        """HTML with MathML, not yet sanitised. Numbers in the text, formulas too, keep their units on the same line."""
+        position = verbatim_until = number_until = 0
+        while token := TOKEN.search(self.text, position):
+            start, found = token.start(), token[0]
+            text = self.text[position:start]
+            yield text if position < verbatim_until else with_units(text, is_after_number=0 < position == number_until)
+            position = token.end()
+            if name := token["name"]:
+                yield self._tag(found, name)
+                if start >= verbatim_until and name.lower() in VERBATIM and found[1] != "/":
+                    verbatim_until = self._end_of(VERBATIM[name.lower()], position) or position
+            elif found == "<!--":
+                end = self._end_of(COMMENT_END, position)
+                yield "" if end else "&lt;!--"
+                position = end or position
+            elif found == "<":
+                yield "&lt;"
+            elif start < verbatim_until:
+                yield found
+            elif found == "$" and (formula := DISPLAY.match(self.text, start) or INLINE.match(self.text, start)):
+                yield self._mathml(formula)
+                position = formula.end()
+                number_until = position if formula[1].rstrip("}")[-1:].isdigit() else 0
+            else:
+                yield "$"
+        yield with_units(self.text[position:], is_after_number=0 < position == number_until)
+
+    def _end_of(self, pattern: re.Pattern[str], position: int) -> int | None:
+        """Where the next match of `pattern` ends."""
+        if pattern.pattern in self.absent:
+            return None
+        if found := pattern.search(self.text, position):
+            return found.end()
+        self.absent.add(pattern.pattern)
+        return None
+
+    def _tag(self, tag: str, name: str) -> str:
+        """Returns the tag without the attributes that are removed later: HTML5 repeats unclosed elements with them."""
+        self.tags -= 1
+        if self.tags < 0:
+            return html.escape(tag)
+        if tag[1] == "/":
+            return f"</{name}>"
+        if name.lower() in ATTRIBUTES:
+            return tag
+        return f"<{name}/>" if tag.endswith("/>") else f"<{name}>"
+
+    def _mathml(self, formula: re.Match[str]) -> str:
+        """A formula as MathML, or as it was typed if it is too long or the budget is spent."""
+        tex = formula[1]
+        self.tex -= len(tex) + FORMULA_COST
+        if len(tex) > TEX_LENGTH_MAX or self.tex < 0:
+            return f"<code>{tex.replace('<', '&lt;')}</code>"
+        return mathml(html.unescape(tex), "block" if formula.re is DISPLAY else "inline")
+
+
+def mathml(tex: str, display: str = "inline") -> str:
+    """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
+    try:
+        return _converted(tex, display)
+    except Exception:  # its errors have no common class, and a typing error must not break the page
+        return f"<code>{html.escape(tex)}</code>"
+
+
+def _converted(tex: str, display: str) -> str:
+    """The MathML of a formula. Unlike the library's own text, it holds no markup from inside `\\text{...}`."""
+    reader = converter.Converter(display=display)
+    reader.macros = _NoMacros()
+    tree = reader.convert_to_element(tex)
+    for element in tree.iter():
+        element.text = element.text and html.unescape(element.text)
+    return tostring(tree, encoding="unicode")
+
+
+class _NoMacros(dict[str, tuple[list[str], int]]):
+    """Refuses macros: repeated use makes a short formula arbitrarily long."""
+
+    def __setitem__(self, name: str, _macro: tuple[list[str], int]) -> None:
+        raise ValueError(f"{name}: macros are not supported")

@@ -1,0 +1,101 @@
+"""Draws the evidence of a verdict: a plot's title says what is to be seen, its table says it without the picture."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from markupsafe import Markup
+
+from grader.web.verdict import evidence as read
+from grader.web.verdict.line_plots import chart_plot, difference_plot, order_plot
+from grader.web.verdict.motion_plot import motion_plot
+from grader.web.verdict.stability_map import stability_map
+from grader.web.verdict.svg import Drawing
+
+WIDTHS = {"wide-plot": 734.0, "narrow-plot": 308.0}
+BORDER, HEAD = 12, 36
+"""Room around a plot in a file of its own, and above it for the title."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A plot for the page: `name` is the part of its address for the download, `table` has a row of headings first."""
+
+    name: str
+    title: str
+    caption: str
+    pictures: Markup
+    table: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A plot before it is drawn at each width."""
+
+    name: str
+    title: str
+    caption: str
+    table: tuple[tuple[str, ...], ...]
+    draw: Any
+
+
+def figures_of(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> list[Figure]:
+    """The plots of a verdict, the one that argues most first. `titles` are those of the findings by id."""
+    return [drawn(sketch) for sketch in sketches(evidence, titles)]
+
+
+def drawn(sketch: Sketch, wide_width: float = WIDTHS["wide-plot"]) -> Figure:
+    """The plot at both widths; a style sheet shows one of them."""
+    wide, narrow = (sketch.draw(width) for width in (wide_width, WIDTHS["narrow-plot"]))
+    described = f"{sketch.title}. {sketch.caption}"
+    text = wide.svg("wide-plot", described) + narrow.svg("narrow-plot", described)
+    return Figure(sketch.name, sketch.title, sketch.caption, Markup(text), sketch.table)  # noqa: S704  # escaped by Drawing
+
+
+def sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Sketch]:
+    """Every plot that the evidence allows."""
+    runs = read.several(evidence, "angles", read.Run)
+    limits = {one.case: one for one in read.several(evidence, "limits", read.Limit)}
+    for claims in grouped(read.several(evidence, "claims", read.Claim)):
+        name = titles.get(claims[0].case, claims[0].case).rpartition(", ")[0]
+        yield Sketch(*stability_map(claims, limits, runs, name))
+    named = {one.case: one.integrator for one in read.several(evidence, "claims", read.Claim)}
+    if runs:
+        yield Sketch(*motion_plot(runs, named))
+    order = read.one(evidence, "order", read.Order)
+    if order is not None and (plot := order_plot(order)) is not None:
+        yield Sketch(*plot)
+    for difference in read.several(evidence, "differences", read.Difference):
+        if (plot := difference_plot(difference, titles.get(difference.case, difference.case))) is not None:
+            yield Sketch(*plot)
+    for index, chart in enumerate(read.several(evidence, "charts", read.Chart)):
+        if (plot := chart_plot(chart, titles.get(chart.case, chart.case), index)) is not None:
+            yield Sketch(*plot)
+
+
+def grouped(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:
+    """The claims of each case, whose trials are named `case.integrator`."""
+    return [list(some) for _, some in groupby(claims, key=lambda claim: claim.case.rpartition(".")[0])]
+
+
+def standalone(sketch: Sketch, styles: str) -> str:
+    """The wide plot as a file of its own, in light colours, with the title above it."""
+    picture: Drawing = sketch.draw(WIDTHS["wide-plot"])
+    text = picture.svg("wide-plot", sketch.title)
+    width, height = picture.width + 2 * BORDER, picture.height + HEAD + BORDER
+    corner = f'x="{-BORDER}" y="{-HEAD}"'
+    rules = f'<style>{styles}</style><rect {corner} width="{width:g}" height="{height:g}" fill="#fff"/>'
+    title = Drawing(picture.width, 0)
+    title.text(sketch.title, 0, -14, "name")
+    view = f'viewBox="{-BORDER} {-HEAD} {width:g} {height:g}" width="{width:g}"'
+    text = re.sub(r'viewBox="[^"]*"', f'xmlns="http://www.w3.org/2000/svg" {view}', text, count=1)
+    return text.replace(">", f">{rules}{''.join(title.parts)}", 1)
+
+
+def light_styles(css: str) -> str:
+    """The rules of the style sheet that plots need: the light tokens, the integrators and `.plot`."""
+    tokens = re.search(r":root \{.*?\n\}", css, re.DOTALL)
+    rules = re.findall(r"^\.(?:plot|Euler|RK4|implicit\w*|discrete)[ .{].*$", css, re.MULTILINE)
+    return "\n".join([tokens[0] if tokens else "", *rules])

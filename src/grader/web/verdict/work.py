@@ -1,0 +1,208 @@
+"""A learner's work as pages show it: read once for a page, and redacted by the policy."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access, redact_verdict
+from grader.courses.people.identity import Identity
+from grader.courses.rules.policy import Shown, spoken
+from grader.domain.policy import Policy
+from grader.domain.verdict import Status
+from grader.library import Library
+from grader.questions import Question, Quiz
+from grader.store import results, submissions
+from grader.store.submissions import Mark, SubmissionFilter
+from grader.store.tables import Result, Submission
+from grader.web.text.numbers import points
+from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Told, told_of
+
+ATTEMPTS_MAX = 12
+"""Attempts that a page lists, the newest ones."""
+
+AGAIN = {
+    "regrade": "Graded again on {when}, after a change of the question or its key",
+    "review": "Graded again by an instructor on {when}",
+    "rubric": "Graded again on {when}, after a change of the rubric",
+}
+"""What is said of a verdict that replaced another, by its cause."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """One answer of a learner with as much of its verdict as they may see."""
+
+    id: str
+    attempt: int
+    at: datetime
+    answer: Any
+    state: str
+    verdict: dict[str, Any] | None
+    withheld: str | None
+    again: str = ""
+    """Says when and why it was graded again, and what changed; empty if it was not, or must not be told."""
+
+    @property
+    def told(self) -> Told:
+        """Its state in words."""
+        if self.verdict is None:
+            return RUNNING if self.state == submissions.RUNNING else QUEUED
+        return told_of(self.verdict["status"], withheld=self.withheld is not None)
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether points can be shown."""
+        return self.verdict is not None and self.verdict["status"] != Status.NEEDS_REVIEW
+
+    @property
+    def awaits_a_person(self) -> bool:
+        """Whether the page says that an instructor decides."""
+        return self.verdict is not None and self.told is STATUSES[Status.NEEDS_REVIEW]
+
+    @property
+    def text(self) -> str:
+        """The answer as it was typed: a script's source, a text, or an option's index."""
+        answer = self.answer
+        return str(answer.get("source", "")) if isinstance(answer, dict) else "" if answer is None else str(answer)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a learner stands at one question."""
+
+    given: Given | None
+    points: float | None
+    of: float
+    notice: str
+    may_answer: bool
+    lab_is_open: bool
+    due: datetime | None
+    attempts_left: int | None
+
+    @property
+    def told(self) -> Told:
+        """The state of the newest answer in words."""
+        return NOT_ANSWERED if self.given is None else self.given.told
+
+    @property
+    def waits(self) -> bool:
+        """Whether a person has to decide: no points yet are no lost points."""
+        return self.given is not None and self.given.awaits_a_person
+
+    @property
+    def earlier_counts(self) -> bool:
+        """Whether an earlier answer has more points than the newest."""
+        if self.points is None or self.given is None or self.given.verdict is None or not self.given.is_decided:
+            return False
+        return self.points > float(self.given.verdict.get("points") or 0.0)
+
+    @property
+    def stands(self) -> Told:
+        """The state of what counts in words."""
+        if not self.earlier_counts:
+            return self.told
+        return STATUSES[Status.CORRECT if self.points == self.of else Status.PARTIAL]
+
+
+@dataclass(frozen=True)
+class Work:
+    """A learner's work: places by (quiz, question)."""
+
+    access: LearnerAccess
+    places: Mapping[tuple[str, str], Place]
+
+    def points(self, quiz: Quiz) -> tuple[float, float]:
+        """The points so far, and how many there are."""
+        places = [self.places[quiz.id, question.id] for question in quiz.questions]
+        return sum(place.points or 0.0 for place in places), sum(place.of for place in places)
+
+
+def work_of(session: Session, library: Library, who: Identity, quizzes: Sequence[Quiz]) -> Work:
+    """The newest answer and the result at every question of some quizzes."""
+    access = read_access(session, library, who)
+    named = {quiz.id for quiz in quizzes}
+    rows = [row for row in submissions.newest(session, who.course, who.id) if row.quiz in named]
+    newest = {(row.quiz, row.question): given for row, given in zip(rows, given_of(session, access, rows), strict=True)}
+    found = results.everywhere(session, who.course, who.id)
+    places = {}
+    for quiz in quizzes:
+        for question in quiz.questions:
+            at = (quiz.id, question.id)
+            places[at] = place_of(access, quiz, question, newest.get(at), found.get(at))
+    return Work(access, places)
+
+
+def place_of(
+    access: LearnerAccess, quiz: Quiz, question: Question, given: Given | None, result: Result | None
+) -> Place:
+    """Where a learner stands at one question, by the policy."""
+    progress = describe_progress_at(access, quiz, question, result)
+    decision = access.decide(quiz.id, question.id)
+    counts = progress["result"]
+    return Place(
+        given,
+        None if counts is None else counts["points"],
+        question.points,
+        progress["notice"],
+        decision.may_answer,
+        given is not None and decision.why_no_lab is None,
+        decision.due,
+        progress["attempts_left"],
+    )
+
+
+def attempts_of(session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str) -> list[Given]:
+    """A learner's answers to one question, newest first; unreadable ones are left out."""
+    wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
+    rows = submissions.page(session, wanted, None, ATTEMPTS_MAX)
+    return [
+        one
+        for one in given_of(session, access, rows)
+        if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER
+    ]
+
+
+def given_of(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
+    """Stored answers as the learner may see them now."""
+    verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
+    return [shown_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+
+
+def shown_answer(access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:
+    """One answer of `given_of`."""
+    decision = access.decide(row.quiz, row.question)
+    settled = verdict if row.status in submissions.AT_REST else None
+    answer = json.loads(row.answer) if row.answer else None
+    shown = redact_verdict(settled, decision)
+    again = "" if marks is None or decision.shown < Shown.FEEDBACK else graded_again(*marks)
+    return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
+
+
+def graded_again(before: Mark, after: Mark) -> str:
+    """Says that a verdict replaced another; empty where the first one only left it to a person."""
+    if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
+        return ""
+    said = AGAIN[after.cause].format(when=spoken(after.at))
+    worth = f"of {points(after.max_points)}"
+    if after.status == Status.NEEDS_REVIEW:
+        return f"{said}: an instructor will decide; before, it had {points(before.points)} {worth}."
+    if (before.points, before.max_points) == (after.points, after.max_points):
+        return f"{said}: the points stay {points(after.points)} {worth}."
+    earlier = f"of {points(before.max_points)}"
+    return f"{said}: {points(after.points)} {worth} now, {points(before.points)} {earlier} before."
+
+
+def given_in_full(row: Submission, verdict: Any | None) -> Given:
+    """A stored answer as an instructor sees it, with the verdict as reviewers may see it."""
+    answer = json.loads(row.answer) if row.answer else None
+    settled = verdict if row.status in submissions.AT_REST else None
+    return Given(row.id, row.attempt, row.created_at, answer, row.status, settled, None)
+
+
+def counting(policy: Policy) -> str:
+    """Which attempts count, in two words."""
+    return {"best": "best attempt", "latest": "latest attempt", "average": "average"}[policy.counts]

@@ -1,0 +1,249 @@
+"""The command line: exit codes, one JSON document, helpful errors."""
+
+import json
+import shutil
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from sqlalchemy.orm import Session
+
+from grader.courses.people.identity import DEFAULT_COURSE
+from grader.domain.policy import Extension
+from grader.store import extensions, people
+from grader.store.engine.database import Database
+from support import command_line
+
+ROOT = Path(__file__).parents[2]
+GRADER = Path(sys.executable).parent / "grader"
+
+
+def grader(*arguments: str, content: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GRADER_CONTENT", str(content))
+        return command_line.grader(*arguments)
+
+
+def verdict_of(*arguments: str) -> tuple[int, dict[str, Any]]:
+    done = grader("grade", "1.3-check", *arguments, "--json") if "--" not in arguments else grader(*arguments)
+    assert done.stdout, done.stderr
+    return done.returncode, json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("module", "unneeded"),
+    [
+        ("grader.commands.main", {"mujoco", "numpy", "scipy", "pydantic", "sqlalchemy", "structlog"}),
+        ("grader.service.accounts", {"mujoco", "numpy", "scipy", "fastapi", "alembic", "psycopg", "pint"}),
+        ("grader.grading.pipeline", {"scipy.stats", "sqlalchemy", "fastapi"}),
+    ],
+)
+def test_a_command_imports_what_it_needs(module: str, unneeded: set[str]) -> None:
+    code = f"import sys, {module}; print(*sorted({unneeded!r} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_seconds_are_converted_to_the_unit_asked_for() -> None:
+    code, verdict = verdict_of("q2", "0.005 s")
+    assert (code, verdict["status"], verdict["read_as"]) == (0, "correct", "5 ms")
+
+
+def test_seconds_without_a_unit_are_told_that_milliseconds_were_asked_for() -> None:
+    code, verdict = verdict_of("q2", "0.005")
+    assert (code, verdict["status"]) == (1, "incorrect")
+    assert "milliseconds" in verdict["diagnosis"]
+
+
+def test_a_negative_answer_goes_after_two_dashes() -> None:
+    code, verdict = verdict_of("grade", "--json", "1.3-check", "q2", "--", "-5")
+    assert (code, verdict["status"]) == (1, "incorrect")
+    assert verdict["read_as"] == "-5 ms"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["grade", "1.3-check", "q99", "1"],
+        ["grade", "nowhere", "q1", "1"],
+        ["grade", "1.3-exercises", "servo-threshold", "no_such_file.py"],
+        ["grade", "1.3-check"],
+        ["no-such-command"],
+        ["token", "create", "--user", "ada", "--role", "emperor"],
+        ["token", "revoke"],
+    ],
+)
+def test_usage_errors_exit_2_with_a_sentence_and_no_traceback(arguments: list[str]) -> None:
+    done = grader(*arguments)
+    assert done.returncode == 2
+    assert done.stderr.strip()
+    assert "Traceback" not in done.stderr
+    assert not done.stdout
+
+
+def test_check_of_a_folder_without_content_says_so() -> None:
+    command = [str(GRADER), "check", "/nowhere/at/all"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "no content folder here" in done.stdout
+
+
+@pytest.mark.parametrize(("name", "value"), [("PORT", "abc"), ("HOST", "0.0.0.0"), ("WORKERS", "-1")])
+def test_a_setting_that_cannot_be_is_named(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(f"GRADER_{name}", value)
+    done = grader("serve")
+    assert done.returncode == 2
+    assert "GRADER" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_source_that_is_not_utf8_or_too_long_exits_2(tmp_path: Path) -> None:
+    for name, content in (("latin1.py", b"# \xe9\n"), ("long.py", b"#" * 300_000)):
+        (tmp_path / name).write_bytes(content)
+        assert grader("grade", "1.3-exercises", "servo-threshold", str(tmp_path / name)).returncode == 2
+
+
+@pytest.mark.jail
+def test_a_right_script_exits_0_and_a_wrong_one_1() -> None:
+    folder = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
+    for status, code in (("correct", 0), ("incorrect", 1)):
+        script = sorted(folder.glob(f"{status}__*.py"))[0]
+        done = grader("grade", "1.3-exercises", "servo-threshold", str(script), "--json")
+        assert json.loads(done.stdout)["status"] == status
+        assert done.returncode == code
+
+
+@pytest.mark.jail
+def test_grade_prints_the_seed_that_repeats_the_verdict() -> None:
+    script = str(ROOT / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py")
+
+    def grade(*options: str) -> dict[str, Any]:
+        done = grader("grade", "1.3-exercises", "servo-threshold", script, "--json", *options)
+        verdict: dict[str, Any] = json.loads(done.stdout)
+        return verdict
+
+    first, other = grade(), grade()
+    again = grade("--seed", str(first["seed"]))
+    assert again["seed"] == first["seed"] != other["seed"]
+    assert [finding["measured"] for finding in again["findings"]] == [f["measured"] for f in first["findings"]]
+    assert again["evidence"] == first["evidence"]
+    assert (
+        f"--seed {first['seed']}"
+        in grader("grade", "1.3-exercises", "servo-threshold", script, "--seed", str(first["seed"])).stdout
+    )
+    assert verdict_of("q2", "5 ms")[1]["seed"] is None
+
+
+def test_reference_programs_that_cannot_be_read_are_faults_with_their_names(tmp_path: Path) -> None:
+    folder = tmp_path / "reference_solutions/one/q1"
+    for made in ("models", "quizzes", "reference_solutions/one/q1/correct__folder.py"):
+        (tmp_path / made).mkdir(parents=True)
+    (tmp_path / "quizzes/one.json").write_text(
+        '{"id": "one", "title": "One", "questions": [{"kind": "numeric", "q": "?", "answer": 1}]}'
+    )
+    (folder / "correct__latin.py").write_bytes(b"# \xe9\n")
+    (folder / "correct__long.py").write_bytes(b"#" * 300_000)
+    (folder / "correct__link.py").symlink_to("nowhere.py")
+    (folder / "._correct__link.py").write_bytes(b"\0\5")
+    (folder / "correct__number.py").write_text("1")
+    done = grader("check", "--json", content=tmp_path)
+    assert done.returncode == 2
+    told = {Path(fault["file"]).stem: fault["why"] for fault in json.loads(done.stdout)["faults"]}
+    assert {name: why.split(":")[0] for name, why in told.items() if name != "correct__number"} == {
+        "correct__folder": "is not a file of the content folder",
+        "correct__latin": "is not UTF-8",
+        "correct__link": "is not a file of the content folder",
+        "correct__long": "is larger than 256 KB",
+    }
+    assert "correct__number" in told
+    assert grader("check", content=tmp_path).stdout.count("reference_solutions/one/q1/") == 5
+
+
+@pytest.fixture
+def broken_content(tmp_path: Path) -> Path:
+    """A copy of the content with five faults planted."""
+    for folder in ("quizzes", "models"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    path = tmp_path / "quizzes/1.3-check.json"
+    quiz = json.loads(path.read_text())
+    questions = quiz["questions"]
+    questions[0]["answer"] = 4
+    questions[1]["tol"] = -0.05
+    questions[2]["sim"]["model"] = "pendulum_sevro"
+    questions[3]["referense"] = questions[3].pop("reference")
+    path.write_text(json.dumps(quiz))
+    (tmp_path / "quizzes/broken.json").write_text('{"id": "broken", "title": ')
+    return tmp_path
+
+
+def test_check_names_every_fault_at_once(broken_content: Path) -> None:
+    done = grader("check", "--json", content=broken_content)
+    assert done.returncode == 2
+    faults = json.loads(done.stdout)["faults"]
+    told = [f"{fault['file']}: {fault['key']}: {fault['why']}" for fault in faults]
+    for parts in (
+        ("1.3-check.json", "q1", "answer"),
+        ("1.3-check.json", "q2", "tol"),
+        ("1.3-check.json", "q3", "pendulum_sevro"),
+        ("1.3-check.json", "q4", "referense"),
+        ("broken.json", "line 1"),
+    ):
+        assert [line for line in told if all(part in line for part in parts)], (parts, told)
+    assert len(faults) == 5
+
+
+def test_closed_standard_streams_are_opened_on_dev_null() -> None:
+    program = ROOT / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py"
+    command = f"exec {GRADER} grade 1.3-exercises servo-threshold {program} <&- 2>&-"
+    done = subprocess.run(["sh", "-c", command], stdout=subprocess.PIPE, text=True, check=False, timeout=60)
+    assert done.returncode == 0
+    assert done.stdout.startswith("correct")
+
+
+def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'grader.db'}")
+
+    def extend(*options: str) -> subprocess.CompletedProcess[str]:
+        return grader("extend", "1.3-check", "--user", "ada", "--data", str(tmp_path), *options)
+
+    def ada(session: Session) -> str:
+        member = people.with_account(session, DEFAULT_COURSE, "name:ada")
+        assert member is not None
+        return member.id
+
+    def kept() -> dict[str, Extension]:
+        with database.read() as session:
+            return extensions.of_learner(session, DEFAULT_COURSE, ada(session), ["1.3-check"])
+
+    given = extend("--attempts", "1", "--due", "2026-10-26T18:00+01:00")
+    assert (given.returncode, json.loads(given.stdout)["attempts"]) == (0, 1)
+    assert kept() == {"1.3-check": Extension(attempts=1, due=datetime(2026, 10, 26, 17, tzinfo=UTC))}
+    refused = extend("--due", "2026-10-26")
+    assert (refused.returncode, refused.stderr.startswith("--due: ")) == (2, True)
+    assert extend().returncode == 0
+    assert kept() == {}
+    database.close()
+
+
+def test_the_document_of_another_grader_has_the_same_exit_codes() -> None:
+    for answer, code, failures in (("5 ms", 0, "0"), ("0.005", 1, "2")):
+        done = grader("grade", "1.3-check", "q2", answer, "--format", "junit")
+        assert (done.returncode, ElementTree.fromstring(done.stdout).attrib["failures"]) == (code, failures)
+    done = grader("grade", "1.3-check", "q2", "0.005", "--format", "gradescope")
+    assert (done.returncode, json.loads(done.stdout)["score"]) == (1, 0.0)
+    refused = grader("grade", "1.3-check", "q2", "5 ms", "--format", "junit", "--json")
+    assert (refused.returncode, refused.stdout) == (2, "")
+
+
+def test_import_writes_what_is_sound_and_lists_the_faults_of_the_rest(tmp_path: Path) -> None:
+    lesson = tmp_path / "7.md"
+    lesson.write_text(
+        '```quiz\n{"kind": "open", "q": "Why?"}\n```\n```lab simlab\n{"model": "m", "seconds": "3"}\n```\n'
+    )
+    done = grader("import", str(lesson), "--out", str(tmp_path / "quizzes"))
+    assert done.returncode == 2
+    assert [path.name for path in (tmp_path / "quizzes").iterdir()] == ["7-check.json"]
+    assert "7: line 4: seconds: must be a valid number, not '3'" in done.stdout + done.stderr

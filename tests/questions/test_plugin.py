@@ -1,0 +1,82 @@
+"""A kind of question of another package: it passes every test that our own kinds pass, and is refused when broken."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from grader.errors import GraderError
+from grader.questions.registry import GROUP, load_kind
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+GRADER = Path(sys.executable).parent / "grader"
+
+BROKEN = {
+    "NoTemplate": "put a template with its field at",
+    "NoField": "define the macro field",
+    "NoNames": "declare `kind: Literal[...]` in Unnamed",
+    "NoQuestion": "set `question` to a model that derives from grader.questions.Question",
+    "NoKind": "derive it from grader.questions.QuestionKind",
+    "Raises": "ZeroDivisionError",
+    "Missing": "AttributeError",
+}
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the plug-in, as pip installs it, without a network."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("target")
+    shutil.copytree(HERE / "plugin", source, dirs_exist_ok=True)
+    options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, "--target", target, source], check=True)
+    yield target
+
+
+def environment(*folders: Path) -> dict[str, str]:
+    path = os.pathsep.join([*map(str, folders), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**os.environ, "PYTHONPATH": path}
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_kind_of_another_package_passes_every_test_of_ours(installed: Path) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:randomly"]
+    tests = [str(HERE / "test_every_kind.py"), "-k", "bounds or test_every_kind_has_an_example"]
+    ran = subprocess.run(
+        [*command, *tests], capture_output=True, text=True, check=False, env=environment(installed), cwd=ROOT
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "bounds" in subprocess.run(
+        [*command, "--collect-only", *tests], capture_output=True, text=True, check=True, env=environment(installed),
+        cwd=ROOT,
+    ).stdout  # fmt: skip
+
+
+@pytest.mark.process
+def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:
+    notes = tmp_path / "another_package-1.0.dist-info"
+    notes.mkdir()
+    (notes / "METADATA").write_text("Metadata-Version: 2.1\nName: another-package\nVersion: 1.0\n")
+    (notes / "entry_points.txt").write_text(f"[{GROUP}]\nagain = bounds:Bounds\n")
+    (tmp_path / "quizzes").mkdir()
+    (tmp_path / "quizzes/q.json").write_text('{"id": "q", "title": "Q", "questions": [{"kind": "open", "q": "?"}]}')
+    checked = subprocess.run(
+        [GRADER, "check", tmp_path], capture_output=True, text=True, check=False, env=environment(installed, tmp_path)
+    )
+    assert checked.returncode != 0
+    assert "two installed kinds are called 'bounds'" in checked.stdout + checked.stderr
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_kind_that_is_not_whole_is_refused_before_it_serves(name: str) -> None:
+    module = "questions.broken.bare" if name == "NoTemplate" else "questions.broken.kinds.broken"
+    with pytest.raises(GraderError) as raised:
+        load_kind(EntryPoint(name.lower(), f"{module}:{name}", GROUP))
+    assert f"the question kind {name.lower()!r} ({module}:{name})" in str(raised.value)
+    assert BROKEN[name] in str(raised.value)

@@ -1,0 +1,216 @@
+"""The choice of integrator and timestep, by measured error."""
+
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+
+from grader.numerics.accuracy.convergence import measure_distance
+from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
+from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4, find_refusal
+from grader.numerics.rollout import simulate
+from grader.numerics.scene import Scene
+from grader.studies.advise.selection import (
+    CONFIRMATIONS,
+    PREFERENCE,
+    SAMPLE_S,
+    TIMESTEPS_S,
+    Quantity,
+    QuantityStill,
+    Selection,
+    describe_setting,
+    select,
+)
+from numerics.models import ALL, DELAY, LESSON, RUNAWAY, hinge
+
+pytestmark = pytest.mark.slow
+
+DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
+
+
+@cache
+def fine_choice() -> Selection:
+    """What several tests look at, made once."""
+    return select(DOUBLE, tolerance=1e-5, seconds=1.0)
+
+
+def test_accuracy_on_an_energy_conserving_scene_is_cheapest_with_rk4() -> None:
+    chosen = fine_choice()
+    assert chosen.best is not None
+    assert chosen.best.integrator == RK4
+    assert chosen.margin >= 1
+    assert chosen.best.error * chosen.margin == pytest.approx(1e-5)
+    assert "RK4" in chosen.reason
+
+
+def test_the_choice_is_the_cheapest_that_passes() -> None:
+    chosen = fine_choice()
+    assert chosen.best is not None
+    cheaper = [c for c in chosen.candidates if c.cost < chosen.best.cost]
+    assert cheaper
+    assert all(c.error > 1e-5 for c in cheaper)
+
+
+def test_a_loose_tolerance_takes_a_single_step_method() -> None:
+    chosen = select(Scene.from_xml(LESSON["pendulum_servo"]).at(qpos=[0.1]), tolerance=0.02, seconds=1.0)
+    assert chosen.best is not None
+    assert chosen.best.integrator == IMPLICITFAST
+
+
+def test_an_integrator_that_mujoco_refuses_is_left_out() -> None:
+    """`discrete` knows no sleep without islands."""
+    scene = Scene.from_xml(hinge(rest="<option><flag sleep='enable' island='disable'/></option>")).at(qvel=[1.0])
+    assert find_refusal(scene.model, DISCRETE) is not None
+    chosen = select(scene, tolerance=1e-3, seconds=0.04, timesteps_s=(0.01, 0.005, 0.002, 0.001))
+    assert chosen.best is not None
+    assert DISCRETE not in {candidate.integrator for candidate in chosen.candidates}
+
+
+def test_a_quantity_of_ones_own_is_what_counts() -> None:
+    def height(_model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        return float(data.site("tip").xpos[2])
+
+    chosen = select(DOUBLE, tolerance=1e-5, seconds=0.5, quantity=height)
+    by_angle = select(DOUBLE, tolerance=1e-5, seconds=0.5)
+    assert chosen.best is not None and by_angle.best is not None
+    assert chosen.best.error <= 1e-5
+    assert {c.error for c in chosen.candidates} != {c.error for c in by_angle.candidates}
+
+
+def test_it_says_so_when_nothing_is_good_enough() -> None:
+    chosen = select(DOUBLE, tolerance=1e-7, seconds=1.0, integrators=(EULER,))
+    assert chosen.best is None
+    assert "none of the candidates" in chosen.reason
+
+
+def test_it_says_so_when_it_cannot_tell() -> None:
+    chaotic = select(DOUBLE, tolerance=1e-6, seconds=12.0, integrators=(RK4,), timesteps_s=(0.002,))
+    assert chaotic.best is None
+    assert chaotic.reason.startswith("cannot tell")
+    touching = select(Scene.from_xml(ALL["cube"]), tolerance=1e-9, seconds=0.5, timesteps_s=(0.002, 0.001))
+    assert touching.best is None
+    assert touching.reason.startswith("cannot tell")
+
+
+def test_a_pass_by_accident_does_not_count() -> None:
+    """The next smaller timesteps must pass too."""
+    chosen = fine_choice()
+    assert chosen.best is not None
+    finer = sorted((h for h in TIMESTEPS_S if h < chosen.best.timestep_s), reverse=True)[:CONFIRMATIONS]
+    of_same = {c.timestep_s: c.error for c in chosen.candidates if c.integrator == chosen.best.integrator}
+    assert len(finer) == CONFIRMATIONS
+    assert all(of_same[h] <= 1e-5 for h in finer)
+
+
+def test_no_cheaper_setting_passes_that_was_left_unmeasured() -> None:
+    """The search leaves out settings; measured one by one, none of these is cheaper and passes."""
+    chosen = select(DOUBLE, tolerance=1e-4, seconds=0.4)
+    assert chosen.best is not None
+    left = {(i, h) for i in PREFERENCE for h in TIMESTEPS_S} - {c.setting for c in chosen.candidates}
+    cheaper = [(i, h) for i, h in left if i.evaluations / h < chosen.best.cost]
+    assert cheaper
+    times = np.asarray(list_sample_times(0.4, SAMPLE_S))
+    truth = solve_dop853(DOUBLE, times)
+    for integrator, h in cheaper:
+        run = simulate(DOUBLE, seconds=0.4, timestep_s=h, integrator=integrator.code, at_s=times)
+        assert measure_distance(DOUBLE, run, truth).qpos > 1e-4
+
+
+def test_the_front_holds_what_nothing_beats_in_cost_and_error() -> None:
+    chosen = fine_choice()
+    assert chosen.front
+    for one in chosen.candidates:
+        as_good = [c for c in chosen.candidates if c.cost <= one.cost and c.error <= one.error]
+        better = [c for c in as_good if (c.cost, c.error) != (one.cost, one.error)]
+        assert not (better and one in chosen.front)
+        assert better or {(c.cost, c.error) for c in chosen.front} >= {(one.cost, one.error)}
+
+
+@pytest.mark.parametrize("timestep_s", [0.003, 1 / 120, 0.0007])
+def test_the_models_own_setting_is_measured_at_its_own_steps(timestep_s: float) -> None:
+    own = DOUBLE.changed(lambda model: setattr(model.opt, "timestep", timestep_s))
+    chosen = select(own, tolerance=1e-3, seconds=0.4)
+    assert chosen.own is not None
+    steps = np.unique(np.rint(np.asarray(list_sample_times(0.4, SAMPLE_S)) / timestep_s))
+    truth = solve_dop853(DOUBLE, steps * timestep_s)
+    run = simulate(DOUBLE, steps=int(steps[-1]), timestep_s=timestep_s, at_s=steps * timestep_s)
+    assert chosen.own.error == pytest.approx(measure_distance(DOUBLE, run, truth).qpos, rel=1e-6)
+
+
+def test_a_stepped_reference_is_read_between_its_steps() -> None:
+    """A sphere that rolls has a known motion; a timestep that is no multiple of the reference's sees no other error."""
+    cube = Scene.from_xml(ALL["cube"]).changed(lambda model: setattr(model.opt, "timestep", 0.0033))
+    close = Scene.from_xml(ALL["cube"]).changed(lambda model: setattr(model.opt, "timestep", 0.0032))
+    one, other = (select(scene, tolerance=1e-2, seconds=0.3).own for scene in (cube, close))
+    assert one is not None and other is not None
+    assert one.error == pytest.approx(other.error, rel=0.5)
+
+
+def test_what_hardly_moves_is_refused() -> None:
+    with pytest.raises(QuantityStill, match="never move"):
+        select(Scene.from_xml(LESSON["pendulum_servo"]), tolerance=1e-3, seconds=0.2)
+    with pytest.raises(QuantityStill, match="move by"):
+        select(Scene.from_xml(LESSON["pendulum_servo"]).at(qpos=[1e-5]), tolerance=1e-3, seconds=0.2)
+
+
+def test_a_budget_leaves_the_best_so_far_or_says_that_it_cannot_tell() -> None:
+    spent = select(DOUBLE, tolerance=1e-6, seconds=1.0, budget_s=0.0)
+    assert spent.best is None
+    assert "budget" in spent.reason
+    cube = select(Scene.from_xml(ALL["cube"]), tolerance=1e-5, seconds=1.0, budget_s=0.3)
+    assert "budget" in cube.reason or "uncertain" in cube.reason
+
+
+def test_what_tolerance_could_be_told_is_said() -> None:
+    cube = Scene.from_xml(ALL["cube"])
+    refused = select(cube, tolerance=1e-9, seconds=0.3)
+    assert refused.told is not None
+    assert f"a tolerance of {refused.told:.1g} or more could be told" in refused.reason
+    assert not select(cube, tolerance=1.1 * refused.told, seconds=0.3).reason.startswith("cannot tell")
+
+
+def test_the_same_choice_every_time() -> None:
+    assert select(DOUBLE, tolerance=1e-4, seconds=0.2) == select(DOUBLE, tolerance=1e-4, seconds=0.2)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "seconds"), [(0, 1), (-1, 1), (float("nan"), 1), (1e-3, 0), (1e-3, float("inf"))]
+)
+def test_meaningless_questions_are_refused(tolerance: float, seconds: float) -> None:
+    with pytest.raises(ValueError, match="tolerance"):
+        select(DOUBLE, tolerance=tolerance, seconds=seconds)
+
+
+def test_names_are_spelt_as_in_the_lesson() -> None:
+    chosen = select(DOUBLE, tolerance=1e-4, seconds=0.1)
+    spoken = {describe_setting(c).split(" at ")[0] for c in chosen.candidates}
+    assert spoken == {"Euler", "RK4", "implicit", "implicitfast", "discrete"}
+
+
+@pytest.mark.parametrize("quantity", [None, lambda _model, data: float(data.qpos[0])])
+def test_timesteps_must_divide_the_samples(quantity: Quantity | None) -> None:
+    with pytest.raises(ValueError, match="divide"):
+        select(DOUBLE, tolerance=1e-2, seconds=0.2, quantity=quantity, timesteps_s=(0.003,))
+
+
+def test_a_run_of_too_many_steps_is_refused_at_once() -> None:
+    with pytest.raises(ValueError, match="may last 250 s"):
+        select(DOUBLE, tolerance=1e-2, seconds=1e9)
+
+
+@pytest.mark.parametrize(("scene", "why"), [(RUNAWAY, "without bound"), (DELAY, "delay")])
+def test_what_has_no_reference_cannot_be_told(scene: str, why: str) -> None:
+    moving = Scene.from_xml(scene).at(qpos=[0.1], qvel=[1e8 if scene is RUNAWAY else 0])
+    chosen = select(moving, tolerance=1e-2, seconds=0.2)
+    assert (chosen.best, chosen.candidates) == (None, ())
+    assert chosen.reason.startswith("cannot tell")
+    assert why in chosen.reason
+
+
+def test_limited_activations_are_held_against_fine_steps() -> None:
+    """DOP853 would go on beyond the limit, which the activation reaches after 0.1 s."""
+    integrator = "<intvelocity joint='hinge' kp='3' actrange='-.1 .1'/>"
+    limited = Scene.from_xml(hinge("damping='.5'", rest=f"<actuator>{integrator}</actuator>")).at(ctrl=[1])
+    chosen = select(limited, tolerance=1e-2, seconds=0.5, timesteps_s=(0.001, 0.002))
+    assert chosen.best is not None
