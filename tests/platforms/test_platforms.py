@@ -56,7 +56,7 @@ StartSender = Callable[[str, Simulated, int], AbstractContextManager[Sender]]
 def sending() -> Iterator[StartSender]:
     """Starts a sender, which is killed at the end of the context at the latest."""
     environment = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS}", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-P", "-m", "lms.sending"]
+    command = [sys.executable, "-P", "-m", "platforms.sending"]
     nursery = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     @contextmanager

@@ -27,13 +27,13 @@ from sandbox.conftest import ROOT, Content, landlock_abi
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
 LIMITS = Limits(cpu_s=2, wall_s=10, memory_mb=256)
 LEFT_OUT = {
-    "landlock": ("lockdown", "def landlock(read, read_write, abi_min): pass"),
-    "seccomp": ("lockdown", "def seccomp(program): pass"),
-    "limits": ("lockdown", "def limit(rlimits): pass"),
-    "no new privileges": ("lockdown", "def no_new_privileges(): pass"),
+    "landlock": ("lockdown", "def load_landlock(read, read_write, abi_min): pass"),
+    "seccomp": ("lockdown", "def load_seccomp(program): pass"),
+    "limits": ("lockdown", "def set_limits(rlimits): pass"),
+    "no new privileges": ("lockdown", "def drop_privileges(): pass"),
     "namespaces": ("namespaces", "def enter(scratch, size, inodes, hidden): pass"),
     "capabilities": ("namespaces", "def drop_capabilities(): pass"),
-    "probe": ("lockdown", "def probe(outside): return {}"),
+    "probe": ("lockdown", "def probe_locks(outside): return {}"),
 }
 
 
@@ -42,7 +42,8 @@ def test_build(folder: Path, layer: str) -> Path:
     module, nothing = LEFT_OUT[layer]
     inside = folder / "inside"
     shutil.copytree(cell.INSIDE, inside, ignore=shutil.ignore_patterns("__pycache__"))
-    with (inside / f"{module}.py").open("a") as file:
+    with (inside / f"{module}.py").open("r+") as file:
+        assert nothing[: nothing.index(":")].split("(")[0] in file.read()
         file.write(f"\n\n{nothing}\n")
     for path in (folder, inside):
         path.chmod(0o755)

@@ -181,7 +181,7 @@ def test_quizzes_that_stayed_the_same_are_not_derived_again(
         derived.extend(quizzes)
         return iter(())
 
-    monkeypatch.setattr("grader.grading.content.refused_keys", refused)
+    monkeypatch.setattr("grader.grading.content.find_refused_keys", refused)
     content = Content(EVERY, write(tmp_path / "content", 5), Archive(database))
     write(tmp_path / "content", 5, "one", "two", "three")
     content.reload()
