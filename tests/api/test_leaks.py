@@ -24,7 +24,7 @@ from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_co
 from grader.domain.verdict import Finding, Status, Verdict
 from grader.settings import Settings
 from grader.store.tables import Submission
-from support.databases import BACKENDS, database_url
+from support.databases import database_url
 from support.sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
@@ -68,7 +68,7 @@ def of_direction(answer: float) -> dict[str, Any]:
     return {"id": "direction", "title": "Steps", "questions": [asked | {"explain": "KEYED", "attempts": 9}]}
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=["sqlite"])
 def pair(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Site]]:
     """The two servers; on PostgreSQL each has a schema of its own."""
     with ExitStack() as stack:

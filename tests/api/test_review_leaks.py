@@ -22,7 +22,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.settings import Settings
 from grader.store import reviews as stored
 from grader.store.tables import Submission
-from support.databases import BACKENDS, database_url
+from support.databases import database_url
 from support.sites import Site, open_site, write_content
 
 pytestmark = pytest.mark.slow
@@ -32,7 +32,7 @@ NAMES = ("number", "choice", "prediction", "text", "script")
 """As test_leaks.py looks for them; here all are texts for a reviewer."""
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=["postgresql"])
 def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("leaks")
     content = write_content(folder / "content")

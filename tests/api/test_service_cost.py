@@ -46,7 +46,7 @@ LISTENED_MAX = 2.0
 Source: 0.7 to 1.5 were measured on a busy machine; the events of others are not even looked at (below).
 """
 
-UNCOUNTED, COUNTED = 600, 800
+UNCOUNTED, COUNTED = 400, 500
 """Answers that fill the caches of Python, and those after which nothing more may be kept."""
 LOOKS = 20
 """How often the blocks are counted, a twentieth of a second apart."""

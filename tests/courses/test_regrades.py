@@ -598,5 +598,5 @@ def test_a_term_of_regrades(backend: str, tmp_path: Path, monkeypatch: pytest.Mo
     with database_url(backend, tmp_path) as url:
         Term.database, Term.folder = Database(url), tmp_path
         Term.database.migrate()
-        run_state_machine_as_test(Term, settings=settings(max_examples=12, stateful_step_count=15))
+        run_state_machine_as_test(Term, settings=settings(max_examples=6, stateful_step_count=15))
         Term.database.close()

@@ -317,5 +317,5 @@ class Learning(RuleBasedStateMachine):
 def test_results_and_decisions_after_any_history(database: Database, library: Library) -> None:
     machine = type("OnThisDatabase", (Learning,), {"database": database, "library": library})
     case = machine.TestCase  # type: ignore[attr-defined]
-    case.settings = settings(max_examples=20, stateful_step_count=12)
+    case.settings = settings(max_examples=10, stateful_step_count=12)
     case("runTest").runTest()

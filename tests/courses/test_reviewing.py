@@ -342,4 +342,4 @@ class Reviewing(RuleBasedStateMachine):
 @pytest.mark.slow
 def test_reviewing_is_what_the_model_says(database: Database, libraries: list[Library]) -> None:
     machine = type("Machine", (Reviewing,), {"database": database, "libraries": libraries})
-    run_state_machine_as_test(machine, settings=settings(max_examples=20, stateful_step_count=35))
+    run_state_machine_as_test(machine, settings=settings(max_examples=8, stateful_step_count=35))

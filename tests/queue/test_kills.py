@@ -44,7 +44,9 @@ def assert_graded_once(url: str, ids: list[str]) -> None:
     database.close()
 
 
-@pytest.mark.parametrize("kill", [kill_grading_process, kill_zygote])
+@pytest.mark.parametrize(
+    ("url", "kill"), [("sqlite", kill_grading_process), ("postgresql", kill_zygote)], indirect=["url"]
+)
 def test_a_killed_part_of_the_jail_costs_nobody_a_verdict(
     url: str, tmp_path: Path, kill: Callable[[int, random.Random], None]
 ) -> None:
@@ -65,19 +67,17 @@ def test_a_killed_part_of_the_jail_costs_nobody_a_verdict(
 
 def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_rest(url: str, tmp_path: Path) -> None:
     settings = settings_on(url, tmp_path / "data", tries=TRIES)
-    ids: list[str] = []
-    for number in range(2):
-        with process_of("serve", settings) as server:
-            wait_until_ready(server, settings)
-            with client_of(settings, "ann") as client:
-                ids += [hand_in(client, 10 * number + more) for more in range(2)]
-            time.sleep(0.4)
-            below = [pid for pid, _ in descendants(server.pid)]
-            assert below
-        deadline = time.monotonic() + 20
-        while any(Path(f"/proc/{pid}/cmdline").exists() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in below):
-            assert time.monotonic() < deadline, "a process outlived its server"
-            time.sleep(0.05)
+    with process_of("serve", settings) as server:
+        wait_until_ready(server, settings)
+        with client_of(settings, "ann") as client:
+            ids = [hand_in(client, number) for number in range(3)]
+        time.sleep(0.4)
+        below = [pid for pid, _ in descendants(server.pid)]
+        assert below
+    deadline = time.monotonic() + 20
+    while any(Path(f"/proc/{pid}/cmdline").exists() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in below):
+        assert time.monotonic() < deadline, "a process outlived its server"
+        time.sleep(0.05)
     with process_of("serve", settings) as server:
         wait_until_ready(server, settings)
         with client_of(settings, "ann") as client:

@@ -99,19 +99,19 @@ def test_a_job_that_is_tried_again_goes_first_and_lets_no_other_share_jump_ahead
 
 
 def test_a_claim_costs_the_same_in_a_queue_of_10_000(database: Database) -> None:
-    """Paired: the median of claims and puts in a long queue beside that in a short one, on the same database."""
+    """Paired: the fastest of claims and puts in a long queue beside that in a short one, on the same database."""
 
-    def median_s() -> float:
+    def least_s() -> float:
         times = []
         for _ in range(21):
             begin = time.perf_counter()
             put(database, "bob")
             assert take(database)
             times.append(time.perf_counter() - begin)
-        return sorted(times)[10]
+        return min(times)
 
     put(database, "ann", 10)
-    short_s = median_s()
+    short_s = least_s()
     with database.write() as session:
         rows = [
             {"topic": "grade", "subject": "x", "share": jobs.hash_share(f"user{n % 500}"), "round": n // 500 + 2}
@@ -119,4 +119,4 @@ def test_a_claim_costs_the_same_in_a_queue_of_10_000(database: Database) -> None
         ]
         new = {"tries": 0, "priority": 0}
         session.execute(insert(JobRow), [{**row, **new} for row in rows])
-    assert median_s() < 3 * short_s + 0.002
+    assert least_s() < 3 * short_s + 0.002

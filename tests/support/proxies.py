@@ -3,6 +3,7 @@
 import os
 import shutil
 import socket
+import ssl
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
@@ -103,11 +104,11 @@ PROXIES = {"nginx": nginx, "caddy": caddy}
 
 @contextmanager
 def running(command: list[str], port: int, environment: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Runs a server until the end of the block; it must listen on the port."""
+    """Runs a server until the end of the block; it must take TLS connections at the port."""
     with subprocess.Popen(command, env={**os.environ, **(environment or {})}, stderr=subprocess.DEVNULL) as process:
         try:
             deadline = time.monotonic() + START_S
-            while not listens(port):
+            while not takes_connections(port):
                 assert process.poll() is None, f"{command[0]} ended while it started"
                 assert time.monotonic() < deadline, f"{command[0]} does not start"
                 time.sleep(0.02)
@@ -116,12 +117,18 @@ def running(command: list[str], port: int, environment: Mapping[str, str] | None
             process.terminate()
 
 
-def listens(port: int) -> bool:
+def takes_connections(port: int) -> bool:
+    """Whether a handshake succeeds: Caddy listens before it has made its certificate."""
+    trusting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
     try:
-        socket.create_connection(("127.0.0.1", port)).close()
+        with (
+            socket.create_connection(("127.0.0.1", port), timeout=START_S) as plain,
+            trusting.wrap_socket(plain, server_hostname="localhost"),
+        ):
+            return True
     except OSError:
         return False
-    return True
 
 
 def free_port() -> int:
