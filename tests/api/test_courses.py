@@ -101,6 +101,7 @@ def test_each_course_has_its_own_quizzes(site: Site) -> None:
     assert (list(ready["quizzes"]), list(ready["courses"]["mechanics"])) == (["small"], ["own"])
 
 
+@pytest.mark.slow
 def test_a_reload_and_a_regrade_are_the_courses_own(site: Site, own: Path, content: Path) -> None:
     ann, teacher = site.client("ann", course="mechanics"), site.client("tina", "instructor", "mechanics")
     made = ann.post(f"{API}/submissions", json={"quiz": "own", "question": "q1", "answer": 5}).json()["id"]

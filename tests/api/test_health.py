@@ -200,6 +200,7 @@ def test_metrics_follow_the_conventions_of_prometheus(nobody: httpx.Client) -> N
             assert not re.search(r"_(ms|minutes|kb|mb|count|total)$", family.name), "base units, and no reserved ending"
 
 
+@pytest.mark.slow
 def test_a_public_server_shows_metrics_to_the_bearer_of_the_token_alone(open_site_with: Callable[..., Any]) -> None:
     public = {"public_origin": "https://grader.example"}
     closed = open_site_with(**public).anonymous().get("/metrics")

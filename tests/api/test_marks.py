@@ -134,6 +134,7 @@ def points_of(client: httpx.Client, submission_id: str) -> tuple[float, int]:
     return seen["verdict"]["points"], seen["revision"]
 
 
+@pytest.mark.slow
 def test_changed_points_of_an_item_recompute_the_reviews_once(site: Site) -> None:
     ann, bob, tina = site.client("ann"), site.client("bob"), site.client("tina", "instructor")
     ticked, by_hand = hand_in(ann)["id"], hand_in(bob)["id"]
@@ -259,6 +260,7 @@ def test_a_claim_is_of_a_person_and_not_of_a_name(site: Site) -> None:
             reviews.claim(session, other, submission)
 
 
+@pytest.mark.slow
 def test_a_second_reviewer_marks_blind_and_a_third_decision_settles(site: Site) -> None:
     ann = site.client("ann")
     tina, tom, tess = (site.client(name, "instructor") for name in ("tina", "tom", "tess"))

@@ -177,6 +177,7 @@ def test_who_was_removed_is_refused_and_who_was_erased_comes_as_somebody_new(sit
     assert rows[0]["learner"] == {"namespace": "grader", "id": first["learner"]}
 
 
+@pytest.mark.slow
 def test_requests_count_for_each_learner_and_those_that_name_none_for_the_service(
     open_site_with: Callable[..., Site],
 ) -> None:

@@ -46,6 +46,7 @@ def faults(document: dict[str, Any]) -> Iterator[str]:
                 yield f"{key}: the example of {status} does not fit its schema at {where}: {error.message}; {CURE}"
 
 
+@pytest.mark.slow
 def test_every_response_has_an_example_that_fits_its_schema(document: dict[str, Any]) -> None:
     assert not (found := "\n".join(faults(document))), found
 
@@ -69,6 +70,7 @@ def test_every_example_belongs_to_a_documented_response(document: dict[str, Any]
     assert {(key, status) for key, by_status in recorded.items() for status in by_status} <= described
 
 
+@pytest.mark.slow
 def test_an_example_that_does_not_fit_is_found(document: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     media = document["paths"]["/api/v1/members"]["get"]["responses"]["200"]["content"]["application/json"]
     monkeypatch.setitem(media, "example", {"items": [{"id": 3}], "next_cursor": None})

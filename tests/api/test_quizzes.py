@@ -54,6 +54,7 @@ def secrets_of(question: dict[str, Any]) -> set[str]:
     return {text for text in hidden if len(text) > 3} - shown
 
 
+@pytest.mark.slow
 def test_no_secret_of_the_shipped_content_reaches_a_learner(open_site_with: Callable[..., Any]) -> None:
     ann = open_site_with(content=ROOT).client("ann")
     walked = 0
@@ -93,6 +94,7 @@ def retitle(content: Path, title: str) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | {"title": title}))
 
 
+@pytest.mark.slow
 def test_content_is_loaded_again_on_request(open_site_with: Callable[..., Any], content: Path) -> None:
     site = open_site_with()
     teacher, ann = site.client("tina", "instructor"), site.client("ann")

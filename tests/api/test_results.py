@@ -180,6 +180,7 @@ def test_before_it_opens_a_quiz_shows_no_questions(exam: Callable[..., Site]) ->
     assert hand_in(tina, "q1", 1).status_code == 201
 
 
+@pytest.mark.slow
 def test_after_it_closed_an_extension_lets_one_learner_answer(exam: Callable[..., Site]) -> None:
     site = exam(due=NOW - DAY, late={"per_day": 0.5, "until": (NOW - DAY / 2).isoformat()})
     ann, bob, tina = site.client("ann"), site.client("bob"), site.client("tina", "instructor")
@@ -201,6 +202,7 @@ def test_after_it_closed_an_extension_lets_one_learner_answer(exam: Callable[...
     assert hand_in(ann, "q1", 1).status_code == 409
 
 
+@pytest.mark.slow
 def test_an_extension_adds_attempts(exam: Callable[..., Site]) -> None:
     site = exam(attempts=1)
     ann, tina = site.client("ann"), site.client("tina", "instructor")

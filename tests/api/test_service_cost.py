@@ -145,6 +145,7 @@ def test_two_hundred_listeners_do_not_slow_an_answer(idle: Site) -> None:
     assert beside < LISTENED_MAX * alone
 
 
+@pytest.mark.slow
 def test_a_listener_looks_only_when_its_own_submission_has_an_event(
     idle: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -185,6 +186,7 @@ def blocks_now() -> int:
     return sys.getallocatedblocks()
 
 
+@pytest.mark.slow
 def test_an_answer_leaves_nothing_behind_in_memory(idle: Site) -> None:
     """Counts the blocks that Python has allocated: resident memory also has the pages that SQLite keeps, up to 2 MB
     for each connection, and what the allocator does not give back. Threads of the server hold hundreds of blocks while

@@ -97,6 +97,7 @@ def test_question_2_by_the_damping_limit() -> None:
     assert "key says 10" in refused.why
 
 
+@pytest.mark.slow
 def test_question_3_by_its_lab() -> None:
     certificate = certify(lesson(3))
     assert certificate.answer == 2
@@ -132,6 +133,7 @@ def test_none_of_them_is_right_where_none_is() -> None:
     assert not certify(predict(options, 1, sim)).ok
 
 
+@pytest.mark.slow
 def test_an_expression_decides_between_the_settings_of_a_select() -> None:
     options = ["gentle", "<b>firm</b>", "hard"]
     over = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever"}
@@ -395,6 +397,7 @@ def history(*claims: Any, answer: int = 0, seconds: float = 8.0) -> Certificate:
     return certify(predict(options, answer, TUMBLES, verify))
 
 
+@pytest.mark.slow
 def test_how_often_a_body_reverses_is_counted() -> None:
     upright = "data.qvel[1] < 0"
 
@@ -408,6 +411,7 @@ def test_how_often_a_body_reverses_is_counted() -> None:
     assert not history(flips(int(number) + 1, 99), flips(0, 0)).ok
 
 
+@pytest.mark.slow
 def test_when_it_reverses_first_and_how_fast_it_is_within_a_window() -> None:
     first = {"expr": "data.qvel[1] < 0", "when": "first"}
     early = history(first | {"at_most": 8.0}, first | {"at_least": 8.0})
@@ -420,6 +424,7 @@ def test_when_it_reverses_first_and_how_fast_it_is_within_a_window() -> None:
     assert history(later | {"at_most": -1}, later | {"at_least": 0}).ok
 
 
+@pytest.mark.slow
 def test_each_claim_has_its_own_when() -> None:
     ever = {"expr": "data.qvel[1] < 0", "when": "ever"}
     always = {"expr": "data.qvel[1] > 0", "when": "always"}
@@ -453,6 +458,7 @@ def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
         history(claim, "true")
 
 
+@pytest.mark.slow
 def test_a_criterion_may_need_history_too() -> None:
     times = {"expr": "data.qpos[0] > 0.2", "when": "times", "at_least": 2}
     labelled = {"by": "options", "criterion": times, "seconds": 4}

@@ -53,6 +53,7 @@ def browser(site: Site, code: str) -> httpx.Client:
     return client
 
 
+@pytest.mark.slow
 def test_the_first_steps_lead_from_a_class_to_its_gradebook(site: Site) -> None:
     code = in_database(site.settings, lambda session: create_sign_in_code(session, "tina", Role.INSTRUCTOR))
     shown = site.anonymous().get(f"/signin?code={code}").text

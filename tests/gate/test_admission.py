@@ -236,6 +236,7 @@ def begun(site: Any) -> httpx.Client:
     return browser
 
 
+@pytest.mark.slow
 def test_pages_of_a_signed_in_learner_count_for_the_learner(open_site_with: Callable[..., Any]) -> None:
     site = open_site_with(rate_per_s=0.01, rate_burst=3, address_rate_per_s=0.01, address_rate_burst=3)
     ann, bob = begun(site), begun(site)

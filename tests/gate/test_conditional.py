@@ -68,6 +68,7 @@ def test_every_read_is_304_to_its_own_etag(site: Site, role: str, path: str) -> 
     assert (changed.status_code, changed.content) == (200, first.content)
 
 
+@pytest.mark.slow
 def test_the_table_of_reads_is_complete() -> None:
     from fastapi import FastAPI
 
@@ -87,6 +88,7 @@ def test_the_table_of_reads_is_complete() -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/?quiz=small", "/static/style.css", "/favicon.ico", "/openapi.json"])
+@pytest.mark.slow
 def test_pages_and_files_are_304_to_their_own_etag(nobody: httpx.Client, path: str) -> None:
     first = nobody.get(path)
     assert nobody.get(path, headers={"If-None-Match": first.headers["etag"]}).status_code == 304
@@ -122,6 +124,7 @@ def test_streams_of_events_are_never_compressed(site: Site, ann: httpx.Client) -
     assert "etag" not in response.headers
 
 
+@pytest.mark.slow
 def test_what_holds_a_secret_is_never_compressed(open_site_with: Callable[..., Any]) -> None:
     site = open_site_with()
     teacher = site.client("tina", "instructor")

@@ -121,6 +121,7 @@ def test_a_run_is_the_same_bit_for_bit() -> None:
     assert [x.tobytes() for x, _ in first.poses] == [x.tobytes() for x, _ in second.poses]
 
 
+@pytest.mark.slow
 def test_runs_in_many_threads_do_not_meet() -> None:
     settings = [{"stiffness kp": kp, "timestep h": 0.002} for kp in (50, 500, 5000) * 8]
     with ThreadPoolExecutor(4) as pool:

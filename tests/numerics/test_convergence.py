@@ -31,6 +31,7 @@ def test_an_order_comes_with_its_interval() -> None:
 
 
 @pytest.mark.parametrize("name", ["free_body", "sprung_body", "ball"])
+@pytest.mark.slow
 def test_on_rotations_mujocos_rk4_is_of_the_order_of_its_version_and_the_lie_group_one_of_fourth(name: str) -> None:
     scene, timesteps_s = Scene.from_xml(ALL[name], key="spin"), [0.005, 0.004, 0.002, 0.001]
     assert order_of(scene, timesteps_s, RK4).order == pytest.approx(RK4_ORDER_ON_ROTATIONS, abs=0.05)

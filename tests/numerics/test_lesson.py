@@ -63,6 +63,7 @@ def test_energy_while_it_is_still_predictable(integrator: int) -> None:
 
 
 @pytest.mark.parametrize("integrator", [EULER, IMPLICIT])
+@pytest.mark.slow
 def test_the_printed_energy_is_one_of_its_ensemble(integrator: int) -> None:
     assert in_ensemble(integrator)
 

@@ -53,6 +53,7 @@ def test_chunks_are_bitwise_what_single_steps_are() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(ALL))
+@pytest.mark.slow
 def test_a_run_is_bitwise_what_one_call_into_the_engine_is(name: str) -> None:
     """Over the model's first 600 steps, which are two chunks, or up to the first warning."""
     scene = Scene.from_xml(ALL[name])
@@ -68,6 +69,7 @@ def test_a_run_is_bitwise_what_one_call_into_the_engine_is(name: str) -> None:
                 assert run.time[-1] == workspace.data.time
 
 
+@pytest.mark.slow
 def test_the_step_that_warns_is_found_in_every_chunk() -> None:
     """The smaller the start, the later the linear growth beyond the limit reaches a warning."""
     found = []

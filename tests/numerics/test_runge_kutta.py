@@ -54,6 +54,7 @@ def test_a_state_that_is_not_finite_stays_so() -> None:
             assert not np.isfinite(workspace.data.qpos).all()
 
 
+@pytest.mark.slow
 def test_a_forward_of_ones_own_is_what_counts() -> None:
     """A force that exists only inside `forward` moves these steps and leaves mj_step alone."""
     scene = Scene.from_xml(ALL["double_pendulum"], key="release")
@@ -84,6 +85,7 @@ def test_time_stands_at_the_stages_while_forward_runs() -> None:
             assert workspace.data.time == 0.002
 
 
+@pytest.mark.slow
 def test_activations_converge_with_fourth_order() -> None:
     """The plain filter; MuJoCo's exact filter and its clamp are of first order inside RK4."""
     xml = ALL["pendulum"].replace(

@@ -36,6 +36,7 @@ TABLE_MS = {
 
 @pytest.mark.parametrize("integrator", TABLE_MS)
 @pytest.mark.parametrize(("column", "horizon_s"), [(0, 3.0), (1, 30.0), (2, 300.0)])
+@pytest.mark.slow
 def test_table_of_simulated_limits(integrator: int, column: int, horizon_s: float) -> None:
     limit_s = TABLE_MS[integrator][column] / 1000
     threshold = find_threshold(

@@ -173,6 +173,7 @@ def test_a_container_without_namespaces_is_refused_or_gets_t2_where_that_was_all
 # -- the package -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_package_holds_what_grading_needs_and_nothing_more(tmp_path: Path) -> None:
     folder = pack(tmp_path / "packed")
     packed = load(folder / "content")
@@ -190,6 +191,7 @@ def test_the_package_holds_what_grading_needs_and_nothing_more(tmp_path: Path) -
         assert "://" not in (folder / name).read_text()
 
 
+@pytest.mark.slow
 def test_what_is_secret_is_its_owners_alone_and_new_in_each_package(tmp_path: Path) -> None:
     one, other = pack(tmp_path / "one"), pack(tmp_path / "other")
     assert (one / "key").read_bytes() != (other / "key").read_bytes()

@@ -57,6 +57,7 @@ def played() -> Iterator[Played]:
     one.child.status.close()
 
 
+@pytest.mark.slow
 def test_no_inputs_are_sent_before_the_integrators_are_removed(played: Played) -> None:
     watch = Watch(played.child, Job("", "", {}), [b"first", b"visible", b"hidden"], without_integrators=True)
     run = threading.Thread(target=watch.run)

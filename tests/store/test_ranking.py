@@ -82,6 +82,7 @@ def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("reviewer", ["", REVIEWER])
 @pytest.mark.parametrize("find", ["", "SER1", "_"])
 @pytest.mark.parametrize("show", SHOWS)
+@pytest.mark.slow
 def test_a_page_has_whom_a_computation_from_scratch_has(
     database: Database, show: str, find: str, reviewer: str
 ) -> None:

@@ -27,6 +27,7 @@ def counting(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
 
 
 @pytest.mark.parametrize("method", adaptive.METHODS)
+@pytest.mark.slow
 def test_every_evaluation_is_counted_those_of_jacobians_too(method: Method, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = counting(monkeypatch)
     work = Adaptive("stiff_servo", method, 1e-3)
@@ -65,6 +66,7 @@ def test_the_interval_of_a_median_covers_it_as_often_as_it_says() -> None:
     assert 0.90 < covered / 100 < 0.99
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_quotient_covers_it_as_often_as_it_says() -> None:
     rng = np.random.default_rng(2)
     covered = 0

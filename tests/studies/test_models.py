@@ -24,6 +24,7 @@ def test_twenty_models_are_measured_six_of_them_where_gymnasium_is_missing(monke
 @pytest.mark.parametrize(
     "name", ["inverted_double_pendulum (Gymnasium)", "hopper (Gymnasium)", "tumbling_box (course)"]
 )
+@pytest.mark.slow
 def test_what_is_skipped_changes_no_bit(name: str) -> None:
     scene = load_model_scene(name)
     assert any(need.flag and not need.needed for need in scene.needs)

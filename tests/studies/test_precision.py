@@ -63,6 +63,7 @@ def test_two_peers_meet_at_the_reference(name: str) -> None:
         assert measure_position_distance(scene, run(1e-10, SAMPLE_TIMES_S), truth) < 1e-7
 
 
+@pytest.mark.slow
 def test_the_reference_goes_through_impacts() -> None:
     scene = load_scene("joint_limits")
     found = Truth("joint_limits").measure(False, {})

@@ -7,6 +7,7 @@ from grader.studies.bench.service.answers import compare_with_bare
 from grader.studies.bench.service.workers import WORKER_COUNTS, Workers
 
 
+@pytest.mark.slow
 def test_answers_are_measured_beside_the_bare_route(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answers, "LEARNERS", 10)
     found = compare_with_bare("sqlite", 2, 1, 0.3)
@@ -15,6 +16,7 @@ def test_answers_are_measured_beside_the_bare_route(monkeypatch: pytest.MonkeyPa
     assert 0 < found["median_s"] <= found["p95_s"] <= found["p99_s"]
 
 
+@pytest.mark.slow
 def test_a_queue_is_worked_off_by_more_and_more_workers() -> None:
     found = Workers("empty").measure(True, {})
     assert [run["workers"] for run in found["runs"]] == list(WORKER_COUNTS)

@@ -99,6 +99,7 @@ def test_kinds_with_the_same_fields_are_told_apart(tmp_path: Path) -> None:
         carry_out("t", [Other("a")], journal, QUIET)
 
 
+@pytest.mark.slow
 def test_what_is_not_timed_is_measured_before_in_other_processes(tmp_path: Path) -> None:
     plan = [Letter("a"), Apart("b"), Apart("c")]
     records = carry_out("t", plan, Journal(tmp_path / "j", "c"), QUIET)

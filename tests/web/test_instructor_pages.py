@@ -104,6 +104,7 @@ def decide(client: httpx.Client, submission: str, path: str, points: float) -> N
     assert client.put(f"{API}/submissions/{submission}/{path}", json=body, headers=headers).is_success
 
 
+@pytest.mark.slow
 def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site, tina: httpx.Client) -> None:
     given = {"ann": (1, "5 ms"), "bob": (2, "7 ms"), "cem": (1, "7.01 ms"), "dee": (1, "50 ms"), "eve": (0, "50 ms")}
     for name, (choice, number) in given.items():
@@ -171,6 +172,7 @@ def test_only_instructors_of_the_course_see_it_as_a_learner(site: Site, tina: ht
     assert tina.get(f"/instructor/learners/{'0' * 32}/lessons/2").status_code == 404
 
 
+@pytest.mark.slow
 def test_pages_keep_answers_under_review_and_first_marks_from_reviewers(site: Site, tina: httpx.Client) -> None:
     tom, ann = browser(site, "tom", "instructor"), site.client("ann")
     made = answer(ann, "2-graded", "why", "UNDER REVIEW")

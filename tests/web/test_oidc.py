@@ -128,6 +128,7 @@ def both(shared: Both) -> Both:
     return shared
 
 
+@pytest.mark.slow
 def test_a_user_of_the_provider_gets_in_and_finds_the_work_again(both: Both) -> None:
     first, second = both.site.anonymous(OURS), both.site.anonymous(OURS)
     done = both.sign_in(first)

@@ -117,6 +117,7 @@ def test_nothing_else_is_served(client: httpx.Client) -> None:
         assert client.get(f"/static/{path}").status_code == 404
 
 
+@pytest.mark.slow
 def test_beyond_loopback_the_questions_need_a_session(tmp_path: Path) -> None:
     settings = Settings(
         data=tmp_path, workers=0, public_origin="https://grader.example.org", allowed_hosts=("127.0.0.1",)

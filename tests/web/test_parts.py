@@ -265,6 +265,7 @@ def answers_of(site: Site) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_statistics_and_stories_tell_the_parts_of_answers(site: Site) -> None:
     tina, right = site.client("tina", "instructor"), answers_of(site)
     wrong = {

@@ -40,6 +40,7 @@ def figures(kind: str, only: tuple[str, ...] = NAMES) -> list[Any]:
     return figures_of(evidence, titles_of(verdict))
 
 
+@pytest.mark.slow
 def test_the_stability_map_comes_first_and_names_the_mistake() -> None:
     stability, motion = figures("spring")
     assert stability.title == "Your limit is the spring's alone: the damper is missing"
@@ -70,6 +71,7 @@ def test_the_label_of_a_limit_keeps_clear_of_the_bound() -> None:
         assert anchor
 
 
+@pytest.mark.slow
 def test_a_right_claim_is_magnified() -> None:
     stability, _ = figures("right")
     assert stability.title == "Here your brackets meet every limit"

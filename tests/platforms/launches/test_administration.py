@@ -244,6 +244,7 @@ def test_the_page_of_another_course_shows_its_own_links_alone(pair: Joined) -> N
 # command line
 
 
+@pytest.mark.slow
 def test_the_command_line_goes_the_whole_way(tmp_path: Path) -> None:
     def grader(*words: str) -> str:
         done = CliRunner().invoke(cli, ["lti", *words, "--data", str(tmp_path)], catch_exceptions=False)
@@ -266,6 +267,7 @@ def test_the_command_line_goes_the_whole_way(tmp_path: Path) -> None:
     assert grader("list") == ""
 
 
+@pytest.mark.slow
 def test_a_course_is_linked_and_its_roster_pulled_by_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GRADER_PRIVATE_HOSTS", '["127.0.0.1"]')
     with joined_in(tmp_path) as joined:
@@ -287,6 +289,7 @@ def test_a_course_is_linked_and_its_roster_pulled_by_command(tmp_path: Path, mon
 # without the packages
 
 
+@pytest.mark.slow
 def test_without_its_packages_the_service_runs_and_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

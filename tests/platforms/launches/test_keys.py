@@ -146,6 +146,7 @@ def test_which_keys_of_a_set_are_taken(body: bytes, kids: set[str]) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.slow
 def test_this_tools_keys_rotate_and_are_published_for_a_day(backend: str, tmp_path: Path) -> None:
     with database_url(backend, tmp_path) as url:
         database = Database(url)

@@ -209,6 +209,7 @@ def test_an_instructor_chooses_quizzes_and_questions(pair: Joined) -> None:
     assert chosen(pair, browser, page, ["small"]).status_code == 401  # once
 
 
+@pytest.mark.slow
 def test_a_platform_gets_what_it_takes(pair: Joined) -> None:
     browser = pair.browser()
     page = select(pair, browser, accept_multiple=False, accept_lineitem=False)
