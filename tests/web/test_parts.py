@@ -193,6 +193,21 @@ def test_each_number_is_read_back_while_it_is_typed_and_the_wrong_one_is_marked(
     expect(angular).to_have_value("15.8")
 
 
+def test_an_image_button_of_a_kind_hands_in_where_it_was_clicked(page: Page) -> None:
+    opened(page)
+    card(page, "cart").get_by_label("Angular").fill("15.8")
+    picture = card(page, "cart").locator("input[type=image]")
+    card(page, "cart").locator("fieldset").evaluate(
+        """(fields) => fields.insertAdjacentHTML("afterbegin", `<input type="image" name="answer.at" alt="A picture"
+             width="200" height="100" src="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg'/>">`)"""
+    )
+    assert picture.evaluate("(one) => [one.clientWidth, one.clientHeight, one.offsetWidth]") == [200, 100, 200]
+    with page.expect_request(lambda one: one.method == "POST") as sent:
+        picture.click(position={"x": 50, "y": 30})
+    assert "answer.at.x=50&answer.at.y=30" in (sent.value.post_data or "")
+    expect(card(page, "cart").locator("[data-trouble]")).to_contain_text("No attempt was used.")
+
+
 def test_without_javascript_every_kind_is_answered(site: Site, browser: Chromium) -> None:
     context = browser.new_context(base_url=site.origin, java_script_enabled=False)
     page = context.new_page()

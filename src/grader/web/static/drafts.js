@@ -95,9 +95,6 @@ export class Drafts {
   }
 }
 
-// The answer's fields in a form that is sent.
-export const sentFields = (data) => grouped([...data].filter(([name]) => ANSWER.test(name)));
-
 // Whether two answers are the same, whatever the line ends and the order of the fields.
 export const same = (one, other) => written(one) === written(other);
 

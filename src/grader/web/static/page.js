@@ -1,7 +1,7 @@
 // A learner's pages. The server renders everything; this sends forms in the background, takes over the parts of the
 // answer that changed, keeps drafts, and follows a script that is being graded. Without it the forms work as forms do.
 
-import { alone, Drafts, same, sentFields } from "./drafts.js";
+import { alone, Drafts, same } from "./drafts.js";
 
 const TYPING_MS = 300;
 const POLL_MS = 1500;
@@ -105,7 +105,8 @@ async function send(form, submitter) {
   const isStop = submitter?.dataset.stop !== undefined;
   const button = isStop ? submitter : form.querySelector("button:not([type=button], [data-stop])");
   if (button.disabled) return;
-  const sent = new FormData(form, isStop ? submitter : null);
+  const sent = new FormData(form, submitter); // an image that was clicked adds where
+  const typed = drafts.valueOf(form);
   button.disabled = true;
   tell(form, isStop ? "Stopping…" : "Sending…");
   drafts.keep(form);
@@ -116,7 +117,7 @@ async function send(form, submitter) {
     const page = await pageOf(response);
     if (!page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
     if (response.ok && !isStop) drafts.sent(form);
-    take(page, form, sentFields(sent), response.ok);
+    take(page, form, typed, response.ok);
     if (isStop) drafts.keep(form); // it is as if it had not been sent
   } catch {
     tell(form, OFFLINE, true, false);
