@@ -195,6 +195,14 @@ def test_a_command_reports_as_far_as_the_author_reveals() -> None:
         assert reported(grade_answer(asked, 73.313), asked).explain == "KEY"
 
 
+def test_a_command_reports_no_evidence_that_draws_the_solution() -> None:
+    question = NumberQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1)
+    evidence = {"option": 1, "regions": [73.313]}
+    wrong, right = (grade_answer(question, one).model_copy(update={"evidence": evidence}) for one in (1, 73.313))
+    assert reported(wrong, question).evidence == {"option": 1}
+    assert reported(right, question).evidence == evidence
+
+
 @given(answers(), outcomes())
 def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: dict[str, Any]) -> None:
     verdict = Verdict(**answer, **outcome)

@@ -325,8 +325,8 @@ def directed(finding: Finding) -> Finding:
 def reported(verdict: Verdict, question: Question) -> Verdict:
     """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`.
 
-    A right answer shows everything. Without `reveal` only expected values are left out, but of a script, whose hidden
-    cases have none.
+    A right answer shows everything. Without `reveal` only expected values, and the evidence that draws them, are left
+    out, but of a script, whose hidden cases have none.
     """
     kind = kind_of(question)
     asked = kind.reveal(question)
@@ -335,7 +335,8 @@ def reported(verdict: Verdict, question: Question) -> Verdict:
     if asked is not None:
         return revealing(verdict, asked)
     findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
-    return verdict.model_copy(update={"findings": findings})
+    evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
+    return verdict.model_copy(update={"findings": findings, "evidence": evidence})
 
 
 def fields_of(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:
