@@ -1,11 +1,13 @@
 """Quizzes and their questions; each question is of a kind, which is a plug-in. A kind imports from here alone."""
 
+from grader.domain.markup import plain_text, quoted
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import AnswerKey, NumberKey, OptionKey
 from grader.questions.grade import grade_answer, read_answer
 from grader.questions.kind import FIELD, CountedNumber, Example, Fields, Option, QuestionKind, Remark, typed_in
+from grader.questions.parts import field_of, json_or_text, typed_for
 from grader.questions.question import ModelXml, OptionIndex, Options, Question, Reveal, Whys
 from grader.questions.quiz import LessonHead, Quiz
 from grader.questions.registry import (
@@ -45,16 +47,21 @@ __all__ = [
     "Verdict",
     "Verify",
     "Whys",
+    "field_of",
     "grade_answer",
     "installed_kinds",
+    "json_or_text",
     "kind_of",
     "lab_view",
     "parse_question",
+    "plain_text",
     "question_adapter",
     "question_view",
+    "quoted",
     "read_answer",
     "student_view",
     "template_of",
+    "typed_for",
     "typed_in",
     "unopened_view",
     "verdict_of",
