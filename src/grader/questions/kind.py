@@ -24,11 +24,12 @@ FIELD = "answer"
 NOTHING_TYPED = "Write an answer first."
 
 TEMPLATE = "question.html"
-"""The file beside the kind's module with its Jinja macros, which docs/architecture.md lists."""
+"""The file beside the kind's module with its Jinja macros, which CONTRIBUTING.md lists."""
 
 
 class Remark(NamedTuple):
-    """What is wrong or doubtful about a question: the author's key, and why, with the cure."""
+    """What is wrong or doubtful about a question: the author's key (`fields.0.unit` of an inner one), and why, with the
+    cure."""
 
     key: str
     why: str
@@ -57,8 +58,9 @@ class CountedNumber(NamedTuple):
 class Example:
     """A question as its author writes it, with answers and the status that each must get.
 
-    The first answer is the best one. `files` are the other files of the content folder that the question needs, by
-    path.
+    The first answer is the best one. There are three or more, one of them INVALID_ANSWER and, unless a person grades
+    the first, one INCORRECT. No hidden text of the question may stand in a shown one: the tests look for it on the
+    pages. `files` are the other files of the content folder that the question needs, by path: models and starters.
     """
 
     question: Mapping[str, Any]
@@ -196,8 +198,9 @@ class QuestionKind(ABC, Generic[Q, A]):
     def grade(self, question: Q, answer: A) -> Verdict:
         """Judges an answer: one finding or several, whose points add up to those of the question.
 
-        Only `expected` of a finding may hold what was right: it is shown with the solution. `message` must not, and
-        `direction` must not tell by how much an answer is off. Evidence `option` or `value` is what statistics count:
+        Only `expected` of a finding may hold what was right, and evidence under names of your own, such as `regions`:
+        both are shown with the solution. `message`, plain text like all texts of a finding, must not, and `direction`
+        must not tell by how much an answer is off. Evidence `option` or `value` is what statistics count:
         an index of `options`, or a list of them; a number, or a list with one for each of `numbers`, None where that
         is right. `read_as` and `explain` are added by the caller.
         """
