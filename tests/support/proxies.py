@@ -108,7 +108,7 @@ def running(command: list[str], port: int, environment: Mapping[str, str] | None
     with subprocess.Popen(command, env={**os.environ, **(environment or {})}, stderr=subprocess.DEVNULL) as process:
         try:
             deadline = time.monotonic() + START_S
-            while not takes_connections(port):
+            while not listens(port, tls=True):
                 assert process.poll() is None, f"{command[0]} ended while it started"
                 assert time.monotonic() < deadline, f"{command[0]} does not start"
                 time.sleep(0.02)
@@ -117,15 +117,14 @@ def running(command: list[str], port: int, environment: Mapping[str, str] | None
             process.terminate()
 
 
-def takes_connections(port: int) -> bool:
-    """Whether a handshake succeeds: Caddy listens before it has made its certificate."""
+def listens(port: int, *, tls: bool = False) -> bool:
+    """Whether a connection succeeds; with `tls` its handshake too, for which Caddy first makes a certificate."""
     trusting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
     try:
-        with (
-            socket.create_connection(("127.0.0.1", port), timeout=START_S) as plain,
-            trusting.wrap_socket(plain, server_hostname="localhost"),
-        ):
+        with socket.create_connection(("127.0.0.1", port), timeout=START_S) as plain:
+            if tls:
+                trusting.wrap_socket(plain, server_hostname="localhost").close()
             return True
     except OSError:
         return False

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -18,7 +19,9 @@ PLAIN = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 @contextmanager
-def serving(app: ASGIApp, port: int = 0, certificate: Path | None = None) -> Iterator[str]:
+def serving(
+    app: ASGIApp, port: int = 0, certificate: Path | None = None, loop: Literal["auto", "asyncio"] = "auto"
+) -> Iterator[str]:
     """The origin under which the app answers; a `certificate` with its key makes it https."""
     # asyncio switches Nagle's algorithm off only for sockets that name TCP: with it every answer would take 40 ms.
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
@@ -27,7 +30,7 @@ def serving(app: ASGIApp, port: int = 0, certificate: Path | None = None) -> Ite
     listener.listen(128)
     config = uvicorn.Config(
         app, http="httptools", ws="none", log_level="warning", access_log=False, proxy_headers=False,
-        timeout_graceful_shutdown=2, ssl_certfile=certificate,
+        timeout_graceful_shutdown=2, ssl_certfile=certificate, loop=loop,
     )  # fmt: skip
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})

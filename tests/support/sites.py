@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 from fastapi import FastAPI
@@ -75,12 +75,12 @@ class Site:
 
 
 @contextmanager
-def open_site(settings: Settings) -> Iterator[Site]:
+def open_site(settings: Settings, loop: Literal["auto", "asyncio"] = "auto") -> Iterator[Site]:
     """The app on a free port. A new SQLite file is a copy: every migration would cost more than the rest of the app."""
     if settings.database_url is None:
         write_newest_tables(settings.data)
     app = create_app(settings)
-    with serving(app) as origin:
+    with serving(app, loop=loop) as origin:
         site = Site(app, settings, origin)
         try:
             yield site

@@ -13,6 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
+from grader.api.bodies import RequestBody
 from grader.courses.answering.access import read_access, require_opened
 from grader.courses.people.identity import Identity
 from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
@@ -35,13 +36,11 @@ GZIP_LEVEL = 5
 Setting = StrictBool | StrictInt | StrictFloat | StrictStr
 
 
-class LabBody(BaseModel):
+class LabBody(RequestBody):
     """Which lab, with the values of its controls, and the length of the run [s].
 
     `events` are presses of buttons: time [s] and label.
     """
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     quiz: str = Field(max_length=64)
     question: str | None = Field(default=None, max_length=64)

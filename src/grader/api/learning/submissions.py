@@ -11,11 +11,12 @@ from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from pydantic_core import to_json
 from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import Page, PageParams, page_of
 from grader.courses.answering.access import LearnerAccess, read_access, redact_verdict, require_opened
 from grader.courses.answering.intake import NewAnswer, Receipt
@@ -41,12 +42,10 @@ SHORT_CHARACTERS = 1000
 """Answers up to here are read and graded in the event loop."""
 
 
-class AnswerBody(BaseModel):
+class AnswerBody(RequestBody):
     """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
     parts a list of indices or ids, or an object with a text, a number or an id for each.
     """
-
-    model_config = ConfigDict(extra="forbid")
 
     quiz: str = Field(max_length=64)
     question: str = Field(max_length=64)

@@ -7,9 +7,10 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.exceptions import HTTPException
 
+from grader.api.bodies import RequestBody
 from grader.api.learning.submissions import (
     SECURITY,
     AnswerBody,
@@ -34,10 +35,8 @@ from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
 router = APIRouter()
 
 
-class LearnerBody(BaseModel):
+class LearnerBody(RequestBody):
     """A learner as another system knows them. A `name` is what instructors see; without one they see the id."""
-
-    model_config = ConfigDict(extra="forbid")
 
     namespace: str = Field(max_length=NAMESPACE)
     id: str = Field(max_length=EXTERNAL_ID)

@@ -6,8 +6,9 @@ A restricted token may do none of it: a link makes instructors.
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import Page, RowId
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Identity
@@ -34,10 +35,8 @@ LISTED = refusals(401, 403, 429)
 CHANGED = refusals(401, 403, 404, 409, 422, 429)
 
 
-class PlatformBody(BaseModel):
+class PlatformBody(RequestBody):
     """A platform to register. `origins` are those that show our pages in a frame; of issuer and login if not given."""
-
-    model_config = ConfigDict(extra="forbid")
 
     issuer: str = Field(max_length=TEXT)
     client_id: str = Field(max_length=TEXT)

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import ColumnElement
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, next_link, read_cursor, write_cursor
 from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
@@ -24,10 +25,8 @@ DIGITS = 18
 """Longest number of a delivery."""
 
 
-class WebhookBody(BaseModel):
+class WebhookBody(RequestBody):
     """Where to send messages."""
-
-    model_config = ConfigDict(extra="forbid")
 
     url: str = Field(min_length=1, max_length=LENGTH, pattern=NO_NUL)
 

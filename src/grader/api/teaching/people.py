@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses.people import invitations, members, tokens
@@ -45,28 +46,22 @@ class ListQuery(BaseModel):
 ListParams = Annotated[ListQuery, Query()]
 
 
-class RoleBody(BaseModel):
+class RoleBody(RequestBody):
     """A member's new role."""
-
-    model_config = ConfigDict(extra="forbid")
 
     role: Role
 
 
-class InvitationBody(BaseModel):
+class InvitationBody(RequestBody):
     """Whom to invite: new or old members by their names, or one member by id."""
-
-    model_config = ConfigDict(extra="forbid")
 
     names: list[str] = Field(default_factory=list, max_length=invitations.NAMES_AT_ONCE)
     role: Role = Role.STUDENT
     member: str | None = None
 
 
-class TokenBody(BaseModel):
+class TokenBody(RequestBody):
     """A token to create. Without `scopes` it may do what the role may; without `days` it does not expire."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     user: str
     role: Role

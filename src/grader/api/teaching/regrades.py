@@ -4,8 +4,9 @@ from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, PageQuery, next_link, page_of, read_cursor, write_cursor
 from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
@@ -22,18 +23,14 @@ router = APIRouter()
 Id = Annotated[str, Field(max_length=32, pattern=NO_NUL)]
 
 
-class Submissions(BaseModel):
+class Submissions(RequestBody):
     """Submissions that are named one by one."""
-
-    model_config = ConfigDict(extra="forbid")
 
     submission_ids: list[Id] = Field(min_length=1, max_length=IDS_MAX)
 
 
-class RegradeBody(BaseModel):
+class RegradeBody(RequestBody):
     """What to grade again: a quiz or one question of it; `dry_run` tells the difference and changes nothing."""
-
-    model_config = ConfigDict(extra="forbid")
 
     quiz: str = Field(max_length=64, pattern=NO_NUL)
     question: str | None = Field(default=None, max_length=64, pattern=NO_NUL)

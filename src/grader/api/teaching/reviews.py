@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 from fastapi import APIRouter, Header, Query, Response
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 from sqlalchemy.orm import Session
 
+from grader.api.bodies import RequestBody
 from grader.api.learning.submissions import SubmissionView, etag_of, is_current, view, visible
 from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, page_of
 from grader.api.teaching.saved_comments import comment_view
@@ -38,13 +39,11 @@ class ReviewQuery(PageQuery):
     second: bool = False
 
 
-class ClaimBody(BaseModel):
+class ClaimBody(RequestBody):
     """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course.
 
     With `second`, one that waits for a second mark.
     """
-
-    model_config = ConfigDict(extra="forbid")
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)
@@ -60,27 +59,21 @@ class ClaimBody(BaseModel):
         return self
 
 
-class HeldBody(BaseModel):
+class HeldBody(RequestBody):
     """A submission that the caller has claimed."""
-
-    model_config = ConfigDict(extra="forbid")
 
     submission_id: str
 
 
-class QuestionBody(BaseModel):
+class QuestionBody(RequestBody):
     """One question."""
-
-    model_config = ConfigDict(extra="forbid")
 
     quiz: str = Field(max_length=64, pattern=NO_NUL)
     question: str = Field(max_length=64, pattern=NO_NUL)
 
 
-class ReviewBody(BaseModel):
+class ReviewBody(RequestBody):
     """A reviewer's mark: the ids of the `rubric` items that hold, or `points`; with both, the points count."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     points: float | None = Field(default=None, ge=0, strict=True)
     rubric: list[Annotated[str, Field(max_length=64)]] | None = Field(default=None, max_length=ITEMS_MAX)

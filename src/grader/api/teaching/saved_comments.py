@@ -3,8 +3,9 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import Field, StringConstraints
 
+from grader.api.bodies import RequestBody
 from grader.api.paging import NO_NUL, Page
 from grader.courses.reviewing import comments
 from grader.gate.callers import Instructor
@@ -21,10 +22,8 @@ CommentText = Annotated[
 Name = Annotated[str, Query(max_length=64, pattern=NO_NUL)]
 
 
-class TextBody(BaseModel):
+class TextBody(RequestBody):
     """The text of a comment."""
-
-    model_config = ConfigDict(extra="forbid")
 
     text: CommentText
 
