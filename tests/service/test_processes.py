@@ -6,8 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from grader.service.app import admission_rules
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from support.databases import database_url
-from support.queue_kills import START_S, descendants, process_of, settings_on, wait_until_ready
+from support.queue_kills import START_S, descendants, process_of, settings_on, wait_for, wait_until_ready
 from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
@@ -92,13 +91,6 @@ def is_alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (FileNotFoundError, ProcessLookupError):
         return False
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + START_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def counted(client: httpx.Client) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 START_S = 60.0
@@ -102,9 +103,10 @@ PROXIES = {"nginx": nginx, "caddy": caddy}
 
 
 @contextmanager
-def running(command: list[str], port: int, environment: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Runs a server until the end of the block; it must listen on the port."""
-    with subprocess.Popen(command, env={**os.environ, **(environment or {})}, stderr=subprocess.DEVNULL) as process:
+def running(command: list[str], port: int, environment: Mapping[str, str] = NONE, **more: Any) -> Iterator[None]:
+    """Runs a server until the end of the block; it must listen on the port. `more` is for Popen."""
+    env = {**os.environ, **environment}
+    with subprocess.Popen(command, env=env, stderr=subprocess.DEVNULL, **more) as process:
         try:
             deadline = time.monotonic() + START_S
             while not listens(port):

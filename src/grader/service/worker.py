@@ -27,6 +27,7 @@ from grader.grading.processes import Graders, Script
 from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
+from grader.service.opening import open_database
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.engine.database import AWAY, Database
@@ -209,13 +210,12 @@ def run_worker(
     """
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
-    database = Database(settings.database, settings.connections)
-    if database.is_sqlite:
+    if settings.database_url is None or settings.database_url.startswith("sqlite"):
         raise Unprocessable(
             "A SQLite database is worked on by `grader serve` alone. Set GRADER_WORKERS for more grading processes, "
             "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
         )
-    database.migrate()
+    database = open_database(settings)
     archive = Archive(database)
     with build_graders(settings) as graders:
         worker = build_worker(settings, database, archive, graders, more(settings, database, archive))
