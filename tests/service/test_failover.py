@@ -55,8 +55,7 @@ class Learner:
 
 def test_a_promoted_replica_has_every_acknowledged_answer_once() -> None:
     with replicated() as pair:
-        limits = {"rate_per_s": 1e5, "rate_burst": 100_000, "address_rate_per_s": 1e5, "address_rate_burst": 100_000}
-        settings = Settings(content=ROOT, database_url=pair.url, workers=1, **limits)
+        settings = Settings(content=ROOT, database_url=pair.url, workers=1, rate_per_s=1e5, rate_burst=100_000)
         with open_site(settings) as site:
             with Learner(site.client("ann")) as ann:
                 ann.wait_for_more(20)

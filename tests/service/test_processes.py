@@ -16,6 +16,7 @@ import pytest
 from pydantic import ValidationError
 from sqlalchemy import text
 
+from grader.courses.answering.stopping import STOPPED_RUNNING
 from grader.errors import TooManyRequests
 from grader.service.accounts import revoke_tokens
 from grader.service.app import admission_rules
@@ -131,6 +132,19 @@ def test_a_verdict_is_heard_at_the_other_server(served: Served) -> None:
         made = one.post(SUBMISSIONS, json={"quiz": "1.3-exercises", "question": "servo-threshold", "answer": SCRIPT})
         assert made.status_code == 202, made.text
         assert events_of(other, made.headers["location"])[-1]["verdict"]["status"] == "incorrect"
+
+
+def test_a_script_that_runs_is_stopped_at_the_other_server(served: Served) -> None:
+    token, endless = served.token("eve"), {"source": "while True:\n    pass\n"}
+    first, second = served.servers()
+    with served.client_at(first, token) as one, served.client_at(second, token) as other:
+        made = one.post(SUBMISSIONS, json={"quiz": "1.3-exercises", "question": "servo-threshold", "answer": endless})
+        address = made.headers["location"]
+        wait_for(lambda: one.get(address).json()["status"] == "running")
+        stopped = other.post(f"{address}:stop")
+        assert stopped.status_code == 200, stopped.text
+        assert stopped.json()["verdict"]["diagnosis"] == STOPPED_RUNNING
+        assert one.get(address).json()["status"] == "graded"
 
 
 def events_of(client: httpx.Client, location: str) -> list[dict[str, Any]]:
