@@ -51,7 +51,7 @@ def wait_until_there(database: Database) -> None:
         except OperationalError as error:
             if time.monotonic() >= say_at:
                 url, why = database.engine.url, " ".join(str(error.orig).split())
-                address = url.query.get("host") or f"{url.host}:{url.port or 5432}"
+                address = url.query.get("host") or f"{url.host or 'localhost'}:{url.port or 5432}"
                 log.warning("waiting for the database", host=address, name=url.database, why=why)
                 say_at += SAY_S
             time.sleep(RETRY_S)
