@@ -17,6 +17,7 @@ GraderError
 ├── NotReady          ours: a part of the service does not work now; `/readyz` tells which
 ├── LabError          a lab's expression failed while it ran: question, control, line and column
 ├── LabRefused        a lab does not offer these settings: controls, presses, lengths
+├── ScriptStopped     the learner's: a running script that they have stopped
 ├── ContentLost       ours: the content of a submission is not in the database; retried, then `grader_fault`
 └── JailFault         ours: the jail broke; retried, then `grader_fault`, and no attempt is used
     └── JailRefused   this machine cannot isolate a script: refuse to start
@@ -127,6 +128,14 @@ class LabError(GraderError):
 
 class LabRefused(GraderError):
     """A lab cannot run with these settings; the message names what it offers."""
+
+
+class ScriptStopped(GraderError):
+    """The learner has stopped the script while it ran; `has_seen_hidden` once it had its hidden inputs."""
+
+    def __init__(self, has_seen_hidden: bool) -> None:
+        self.has_seen_hidden = has_seen_hidden
+        super().__init__(has_seen_hidden)
 
 
 class ContentLost(GraderError):

@@ -176,6 +176,23 @@ def test_a_job_that_its_worker_gave_back_in_good_order_has_all_its_tries(databas
             assert jobs.put_back(session, held, 0.0, tried=tried)
 
 
+def test_a_job_in_progress_is_asked_to_stop_once_and_not_in_its_next_try(database: Database) -> None:
+    subject = hand_in(database)
+    hand_in(database, "bob")
+    with database.write() as session:
+        assert not jobs.ask_to_stop(session, jobs.GRADE, subject)  # it waits
+    for _ in range(2):
+        with database.write() as session:
+            held = jobs.claim(session, OTHER)
+            assert held is not None
+            assert held.subject == subject
+            assert jobs.list_asked_to_stop(session, OTHER) == []
+            assert [jobs.ask_to_stop(session, jobs.GRADE, subject) for _ in range(2)] == [True, False]
+            assert jobs.list_asked_to_stop(session, OTHER) == [subject]
+            assert jobs.list_asked_to_stop(session, OTHER + 1) == []
+            jobs.put_back(session, held, 0.0, tried=True)
+
+
 def test_two_jobs_for_one_submission_make_one_verdict(database: Database) -> None:
     submission_id = hand_in(database)
     with database.write() as session:

@@ -6,8 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,14 @@ import pytest
 from pydantic import ValidationError
 from sqlalchemy import text
 
+from grader.courses.answering.stopping import STOPPED_RUNNING
 from grader.errors import TooManyRequests
 from grader.service.accounts import revoke_tokens
 from grader.service.app import admission_rules
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from support.databases import database_url
-from support.queue_kills import START_S, descendants, process_of, settings_on, wait_until_ready
+from support.queue_kills import START_S, descendants, process_of, settings_on, wait_for, wait_until_ready
 from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
@@ -94,13 +94,6 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + START_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 def counted(client: httpx.Client) -> float:
     """The answers that /metrics says were handed in."""
     wanted = f'grader_http_requests_total{{method="POST",route="{SUBMISSIONS}",status="201"}} '
@@ -139,6 +132,19 @@ def test_a_verdict_is_heard_at_the_other_server(served: Served) -> None:
         made = one.post(SUBMISSIONS, json={"quiz": "1.3-exercises", "question": "servo-threshold", "answer": SCRIPT})
         assert made.status_code == 202, made.text
         assert events_of(other, made.headers["location"])[-1]["verdict"]["status"] == "incorrect"
+
+
+def test_a_script_that_runs_is_stopped_at_the_other_server(served: Served) -> None:
+    token, endless = served.token("eve"), {"source": "while True:\n    pass\n"}
+    first, second = served.servers()
+    with served.client_at(first, token) as one, served.client_at(second, token) as other:
+        made = one.post(SUBMISSIONS, json={"quiz": "1.3-exercises", "question": "servo-threshold", "answer": endless})
+        address = made.headers["location"]
+        wait_for(lambda: one.get(address).json()["status"] == "running")
+        stopped = other.post(f"{address}:stop")
+        assert stopped.status_code == 200, stopped.text
+        assert stopped.json()["verdict"]["diagnosis"] == STOPPED_RUNNING
+        assert one.get(address).json()["status"] == "graded"
 
 
 def events_of(client: httpx.Client, location: str) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 START_S = 60.0
@@ -103,12 +104,15 @@ PROXIES = {"nginx": nginx, "caddy": caddy}
 
 
 @contextmanager
-def running(command: list[str], port: int, environment: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Runs a server until the end of the block; it must take TLS connections at the port."""
-    with subprocess.Popen(command, env={**os.environ, **(environment or {})}, stderr=subprocess.DEVNULL) as process:
+def running(
+    command: list[str], port: int, environment: Mapping[str, str] = NONE, *, tls: bool = True, **more: Any
+) -> Iterator[None]:
+    """Runs a server until the end of the block; it must take connections at the port. `more` is for Popen."""
+    env = {**os.environ, **environment}
+    with subprocess.Popen(command, env=env, stderr=subprocess.DEVNULL, **more) as process:
         try:
             deadline = time.monotonic() + START_S
-            while not listens(port, tls=True):
+            while not listens(port, tls=tls):
                 assert process.poll() is None, f"{command[0]} ended while it started"
                 assert time.monotonic() < deadline, f"{command[0]} does not start"
                 time.sleep(0.02)

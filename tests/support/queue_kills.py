@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -83,6 +83,13 @@ def wait_until_ready(process: "subprocess.Popen[bytes]", settings: Settings) -> 
         except httpx.TransportError:
             pass
         time.sleep(0.1)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + START_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def client_of(settings: Settings, user: str, role: str = "student") -> httpx.Client:

@@ -9,7 +9,8 @@ import pytest
 from playwright.sync_api import expect
 from sqlalchemy.orm import Session
 
-from grader.courses.answering.stopping import STOPPED
+from grader.courses.answering import stopping
+from grader.courses.answering.stopping import STOPPED, STOPPING, TOO_LATE
 from grader.courses.people.identity import COOKIE, Role
 from grader.courses.people.sign_in import create_sign_in_code
 from grader.queue import jobs
@@ -262,7 +263,10 @@ def test_a_script_that_waits_can_be_stopped_and_handed_in_again(browser: httpx.C
     assert [row["status"] for row in browser.get("/api/v1/submissions").json()["items"]] == ["queued", "graded"]
 
 
-def test_a_script_that_runs_is_not_stopped(browser: httpx.Client, settings: Settings) -> None:
+def test_a_script_whose_worker_is_away_is_asked_to_stop_once(
+    browser: httpx.Client, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stopping, "WAIT_S", 0.0)
     page = queue(browser).text
     name = STOP.findall(page)[0][1]
 
@@ -271,10 +275,12 @@ def test_a_script_that_runs_is_not_stopped(browser: httpx.Client, settings: Sett
             submissions.start(session, claimed.subject)
 
     in_database(settings, claim_all)
-    refused = stop(browser, page)
+    asked = stop(browser, browser.get(STEP).text)
+    assert asked.status_code == 200
+    assert STOPPING in asked.text
+    refused = stop(browser, asked.text)
     assert refused.status_code == 409
-    assert "once it runs, it is graded" in refused.text
-    assert STOP.findall(refused.text) == []
+    assert TOO_LATE in refused.text
     assert browser.post(f"/api/v1/submissions/{name}:stop").status_code == 409
 
 

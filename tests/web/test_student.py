@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, Route, expect
 
+from grader.courses.answering.stopping import STOPPED_RUNNING
 from web.browsing import Chromium, service, settings_in
 
 REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
@@ -367,6 +368,20 @@ def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Chromium
     expect(page.locator("#result [data-status]")).to_have_text("Not correct")  # it reloads itself
     without_scripts.close()
     expect(visit.page.locator("#result [data-status]")).to_have_text("Not correct")
+
+
+def test_a_script_that_runs_is_stopped_and_stays_in_the_editor(visit: Visit) -> None:
+    begin(visit)
+    visit.page.goto(SERVO)
+    endless = "while True:\n    pass\n"
+    visit.page.locator("textarea.code").fill(endless)
+    visit.page.get_by_role("button", name="Run and judge").click()
+    expect(visit.page.locator("#under-way .now")).to_have_text(re.compile("running"))
+    visit.page.get_by_role("button", name="Stop").click()
+    expect(visit.page.locator("[data-trouble]")).to_have_text(STOPPED_RUNNING)
+    expect(visit.page.locator("#under-way[data-events]")).to_have_count(0)
+    expect(visit.page.locator("#attempts")).to_contain_text("No attempt yet")
+    expect(visit.page.locator("textarea.code")).to_have_value(endless)
 
 
 def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:

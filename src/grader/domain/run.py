@@ -16,6 +16,11 @@ def ignore(*_: object) -> None:
     """Listens to nothing."""
 
 
+def never() -> bool:
+    """Never."""
+    return False
+
+
 class Limits(BaseModel):
     """Resources that a script may use. CPU time is the limit; wall time ends a process that hangs."""
 
@@ -45,7 +50,7 @@ class Job:
     simulates: the driver must compile these at its top level, before the import.
 
     `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives;
-    both in the thread of the run.
+    both in the thread of the run, which also asks `is_stopped`, several times a second, whether to end the script.
     """
 
     source: str
@@ -57,6 +62,7 @@ class Job:
     hidden_inputs: Mapping[str, Any] = field(default_factory=dict)
     sent: Callable[[], object] = ignore
     heard: Callable[[str], object] = ignore
+    is_stopped: Callable[[], bool] = never
 
 
 class RunStatus(StrEnum):

@@ -22,7 +22,7 @@ import structlog
 
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
-from grader.errors import InvalidAnswer, JailFault, TooLarge, Unprocessable
+from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
 from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise
 from grader.library import Library
 from grader.questions import Question, grade_answer, kind_of, read_answer
@@ -172,8 +172,8 @@ class Pipeline:
     def judge(self, submission: ParsedSubmission, tell: Tell = ignore_progress) -> Verdict:
         """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer.
 
-        While a script runs, `tell` is called with the number of the case it is at, and the number of cases. An instant
-        answer that was given before gets the verdict that was made then.
+        Raises ScriptStopped where the jail does. While a script runs, `tell` is called with the number of the case it
+        is at, and the number of cases. An instant answer that was given before gets the verdict that was made then.
         """
         if (kept := self._kept.get(submission.digest)) is not None:
             return kept
@@ -196,6 +196,8 @@ class Pipeline:
                 verdict, measured = self._judge_script(question, submission.source, submission.seed, tell)
             else:
                 verdict = grade_answer(question, submission.answer)
+        except ScriptStopped:
+            raise
         except Exception:
             log.exception("grading failed", quiz=submission.quiz_id, question=question.id)
             verdict = build_ungraded(question, Status.GRADER_FAULT, OUR_FAULT)

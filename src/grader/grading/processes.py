@@ -26,7 +26,7 @@ from typing import Any, Self
 import structlog
 
 from grader.domain.verdict import Verdict
-from grader.errors import JailFault, JailRefused
+from grader.errors import JailFault, JailRefused, ScriptStopped
 from grader.exercises import Tell
 from grader.grading.pipeline import Pipeline, ignore_progress
 from grader.library import Library
@@ -56,12 +56,20 @@ log = structlog.get_logger()
 
 @dataclass(frozen=True)
 class Script:
-    """A submission as a grading process takes it; `answer` is the stored answer, parsed."""
+    """A submission as a grading process takes it; `answer` is the stored answer, parsed. `name` is for `stop`."""
 
     quiz: str
     question: str
     answer: Any
     seed: int | None
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Ends the script of this name, if it still runs."""
+
+    name: str
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,7 @@ class ScriptProgress:
 
 
 class GradingProcess:
-    """The handle of one process. One thread at a time may use it."""
+    """The handle of one process. One thread at a time may use it, and any may `stop` its script."""
 
     def __init__(self, *, allow_t2: bool) -> None:
         # A script reads the models of the content that it is graded with, whatever the content folder holds now.
@@ -88,6 +96,7 @@ class GradingProcess:
             )
         self._connection: Connection[Any, Any] = Connection(ours.detach())
         self._library: Library | None = None
+        self._sending, self._running = threading.Lock(), ""
         self.jail: Mapping[str, Any] = {}
 
     @property
@@ -102,19 +111,29 @@ class GradingProcess:
     def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
         """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most.
 
-        Raises JailFault if the process ends or breaks, and ends it then.
+        Raises ScriptStopped, and JailFault if the process ends or breaks, and ends it then.
         """
         try:
-            if library is not self._library:
-                write_models(library, Path(self._models.name))
-                self._connection.send(make_portable(library))
-                self._library = library
-            self._connection.send(script)
+            with self._sending:
+                if library is not self._library:
+                    write_models(library, Path(self._models.name))
+                    self._connection.send(make_portable(library))
+                    self._library = library
+                self._connection.send(script)
+                self._running = script.name
+            verdict = self._receive(VERDICT_S, tell)
         except OSError as error:
             raise self._broken(str(error)) from error
-        verdict = self._receive(VERDICT_S, tell)
+        finally:
+            self._running = ""
         assert isinstance(verdict, Verdict)
         return verdict
+
+    def stop(self, name: str) -> None:
+        """Has the script of this name end, if this process runs it; a verdict that is on its way stays."""
+        with self._sending, suppress(OSError):
+            if name == self._running:
+                self._connection.send(Stop(name))
 
     @property
     def alive(self) -> bool:
@@ -182,9 +201,14 @@ class Graders:
         self.jail = self._all[0].jail
 
     def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
-        """Judges a script in a free process; waits for one. Raises JailFault as a process does."""
+        """Judges a script in a free process; waits for one. Raises as a process does."""
         with self._free_process() as process:
             return process.judge(library, script, tell)
+
+    def stop(self, name: str) -> None:
+        """Has the script of this name end, in whichever process it runs."""
+        for process in self._all:
+            process.stop(name)
 
     def pids(self) -> list[int]:
         """Returns the ids of the processes."""
@@ -262,20 +286,31 @@ def write_models(library: Library, folder: Path) -> None:
 
 
 def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
-    """Answers each script with its verdict, or with the JailFault that says what broke, until the parent ends."""
+    """Answers each script with its verdict, or with the error that says what ended it, until the parent ends."""
     pipeline: Pipeline | None = None
+
+    def is_stopped() -> bool:
+        try:
+            return connection.poll() and connection.recv() == Stop(message.name)
+        except EOFError:
+            return True
+
     while True:
         try:
             message = connection.recv()
         except EOFError:
             return
+        if isinstance(message, Stop):  # its script has ended
+            continue
         if isinstance(message, Library):
-            pipeline = Pipeline(message, jail.run)
+            pipeline = Pipeline(message, lambda job: jail.run(replace(job, is_stopped=is_stopped)))
             continue
         assert pipeline is not None and isinstance(message, Script)
         try:
             parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
             connection.send(pipeline.judge(parsed, lambda case, cases: connection.send(ScriptProgress(case, cases))))
+        except ScriptStopped as stopped:
+            connection.send(stopped)
         except Exception as error:
             log.exception("grading failed", quiz=message.quiz, question=message.question)
             connection.send(JailFault(f"grading failed: {type(error).__name__}"))

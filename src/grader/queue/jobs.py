@@ -46,6 +46,9 @@ GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune
 NEWS = "jobs"
 """The channel on which new jobs are announced, by topic."""
 
+STOPS = "stops"
+"""The channel on which it is announced that jobs in progress are to stop."""
+
 
 class QueueBase(DeclarativeBase):
     """The base of the queue's table, apart from the store's: a job names its subject by id."""
@@ -70,7 +73,7 @@ class JobRow(QueueBase):
     delayed_at: Mapped[float | None] = mapped_column(Float(53))
     """When the job was last delayed, put back or released [s since 1970]; None if it never was."""
     due_at: Mapped[float | None] = mapped_column(Float(53))
-    """When a delayed job is due [s since 1970]."""
+    """When a delayed job is due; of a job in progress, when it was asked to stop [s since 1970]."""
 
 
 ORDER = (JobRow.priority, JobRow.round, JobRow.share, JobRow.id)
@@ -140,7 +143,7 @@ FIRST = select(JobRow.id).where(WAITS, DUE, *AMONG).order_by(*ORDER).limit(1).wi
 CLAIM = (
     update(JobRow)
     .where(JobRow.id == FIRST.scalar_subquery())
-    .values(tries=JobRow.tries + 1, owner=bindparam("by"), lease=bindparam("new"))
+    .values(tries=JobRow.tries + 1, owner=bindparam("by"), lease=bindparam("new"), due_at=None)
     .returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries)
 )
 
@@ -175,6 +178,19 @@ def withdraw(session: Session, topic: str, subject: str) -> bool:
     """Removes the job of a subject if it waits. False if it has been claimed, or is done."""
     waits = delete(JobRow).where(JobRow.topic == topic, JobRow.subject == subject, WAITS).returning(JobRow.id)
     return session.execute(waits).first() is not None
+
+
+def ask_to_stop(session: Session, topic: str, subject: str) -> bool:
+    """Asks the owner of a job in progress to stop it. False if it is done, waits, or was asked before."""
+    runs = (JobRow.topic == topic, JobRow.subject == subject, JobRow.owner.is_not(None), JobRow.due_at.is_(None))
+    asked = session.execute(update(JobRow).where(*runs).values(due_at=Clock()).returning(JobRow.id)).first()
+    announce(session, STOPS)
+    return asked is not None
+
+
+def list_asked_to_stop(session: Session, owner: int) -> Sequence[str]:
+    """Returns the subjects of the owner's jobs that are to stop."""
+    return session.scalars(select(JobRow.subject).where(JobRow.owner == owner, JobRow.due_at.is_not(None))).all()
 
 
 def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import structlog
 from sqlalchemy.orm import Session
 
+from grader.domain.run import ignore
 from grader.metrics import JOBS_FAILED, RUNNING_S, WAITING_S
 from grader.queue import jobs
 from grader.queue.jobs import Claim
@@ -23,6 +24,9 @@ LOOK_S = 1.0
 
 KEEP_S = 2.0
 """Pause between two looks for jobs whose owner has ended [s]."""
+
+STOP_S = 0.2
+"""As `KEEP_S`, while a job is to stop: what `stop_job` ends may not have begun [s]."""
 
 APART = (jobs.DELIVER, jobs.PRUNE)
 """Topics whose jobs wait for others' servers, or take long: with threads of their own they hold up no grading."""
@@ -95,6 +99,8 @@ class Worker:
 
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
     database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back.
+
+    `stop_job` is called with the subject of a job that is to stop, again and again until the job has an outcome.
     """
 
     database: Database
@@ -102,9 +108,11 @@ class Worker:
     threads: int
     retries: Schedule
     others: int = 0
+    stop_job: Callable[[str], object] = ignore
     owner: Owner = field(init=False)
     _news: dict[tuple[str, ...], News] = field(default_factory=dict)
     _stop: threading.Event = field(default_factory=threading.Event)
+    _look: threading.Event = field(default_factory=threading.Event)
     _held: dict[str, Claim] = field(default_factory=dict)
     _threads: list[threading.Thread] = field(default_factory=list)
     _listening: ExitStack = field(default_factory=ExitStack)
@@ -122,6 +130,7 @@ class Worker:
         for topics, news in self._news.items():
             for topic in topics:
                 self._listening.enter_context(self.database.signals.listening(jobs.NEWS, news.tell, topic))
+        self._listening.enter_context(self.database.signals.listening(jobs.STOPS, self._look.set))
         targets: list[Callable[[], None]] = [self._keep, *(partial(self._work, topics) for topics in lanes)]
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
         for thread in self._threads:
@@ -136,6 +145,7 @@ class Worker:
         """Claims no more jobs, waits `GRACE_S`, and puts unfinished jobs back into the queue."""
         self._listening.close()
         self._stop.set()
+        self._look.set()
         self.wake()
         deadline = time.monotonic() + GRACE_S
         for thread in self._threads:
@@ -250,18 +260,26 @@ class Worker:
             self._news[topics].wait(seen)
 
     def _keep(self) -> None:
-        """Keeps this process an owner, and releases the jobs of owners that ended and claims that got lost."""
-        while not self._stop.wait(KEEP_S):
-            self._keep_owner()
+        """Keeps this process an owner, releases jobs of owners that ended and lost claims, and stops jobs."""
+        pause_s = KEEP_S
+        while True:
+            self._look.wait(pause_s)
+            self._look.clear()
+            if self._stop.is_set():
+                return
+            pause_s = STOP_S if self._keep_owner() else KEEP_S
 
-    def _keep_owner(self) -> None:
+    def _keep_owner(self) -> bool:
+        """Looks once. Returns whether a job is still to stop."""
         try:
             self.owner.keep()
             self._release_lost()
+            return self._stop_asked()
         except AWAY as error:
             log.warning("the database is away", error=type(error).__name__)
         except Exception:
             log.exception("the owner of jobs cannot be kept")
+        return False
 
     def _release_lost(self) -> None:
         """Releases claims whose commit succeeded although its answer got lost."""
@@ -270,3 +288,10 @@ class Worker:
         if lost := [lease for lease in ours if lease not in self._held]:
             with self.database.write() as session:
                 jobs.release(session, lost)
+
+    def _stop_asked(self) -> bool:
+        with self.database.read() as session:
+            asked = jobs.list_asked_to_stop(session, self.owner.id)
+        for subject in asked:
+            self.stop_job(subject)
+        return bool(asked)

@@ -85,6 +85,7 @@ class Jail:
 
         Raises:
             JailFault: the jail failed, not the script; try again.
+            ScriptStopped: the job `is_stopped`.
         """
         if len(job.source) > SOURCE_BYTES_MAX:
             return RunReport(RunStatus.CRASHED, f"The script is larger than {SOURCE_BYTES_MAX // 1024} KB.")

@@ -4,7 +4,7 @@ import os
 import signal
 
 from grader.domain.run import Job, Limits, RunReport, RunStatus
-from grader.errors import JailFault
+from grader.errors import JailFault, ScriptStopped
 from grader.sandbox.cleaning import clean, clean_reason
 from grader.sandbox.frames import MalformedMessage, Message, parse_message
 from grader.sandbox.policy import KB, MB, RESULT_BYTES_MAX
@@ -27,7 +27,10 @@ def build_report(ending: Ending, job: Job) -> RunReport:
 
     Raises:
         JailFault: something other than the jail or a limit killed the process.
+        ScriptStopped: it was stopped.
     """
+    if ending.cause is Cause.STOP:
+        raise ScriptStopped(ending.hidden_sent)
     limits = job.limits
     status, reason, message = _decide(ending, limits)
     if status is RunStatus.TIMED_OUT:

@@ -24,13 +24,14 @@ DEATH_S_MAX = 20.0
 
 
 class Cause(StrEnum):
-    """The limit at which the supervisor ended a run."""
+    """The limit at which the supervisor ended a run, or that it was stopped."""
 
     CPU = "cpu"
     WALL = "wall"
     MEMORY = "memory"
     OUTPUT = "output"
     RESULTS = "results"
+    STOP = "stop"
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Watch:
     """
 
     def __init__(self, child: Child, job: Job, parts: Sequence[bytes], *, without_integrators: bool) -> None:
-        self._child, self._limits, self._sent = child, job.limits, job.sent
+        self._child, self._limits, self._sent, self._is_stopped = child, job.limits, job.sent, job.is_stopped
         first, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
         self._unsent = memoryview(first)
         self._wants, self._answered = WantCounter(job.heard), 0
@@ -147,6 +148,8 @@ class Watch:
             self._cause = Cause.WALL
         elif usage.private_bytes > limits.memory_mb * MB + RESIDENT_EXTRA:
             self._cause = Cause.MEMORY
+        elif self._is_stopped():
+            self._cause = Cause.STOP
 
     def _feed(self) -> None:
         try:

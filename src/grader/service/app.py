@@ -40,6 +40,7 @@ from grader.platforms.launching.fetching import PlatformKeys
 from grader.platforms.tool import Tool, is_installed
 from grader.service.accounts import tell_addresses
 from grader.service.deliveries import deliveries_of
+from grader.service.opening import open_database
 from grader.service.worker import build_graders, build_worker
 from grader.settings import Settings
 from grader.store.engine.database import Database
@@ -95,8 +96,7 @@ def create_app(settings: Settings) -> FastAPI:
 
 def build_services(settings: Settings) -> Services:
     """Builds the objects that the routes share, on a migrated database. Nothing is started yet."""
-    database = Database(settings.database, settings.connections)
-    database.migrate()
+    database = open_database(settings)
     content = Contents(settings.content, settings.courses, database)
     graders = build_graders(settings)
     worker = build_worker(

@@ -17,9 +17,10 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from grader.courses.answering import results
+from grader.courses.answering.stopping import verdict_after
 from grader.courses.regrading.background import JudgeBy, Regrading
 from grader.domain.verdict import Status, Verdict
-from grader.errors import ContentLost, NotFound, Unprocessable
+from grader.errors import ContentLost, NotFound, ScriptStopped, Unprocessable
 from grader.gate.monitoring import Monitor
 from grader.grading.content import Archive
 from grader.grading.pipeline import OUR_FAULT, Retries, ignore_progress
@@ -27,8 +28,9 @@ from grader.grading.processes import Graders, Script
 from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
+from grader.service.opening import open_database
 from grader.settings import Settings
-from grader.store import submissions
+from grader.store import idempotency, submissions
 from grader.store.engine.database import AWAY, Database
 from grader.store.tables import Submission
 from grader.store.upkeep.pruning import prune
@@ -64,7 +66,10 @@ class GradingTask:
 
     def run(self, started: Submission) -> JobOutcome:
         """Judges the submission. The queue tries again after a `grader_fault`."""
-        verdict = self.grade(started)
+        try:
+            verdict = self.grade(started)
+        except ScriptStopped as stopped:
+            return self._outcome(started, verdict_after(stopped, self.fault(started)), cause=submissions.STOP)
         return self._outcome(started, verdict, again=verdict.status is Status.GRADER_FAULT)
 
     def give_up(self, started: Submission) -> JobOutcome:
@@ -75,12 +80,16 @@ class GradingTask:
         """Marks the submission as queued."""
         submissions.put_back(session, subject)
 
-    def _outcome(self, submission: Submission, verdict: Verdict, again: bool = False) -> JobOutcome:
+    def _outcome(
+        self, submission: Submission, verdict: Verdict, again: bool = False, cause: str = "grading"
+    ) -> JobOutcome:
         def store(session: Session) -> None:
             # A second verdict is also impossible by UNIQUE(submission_id, revision) and by the submission's version.
             graded = session.get_one(Submission, submission.id)
             if graded.revision == 0:
-                self.append(session, graded, verdict, "grading")
+                self.append(session, graded, verdict, cause)
+                if cause == submissions.STOP and not verdict.status.uses_attempt:
+                    idempotency.forget(session, submission.id)
                 log.info("graded", submission=submission.id, status=verdict.status.value)
 
         return JobOutcome(store, again)
@@ -136,7 +145,7 @@ def make_judge(archive: Archive, graders: Graders, tell: TellCase = ignore_progr
         parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
         if parsed.is_instant:
             return pipeline.judge(parsed)
-        script = Script(submission.quiz, submission.question, answer, parsed.seed)
+        script = Script(submission.quiz, submission.question, answer, parsed.seed, submission.id)
         return graders.judge(pipeline.library, script, partial(tell, submission.id))
 
     return judge
@@ -193,7 +202,7 @@ def build_worker(
     }
     if settings.workers:
         schedule_pruning(database)
-    return Worker(database, topics, settings.workers, retries, OTHERS)
+    return Worker(database, topics, settings.workers, retries, OTHERS, graders.stop)
 
 
 def run_worker(
@@ -209,13 +218,12 @@ def run_worker(
     """
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
-    database = Database(settings.database, settings.connections)
-    if database.is_sqlite:
+    if settings.database_url is None or settings.database_url.startswith("sqlite"):
         raise Unprocessable(
             "A SQLite database is worked on by `grader serve` alone. Set GRADER_WORKERS for more grading processes, "
             "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
         )
-    database.migrate()
+    database = open_database(settings)
     archive = Archive(database)
     with build_graders(settings) as graders:
         worker = build_worker(settings, database, archive, graders, more(settings, database, archive))

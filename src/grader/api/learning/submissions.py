@@ -187,11 +187,10 @@ def show_submission(submission_id: str, who: Learner, services: AppServices, res
     responses=refusals(401, 403, 404, 409, 422, 429),
 )
 def stop_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
-    """Takes one's own script out of the queue, which uses no attempt. 409 once it runs."""
-    library = services.content.of(who.course).library
-    with services.database.write() as session:
-        stopped = stop(services.database, library, session, who, submission_id)
-        return document(session, services, who, stopped, response)
+    """Stops one's own script, which uses no attempt before its hidden cases have begun. 409 once it has its verdict."""
+    stop(services.database, services.content.of(who.course).library, who, submission_id)
+    with services.database.read() as session:
+        return document(session, services, who, visible(session, submission_id, who), response)
 
 
 def document(

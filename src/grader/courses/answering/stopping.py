@@ -1,16 +1,19 @@
-"""Stopping one's own script while it waits: it leaves the queue, and uses no attempt.
+"""Stopping one's own script: one that waits leaves the queue, one that runs is ended by its worker.
 
-A script that has begun is graded to its end: it has seen cases, so to stop it for free would be a look for free.
+It uses no attempt unless the script had its hidden inputs: a script that runs on, or not, as these decide would tell of
+them, and to stop it for free would be a look for free.
+
+A run that ends by itself meanwhile wins: its worker alone stores what came of it, in the transaction that ends the job.
 """
 
+import threading
+import time
 from contextlib import suppress
-
-from sqlalchemy.orm import Session
 
 from grader.courses.answering import results
 from grader.courses.people.identity import Identity
 from grader.domain.verdict import Status, Verdict
-from grader.errors import Conflict, NotFound
+from grader.errors import Conflict, NotFound, ScriptStopped
 from grader.library import Library
 from grader.queue import jobs
 from grader.store import idempotency, submissions
@@ -19,23 +22,48 @@ from grader.store.submissions import STOP
 from grader.store.tables import Submission
 
 STOPPED = "You stopped this script before it ran. No attempt was used."
-TOO_LATE = "This script does not wait any more: once it runs, it is graded."
+STOPPED_RUNNING = "You stopped this script while it ran. No attempt was used."
+STOPPED_LATE = "You stopped this script after its hidden cases had begun, which uses an attempt."
+NOT_STOPPED = "The script was at its end, and gets its verdict."
+STOPPING = "The script is being stopped."
+TOO_LATE = "This script cannot be stopped any more: it has its verdict, or is being stopped."
+
+WAIT_S = 5.0
+"""How long a request waits for the worker to end a script; a worker that is away ends it later, or not at all [s]."""
 
 
-def stop(database: Database, library: Library, session: Session, who: Identity, submission_id: str) -> Submission:
-    """Takes a waiting script of a learner out of the queue. Raises NotFound, and Conflict where it does not wait."""
-    submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
-    if submission is None or (submission.course, submission.learner) != (who.course, who.id):
-        raise NotFound("There is no such submission.")
-    if not jobs.withdraw(session, jobs.GRADE, submission.id):
-        raise Conflict(TOO_LATE)
-    results.append_verdict(database, library, session, submission, verdict_on(library, submission), cause=STOP)
-    idempotency.forget(session, submission.id)
-    return submission
+def stop(database: Database, library: Library, who: Identity, submission_id: str) -> str:
+    """Stops a script of a learner, and says what came of it.
+
+    Raises NotFound, and Conflict where it has its verdict or is being stopped.
+    """
+    changed = threading.Event()
+    with database.signals.listening(submissions.EVENTS, changed.set, submission_id):
+        with database.write() as session:
+            submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
+            if submission is None or (submission.course, submission.learner) != (who.course, who.id):
+                raise NotFound("There is no such submission.")
+            if jobs.withdraw(session, jobs.GRADE, submission.id):
+                results.append_verdict(
+                    database, library, session, submission, verdict_on(library, submission), cause=STOP
+                )
+                idempotency.forget(session, submission.id)
+                return STOPPED
+            if not jobs.ask_to_stop(session, jobs.GRADE, submission.id):
+                raise Conflict(TOO_LATE)
+        deadline = time.monotonic() + WAIT_S
+        while (left_s := deadline - time.monotonic()) > 0 and changed.wait(left_s):
+            changed.clear()
+            with database.read() as session:
+                verdict = submissions.verdicts_of(session, [submission_id]).get(submission_id)
+            if verdict is not None:
+                said = verdict["diagnosis"]
+                return str(said) if said in (STOPPED_RUNNING, STOPPED_LATE) else NOT_STOPPED
+    return STOPPING
 
 
 def verdict_on(library: Library, submission: Submission) -> Verdict:
-    """The verdict on a stopped script: like an answer that cannot be read, it touches nothing."""
+    """The verdict on a script that was stopped before it ran: as one that cannot be read, it touches nothing."""
     worth = 0.0
     with suppress(NotFound):  # the content has lost the question
         worth = library.question(submission.quiz, submission.question).points
@@ -46,3 +74,10 @@ def verdict_on(library: Library, submission: Submission) -> Verdict:
         diagnosis=STOPPED,
         content_digest=submission.content_digest,
     )
+
+
+def verdict_after(stopped: ScriptStopped, fault: Verdict) -> Verdict:
+    """The verdict on a script that was stopped while it ran, made of the verdict on one that we failed to grade."""
+    late = {"status": Status.TIMED_OUT, "diagnosis": STOPPED_LATE}
+    free = {"status": Status.INVALID_ANSWER, "diagnosis": STOPPED_RUNNING}
+    return fault.model_copy(update=late if stopped.has_seen_hidden else free)

@@ -46,6 +46,8 @@ PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
 MIGRATION_LOCK = 7_105_114_101
 """The PostgreSQL advisory lock for migrations; the number is arbitrary."""
 
+SESSION = text("SELECT pid || ' ' || backend_start FROM pg_stat_activity WHERE pid = pg_backend_pid()")
+"""Names a process of PostgreSQL; the time tells those of two machines apart."""
 
 ANALYZED_AT = (100, 1_000, 10_000)
 """Numbers of stored answers after which PostgreSQL gathers statistics at once."""
@@ -152,6 +154,19 @@ class Database:
         """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
         with self.write() as session:
             session.execute(text("UPDATE alembic_version SET version_num = version_num"))
+
+    def keeps_sessions(self) -> bool:
+        """Whether a connection has a session of PostgreSQL to itself. It has not with a pooler in transaction mode.
+
+        Two connections that are open at once must each stay with a process of their own. Each asks twice in a row, so
+        that poolers that take the one used last, and those that take the one used first, are both recognized.
+        """
+        if self.is_sqlite:
+            return True
+        alone = self.engine.execution_options(isolation_level="AUTOCOMMIT")
+        with alone.connect() as one, alone.connect() as other:
+            asked = [connection.scalar(SESSION) for connection in (one, one, other, other, one, one)]
+        return len({*asked[:2], *asked[4:]}) == len({*asked[2:4]}) == 1 and asked[0] != asked[2]
 
     def migrate(self, revision: str | None = None) -> None:
         """Brings the tables to a revision, the newest if None; safe to call from several processes at once.

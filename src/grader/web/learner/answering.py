@@ -10,7 +10,7 @@ from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.answering.access import require_opened
 from grader.courses.answering.intake import NewAnswer
-from grader.courses.answering.stopping import STOPPED, stop
+from grader.courses.answering.stopping import stop
 from grader.courses.people.identity import Identity
 from grader.courses.people.sign_in import start_anonymous_session
 from grader.domain.verdict import Status
@@ -93,7 +93,7 @@ async def hand_in(
 async def stop_script(
     quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor, sent: FormFields
 ) -> Response:
-    """Stops a script that waits, and shows the exercise with what is in the editor. Raises Unauthorized, NotFound."""
+    """Stops a script, and shows the exercise with what is in the editor. Raises Unauthorized, NotFound."""
     if who is None:
         raise Unauthorized(SIGN_IN)
     return await run_in_threadpool(stopped, request, services, who, at=(quiz_id, question_id), sent=sent)
@@ -101,10 +101,9 @@ async def stop_script(
 
 def stopped(request: Request, services: Services, who: Identity, *, at: tuple[str, str], sent: Fields) -> Response:
     """The exercise after a script was stopped, or could not be. Raises NotFound."""
-    why, status = STOPPED, 200
+    status = 200
     try:
-        with services.database.write() as session:
-            stop(services.database, services.library_for(who), session, who, next(iter(sent.get("stop", ())), ""))
+        why = stop(services.database, services.library_for(who), who, next(iter(sent.get("stop", ())), ""))
     except Conflict as conflict:
         why, status = str(conflict), 409
     typed = Typed(*at, answer_fields(sent), why)

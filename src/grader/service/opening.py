@@ -1,0 +1,57 @@
+"""Opens the database of a server or worker, once it answers."""
+
+import time
+from contextlib import ExitStack
+
+import structlog
+from sqlalchemy.exc import OperationalError
+
+from grader.errors import Unprocessable
+from grader.settings import Settings
+from grader.store.engine.database import Database
+
+RETRY_S = 1.0
+"""Pause before the next try to reach the database [s]."""
+
+SAY_S = 30.0
+"""Pause between two lines of the log that say so [s]."""
+
+POOLED = (
+    "GRADER_DATABASE_URL leads to a pooler that shares connections between transactions, such as PgBouncer in "
+    "transaction mode: locks and signals get lost there. Connect to PostgreSQL itself, or to PgBouncer in session mode."
+)
+
+log = structlog.get_logger()
+
+
+def open_database(settings: Settings) -> Database:
+    """Opens the database of the settings with the newest tables; waits for a PostgreSQL that does not answer yet.
+
+    Raises Unprocessable behind a pooler without sessions, and Conflict if a later version has written the tables.
+    """
+    database = Database(settings.database, settings.connections)
+    with ExitStack() as opened:
+        opened.callback(database.close)
+        if not database.is_sqlite:
+            wait_until_there(database)
+        if not database.keeps_sessions():
+            raise Unprocessable(POOLED)
+        database.migrate()
+        opened.pop_all()
+    return database
+
+
+def wait_until_there(database: Database) -> None:
+    """Waits until the database accepts a connection; the log says for which one, and why it is refused."""
+    say_at = time.monotonic()
+    while True:
+        try:
+            database.engine.connect().close()
+            return
+        except OperationalError as error:
+            if time.monotonic() >= say_at:
+                url, why = database.engine.url, " ".join(str(error.orig).split())
+                address = url.query.get("host") or f"{url.host or 'localhost'}:{url.port or 5432}"
+                log.warning("waiting for the database", host=address, name=url.database, why=why)
+                say_at += SAY_S
+            time.sleep(RETRY_S)

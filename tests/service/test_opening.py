@@ -1,0 +1,81 @@
+"""How a service begins: it waits for a database that is not there yet, and refuses one without sessions."""
+
+import secrets
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import psycopg
+import pytest
+from sqlalchemy.engine import make_url
+
+from grader.errors import Unprocessable
+from grader.queue.owners import build_owner, count_workers
+from grader.service.opening import open_database
+from grader.settings import Settings
+from grader.store.engine.database import Database
+from grader.store.engine.signals import announce
+from support.clusters import pgbouncer
+from support.databases import database_url, need_postgresql, own_database
+from support.outages import cable_to
+from support.queue_kills import START_S, process_of, settings_on, wait_for
+
+pytestmark = [pytest.mark.postgres, pytest.mark.slow]
+
+
+@pytest.mark.process
+@pytest.mark.jail
+def test_a_worker_waits_for_its_database_and_says_so(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with database_url("postgresql", tmp_path) as url, cable_to(url) as (cable, through):
+        cable.cut()
+        with log.open("wb") as lines, process_of("worker", settings_on(through, tmp_path), log=lines) as worker:
+            wait_for(lambda: "waiting for the database" in log.read_text() or worker.poll() is not None)
+            assert worker.poll() is None
+            cable.mend()
+            with closing(Database(url)) as database:
+
+                def count() -> int:
+                    with database.read() as session:
+                        return count_workers(session)
+
+                wait_for(lambda: count() == 1)
+    [line] = log.read_text().splitlines()
+    assert f"127.0.0.1:{cable.port}" in line
+    assert "Connection refused" in line
+
+
+@pytest.fixture
+def whole_database() -> Iterator[str]:
+    """The URL of an empty database of its own: PgBouncer takes no search path."""
+    need_postgresql()
+    name = f"grader_test_{secrets.token_hex(6)}"
+    with psycopg.connect(own_database(), autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+        try:
+            yield make_url(own_database()).set(database=name).render_as_string(hide_password=False)
+        finally:
+            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
+
+
+def test_pgbouncer_in_transaction_mode_is_refused_with_the_cure(whole_database: str) -> None:
+    with pgbouncer(whole_database, "transaction") as url:
+        for _ in range(3):  # the pool of PgBouncer is filled differently each time
+            with pytest.raises(Unprocessable, match="to PostgreSQL itself, or to PgBouncer in session mode"):
+                open_database(Settings(database_url=url))
+
+
+def test_pgbouncer_in_session_mode_works_with_locks_and_signals(whole_database: str) -> None:
+    with pgbouncer(whole_database, "session") as url, closing(open_database(Settings(database_url=url))) as database:
+        heard, owner = threading.Event(), build_owner(database)
+        owner.keep()
+        with database.signals.listening("events", heard.set, "one"):
+            assert heard.wait(START_S)  # the listening has begun
+            heard.clear()
+            with database.write() as session:
+                announce(session, "events", "one")
+            assert heard.wait(START_S)
+        with database.read() as session:
+            assert count_workers(session) == 1
+        owner.close()
