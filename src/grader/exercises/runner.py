@@ -318,6 +318,12 @@ def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport) -> V
         return build_failure(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
         return build_failure(question, Status(report.status.value), explain_error(report.reason))
+    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
+        return judge_results(question, plan, report)
+
+
+def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport) -> Verdict:
+    """Returns the verdict on a script that returned."""
     kind = load_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}
     results = [select_results(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
@@ -387,7 +393,7 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
     try:
         said = json.loads(results["raised"].tobytes())
         what, line = str(said["raised"])[:RAISED_CHARS_MAX], said["line"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         what, line = "", None
     if trial.hidden and not isinstance(vars(builtins).get(what), type):
         what = ""

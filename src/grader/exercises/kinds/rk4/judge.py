@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from grader.exercises.kind import Judgement, Results
 from grader.exercises.kinds.rk4.driver import Forward, add_force
 from grader.exercises.kinds.rk4.parameters import OrderCheck, Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.rotations import find_quaternions
 from grader.numerics.accuracy.convergence import fit_order
 from grader.numerics.accuracy.reference import solve_dop853
 from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
@@ -47,6 +48,13 @@ Source: the truth of a case is exact to 1e-11; methods that choose their own sub
 
 FEWEST = 3
 """The fewest points to which a slope is fitted."""
+
+QUATERNION_LENGTHS = 0.1, 10.0
+"""A quaternion that is shorter or longer than this is infinitely far from every other.
+
+MuJoCo finds one of length 0, and one whose square overflows, equal to every other. A right step that does not
+normalise its quaternions keeps them near length 1.
+"""
 
 SAMPLES = 5
 """The number of times at which a run is compared with the truth, the last at its end."""
@@ -134,14 +142,15 @@ def compare(run: Run, one: Trajectory, other: Trajectory) -> Difference:
 
 
 def compute_row_maxima(values: Rows) -> Rows:
-    """Returns the largest absolute value of each row."""
-    return np.array(np.max(np.abs(values), axis=1, initial=0.0))
+    """Returns the largest absolute value of each row; inf where one is nan, which compares as neither far nor near."""
+    return np.nan_to_num(np.max(np.abs(values), axis=1, initial=0.0), nan=inf, posinf=inf)
 
 
 def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
     """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
 
-    The length of a quaternion does not count: MuJoCo normalises wherever it reads one, so it is no part of the state.
+    The length of a quaternion does not count within QUATERNION_LENGTHS: MuJoCo normalises wherever it reads one, so it
+    is no part of the state.
     """
     if len(run.qpos) == len(run.qvel):
         return other - one
@@ -149,6 +158,11 @@ def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
     turn = np.zeros((len(one), model.nv))
     for row, first, second in zip(turn, one, other, strict=True):
         mujoco.mj_differentiatePos(model, row, 1.0, first, second)
+    shortest, longest = QUATERNION_LENGTHS
+    for quaternion in find_quaternions(model):
+        for positions in (one, other):
+            length = np.linalg.norm(positions[:, quaternion.qpos : quaternion.qpos + 4], axis=1)
+            turn[~((length >= shortest) & (length <= longest))] = inf
     return turn
 
 
@@ -429,7 +443,8 @@ def describe_run(outcome: RunOutcome) -> tuple[str, str]:
             f"Not MuJoCo's method, but {near} as a fourth-order method must be.",
             f"It differs by {worst:.1e}; its error is {outcome.error:.1e}.",
         )
-    return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and by {worst:.2g} in all."
+    far = f"by {worst:.2g} in all" if isfinite(worst) else "without bound: by huge numbers, or a quaternion of length 0"
+    return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and {far}."
 
 
 def judge_order(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:

@@ -264,5 +264,7 @@ def write_lazy_steps(entry: str) -> Mapping[str, str]:
         "a step that advances the time alone": "data.time += model.opt.timestep",
         "a step of constant velocity": "mujoco.mj_integratePos(model, data.qpos, data.qvel, model.opt.timestep)",
         "MuJoCo's own step": "mujoco.mj_step(model, data)",
+        "a step to zero": "data.qpos[:] = data.qvel[:] = data.act[:] = 0",
+        "a step to huge numbers": "data.qpos[:] = data.qvel[:] = data.act[:] = 1e300",
     }
     return {name: f"import mujoco\n\n\ndef {entry}(model, data):\n    {body}\n" for name, body in bodies.items()}

@@ -74,10 +74,7 @@ def compute_expected(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
 
 def judge_calls(problem: Problem, results: Results) -> Judgement[Comparisons]:
     """Judges every call of a trial; all must be right."""
-    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        outcome = tuple(
-            compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls)
-        )
+    outcome = tuple(compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls))
     wrong = next(((index, compared) for index, compared in enumerate(outcome) if compared.why), None)
     shown = outcome[wrong[0] if wrong else 0]
     names = [result.name for result in problem.function.results]
