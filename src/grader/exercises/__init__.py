@@ -15,6 +15,7 @@ from grader.exercises.kind import (
     TextOf,
     Trial,
 )
+from grader.exercises.lazy import write_lazy_answers
 from grader.exercises.luck import compute_chance_of_luck
 from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, WrongParameter, draw_number
 from grader.exercises.progress import Progress, Tell
@@ -26,7 +27,6 @@ from grader.exercises.runner import (
     load_kinds,
     plan_exercise,
     prepare_exercise,
-    write_lazy_answers,
 )
 
 __all__ = [

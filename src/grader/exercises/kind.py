@@ -116,11 +116,15 @@ class JudgedTrial(Generic[Problem, Outcome]):
 
 @dataclass(frozen=True)
 class LazyAnswer:
-    """A script that does not solve the exercise, and the most points that it may earn, of those of the question."""
+    """A script that does not solve the exercise, and the most points that it may earn, of those of the question.
+
+    It may earn no more than the script of the name `like` does, if an earlier one has it.
+    """
 
     name: str
     source: str
     points_max: float
+    like: str = ""
 
 
 class Kind(ABC, Generic[P, Problem, Outcome]):
@@ -194,6 +198,13 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     ) -> Mapping[str, str]:
         """Returns scripts by name that answer every model alike; they may earn the points of the visible trials."""
         return {}
+
+    def count_returned(self, trial: Trial[Problem]) -> int:
+        """Returns the number of values that the student's function returns, as a tuple where there are several.
+
+        `grader check` writes scripts that return as many values of an odd shape.
+        """
+        return 1
 
     def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.

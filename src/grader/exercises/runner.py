@@ -32,7 +32,6 @@ from grader.exercises.kind import (
     JudgedTrial,
     Judgement,
     Kind,
-    LazyAnswer,
     Results,
     TextOf,
     Trial,
@@ -255,20 +254,6 @@ def embed_code(source: str) -> str:
     lean = __future__.annotations.compiler_flag
     code = marshal.dumps(compile(source, "<driver>", "exec", lean, dont_inherit=True, optimize=2))
     return f"marshal.loads(base64.b64decode({base64.b64encode(code).decode()!r}))"
-
-
-def write_lazy_answers(
-    question: ScriptQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = refuse_text
-) -> list[LazyAnswer]:
-    """Returns scripts that do not solve the exercise, with the points that each may earn at most.
-
-    The starter may earn none. A script that answers every model alike may earn the points of the visible trials.
-    """
-    kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
-    share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
-    alike = kind.write_lazy_answers(question, plan.parameters, plan.trials)
-    found = [LazyAnswer(name, source, share * question.points) for name, source in alike.items()]
-    return found if starter is None else [LazyAnswer("the starter", starter, 0.0), *found]
 
 
 def build_case_trials(

@@ -143,7 +143,8 @@ def compare(run: Run, one: Trajectory, other: Trajectory) -> Difference:
 
 def compute_row_maxima(values: Rows) -> Rows:
     """Returns the largest absolute value of each row; inf where one is nan, which compares as neither far nor near."""
-    return np.nan_to_num(np.max(np.abs(values), axis=1, initial=0.0), nan=inf, posinf=inf)
+    largest: Rows = np.nan_to_num(np.max(np.abs(values), axis=1, initial=0.0), nan=inf, posinf=inf)
+    return largest
 
 
 def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
