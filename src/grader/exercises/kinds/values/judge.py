@@ -190,6 +190,8 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     assert residual is not None
     try:
         size = compute_residual(problem, call, values)
+    except MemoryError:
+        raise
     except Exception:  # the author's own function, over results of any shape
         return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
