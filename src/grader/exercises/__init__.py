@@ -4,6 +4,7 @@ Other rooms import from here alone. A kind of exercise subclasses `Kind`; docs/a
 """
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
+from grader.domain.run import Limits
 from grader.exercises.kind import (
     DrawnCase,
     Intervals,
@@ -11,6 +12,7 @@ from grader.exercises.kind import (
     Judgement,
     Kind,
     LazyAnswer,
+    Measurement,
     Results,
     TextOf,
     Trial,
@@ -39,6 +41,8 @@ __all__ = [
     "Judgement",
     "Kind",
     "LazyAnswer",
+    "Limits",
+    "Measurement",
     "NotNegative",
     "Number",
     "Plan",

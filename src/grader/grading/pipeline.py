@@ -227,7 +227,7 @@ class Pipeline:
             prepared = begin()
         fault, started = prepared.exception(), time.thread_time()
         try:
-            verdict = judge_exercise(question, plan, report)
+            verdict = judge_exercise(question, plan, report, self.run)
         except MemoryError:
             if fault is not None:
                 raise
