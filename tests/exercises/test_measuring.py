@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grader.domain.run import RunReport, RunStatus
+from grader.domain.run import Job, RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.exercises import (
     Case,
@@ -24,6 +24,7 @@ from grader.exercises import (
     plan_exercise,
     runner,
 )
+from grader.exercises.measuring import CPU_S_MAX, limit_cpu
 from grader.grading.pipeline import Pipeline
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
@@ -111,9 +112,13 @@ def test_a_right_model_is_right_and_a_wrong_one_is_judged(grade: Callable[[str],
 @pytest.mark.parametrize(
     ("source", "status", "why"),
     [
-        (build_script(options=SLOW), Status.TIMED_OUT, "more than 2 s of CPU time"),
-        (build_script(more=HUGE), None, "takes more than"),
-        (build_script(options='<size memory="4G"/>'), Status.OUT_OF_MEMORY, "more than 256 MB of memory"),
+        (build_script(options=SLOW), Status.TIMED_OUT, "too much CPU time to compile and simulate: more than 2 s"),
+        (build_script(more=HUGE), None, "takes too much"),
+        (
+            build_script(options='<size memory="4G"/>'),
+            Status.OUT_OF_MEMORY,
+            "too much memory to compile and simulate: more than 256 MB",
+        ),
         (build_script(mass="no number"), Status.CRASHED, "cannot be compiled and simulated"),
         (build_script(options='<include file="/etc/passwd"/>'), Status.CRASHED, "cannot be compiled and simulated"),
         (build_script(options=FIELD.format("/etc/passwd")), Status.CRASHED, "cannot be compiled and simulated"),
@@ -135,6 +140,12 @@ def test_a_model_reads_no_file_of_the_server(grade: Callable[[str], Verdict], tm
     part = tmp_path / "part.xml"
     part.write_text("<mujoco><option/></mujoco>")
     assert grade(build_script(options=f'<include file="{part}"/>')).status is Status.CRASHED
+
+
+def test_a_script_has_no_more_time_with_more_cases() -> None:
+    run = limit_cpu(lambda job: RunReport(RunStatus.RETURNED, cpu_s=CPU_S_MAX / 2))
+    statuses = [run(Job("", "", {})).status for _ in range(3)]
+    assert statuses == [RunStatus.RETURNED, RunStatus.RETURNED, RunStatus.TIMED_OUT]
 
 
 def test_one_trial_that_cannot_be_measured_fails_alone(grade: Callable[[str], Verdict]) -> None:

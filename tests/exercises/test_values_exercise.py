@@ -233,6 +233,7 @@ def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
         (PROGRAM, {"cases": [{"id": "a", "arguments": ["model", 2]}]}, "cases.0", "`model`"),
         (PROGRAM, {"functions": [{"results": [{"name": "sum", "rtol": 0}]}]}, "functions.0.results.0", "atol or rtol"),
         (SOLVES.replace("sum -", "sum[0] -"), {"functions": BY_RESIDUAL}, "cases.0", "declare `shape`"),
+        (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": [9999, 9999]}]}]}, "cases.0", "at most 10000"),
         ("def solves(*_):\n    return []\n", {"functions": BY_RESIDUAL}, "cases.0", "gives no numbers"),
         (PROGRAM, {"functions": [{"results": [{"name": "sum", "shape": [3]}]}]}, "cases.0", "not (3,)"),
         (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": ["argument 3"]}]}]}, "cases.0", "argument 3"),

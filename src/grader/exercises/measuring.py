@@ -19,6 +19,25 @@ Run = Callable[[Job], RunReport]
 """Runs a job in the jail. Raises JailFault."""
 
 
+CPU_S_MAX = 120.0
+"""CPU time after which no further trial of a script is measured [s]: far less than a verdict may take."""
+
+
+def limit_cpu(run: Run) -> Run:
+    """Returns `run` for the trials of one script, which together have CPU_S_MAX."""
+    spent_s = 0.0
+
+    def run_within(job: Job) -> RunReport:
+        nonlocal spent_s
+        if spent_s >= CPU_S_MAX:
+            return RunReport(RunStatus.TIMED_OUT)
+        report = run(job)
+        spent_s += report.cpu_s
+        return report
+
+    return run_within
+
+
 @dataclass(frozen=True)
 class Unmeasured:
     """How a measuring program ended that did not return, and why: in words without numbers of the case, and with."""
@@ -50,7 +69,8 @@ def explain_end(status: RunStatus, measurement: Measurement) -> str:
     """Returns the sentence for a measuring program that did not return."""
     made, limits = "What your function made", measurement.limits
     if status is RunStatus.TIMED_OUT:
-        return f"{made} takes more than {limits.cpu_s:g} s of CPU time to compile and simulate."
+        allowed = f"more than {limits.cpu_s:g} s, or {CPU_S_MAX:g} s in all cases together"
+        return f"{made} takes too much CPU time to compile and simulate: {allowed}."
     if status is RunStatus.OUT_OF_MEMORY:
-        return f"{made} takes more than {limits.memory_mb} MB of memory to compile and simulate."
+        return f"{made} takes too much memory to compile and simulate: more than {limits.memory_mb} MB."
     return f"{made} cannot be compiled and simulated."

@@ -33,7 +33,7 @@ from grader.exercises.kind import (
     TextOf,
     Trial,
 )
-from grader.exercises.measuring import Run, Unmeasured, measure
+from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
 from grader.exercises.parameters import (
     Case,
     ExerciseParameters,
@@ -298,7 +298,7 @@ def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport, run:
     if report.status is not RunStatus.RETURNED:
         return build_failure(question, Status(report.status.value), explain_error(report.reason))
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        return judge_results(question, plan, report, run)
+        return judge_results(question, plan, report, limit_cpu(run))
 
 
 def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run) -> Verdict:

@@ -185,7 +185,10 @@ class Problem:
     def find_shape(self, result: Result, call: Call) -> tuple[int, ...] | None:
         """Returns the shape of one result, as `list_shapes` does."""
         if result.shape is not None:
-            return tuple(read_size(size, call.arguments) for size in result.shape)
+            shape = tuple(read_size(size, call.arguments) for size in result.shape)
+            if prod(shape) > ELEMENTS_MAX:
+                raise ValueError(f"{result.name} has {prod(shape)} numbers; at most {ELEMENTS_MAX} are taken")
+            return shape
         if self.function.residual is None:
             return None
         model = compile_model(self.xml)
