@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.diagnosis import diagnose_run
 from grader.exercises.kinds.rk4.driver import Forward
-from grader.exercises.kinds.rk4.judge import (
-    Rk4Outcome,
-    RunOutcome,
+from grader.exercises.kinds.rk4.judge import Rk4Outcome, RunOutcome
+from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
+from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
+from grader.exercises.kinds.rk4.trajectory import (
     Trajectory,
     build_forward,
     compare,
@@ -24,10 +27,6 @@ from grader.exercises.kinds.rk4.judge import (
     simulate_with,
     subtract_positions,
 )
-from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
-from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
-from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 
 PREFIX = 40
