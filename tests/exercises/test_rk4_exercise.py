@@ -14,16 +14,10 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
 from grader.exercises.kinds.rk4.driver import add_force
-from grader.exercises.kinds.rk4.judge import (
-    OrderOutcome,
-    build_truth,
-    compare,
-    simulate_fourth_order,
-    simulate_mujoco,
-    simulate_unforced,
-)
+from grader.exercises.kinds.rk4.judge import OrderOutcome, build_truth
 from grader.exercises.kinds.rk4.mistakes import METHODS
 from grader.exercises.kinds.rk4.parameters import Problem
+from grader.exercises.kinds.rk4.trajectory import compare, simulate_fourth_order, simulate_mujoco, simulate_unforced
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail

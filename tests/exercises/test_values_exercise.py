@@ -17,6 +17,7 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises.kinds.values.parameters import Problem
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -154,6 +155,45 @@ def test_forged_results_are_a_wrong_answer_and_never_a_fault(library: Library, r
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
 
 
+SOLVES = "def solves(a, b, sum, product):\n    return (sum - a - b) * (product - a * b)\n"
+BY_RESIDUAL = [{"results": [{"name": "sum"}, {"name": "product"}], "residual": {"function": "solves", "atol": 1e-9}}]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ((0,), (0,)),
+        ((), (0,)),
+        ((0, 3), (0, 3)),
+        ((5000, 1), (1, 5000)),
+        ((1, 5000), (5000, 1)),
+        ((1,), (1,)),
+        ((1, 1), ()),
+        ((), (1, 1, 1)),
+    ],
+)
+def test_a_residual_is_computed_of_results_of_the_declared_shapes_alone(
+    first: tuple[int, ...], second: tuple[int, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = load(folder(tmp_path, SOLVES, functions=BY_RESIDUAL))
+    assert judged(library, *right(library)).status is Status.CORRECT
+    monkeypatch.setattr(Problem, "compute_remainder", lambda *_: pytest.fail("something was computed"))
+    verdict = judged(library, *[(np.zeros(first), np.zeros(second))] * 4)
+    assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+    assert "has the wrong shape" in verdict.findings[0].message
+
+
+def test_a_shape_may_name_arguments(tmp_path: Path) -> None:
+    results = [{"name": "rows", "shape": ["argument 1", "argument 2", 2]}]
+    residual = {"function": "solves", "atol": 1e-9}
+    cases = [{"id": "a", "arguments": [{"integer": 3}, {"array": [1, 2]}]}]
+    functions = [{"results": results, "residual": residual}]
+    program = "def solves(a, b, rows):\n    return rows\n"
+    library = load(folder(tmp_path, program, functions=functions, cases=cases))
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    assert [plan.trials[0].problem.list_shapes(call) for call in plan.trials[0].problem.calls] == [[(3, 2, 2)]]
+
+
 def test_a_call_without_results_says_what_to_return(library: Library) -> None:
     plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
     verdict = judge_exercise(exercise(library), plan, RunReport(RunStatus.RETURNED))
@@ -192,6 +232,11 @@ def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
         (PROGRAM, {"cases": [{"id": "a", "function": "six", "arguments": [1, 2]}]}, "cases.0", "no function 'six'"),
         (PROGRAM, {"cases": [{"id": "a", "arguments": ["model", 2]}]}, "cases.0", "`model`"),
         (PROGRAM, {"functions": [{"results": [{"name": "sum", "rtol": 0}]}]}, "functions.0.results.0", "atol or rtol"),
+        (SOLVES.replace("sum -", "sum[0] -"), {"functions": BY_RESIDUAL}, "cases.0", "declare `shape`"),
+        (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": [9999, 9999]}]}]}, "cases.0", "at most 10000"),
+        ("def solves(*_):\n    return []\n", {"functions": BY_RESIDUAL}, "cases.0", "gives no numbers"),
+        (PROGRAM, {"functions": [{"results": [{"name": "sum", "shape": [3]}]}]}, "cases.0", "not (3,)"),
+        (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": ["argument 3"]}]}]}, "cases.0", "argument 3"),
     ],
 )
 def test_faults_of_an_author_are_told_at_their_key(

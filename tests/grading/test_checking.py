@@ -7,6 +7,7 @@ import pytest
 
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
+from grader.exercises.lazy import ODD
 from grader.grading.checking import ReferenceProgram, Report, grade_lazy_answers, grade_references, read_demand
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
@@ -102,6 +103,14 @@ class Generous:
         return Verdict(status=Status.PARTIAL, points=self.points, max_points=3)
 
 
+class Broadcasting(Generous):
+    """A pipeline that finds nothing to object to in empty arrays."""
+
+    def grade(self, quiz: str, question: str, answer: Any) -> Verdict:
+        points = self.points if "np.zeros(0)" in answer["source"] else 0.0
+        return Verdict(status=Status.PARTIAL, points=points, max_points=3)
+
+
 @pytest.fixture(scope="module")
 def lesson() -> Library:
     return load(ROOT)
@@ -113,7 +122,7 @@ def lesson() -> Library:
         (0.0, []),
         (0.5, ["the starter"]),
         (1.0, ["the starter"]),  # a third of the points is the visible case's
-        (1.2, ["the starter", "None for every model", "the visible model's limits for every model"]),
+        (1.2, ["the starter", "None for every model", "the visible model's limits for every model", *ODD]),
     ],
 )
 def test_a_script_that_does_not_solve_the_exercise_may_not_earn_what_solving_does(
@@ -125,3 +134,12 @@ def test_a_script_that_does_not_solve_the_exercise_may_not_earn_what_solving_doe
     found = list(grade_lazy_answers(pipeline, "1.3-exercises", servo, lambda text: None))
     assert [fault.why.partition(" earns ")[0] for fault in found] == refused
     assert all(fault.key == "servo-threshold.check" and "may earn" in fault.why for fault in found)
+
+
+@pytest.mark.parametrize("id_", ["servo-threshold", "rk4-step", "rk4-free-joint"])
+def test_no_kind_may_give_more_for_empty_arrays_than_for_none(id_: str, lesson: Library) -> None:
+    question = lesson.question("1.3-exercises", id_)
+    assert isinstance(question, ScriptQuestion)
+    pipeline: Any = Broadcasting(lesson, 0.1)
+    (found,) = grade_lazy_answers(pipeline, "1.3-exercises", question, lambda text: None)
+    assert found.why.startswith("empty arrays earns 0.1 points, and may earn 0 at most")

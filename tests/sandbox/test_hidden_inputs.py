@@ -39,6 +39,15 @@ def test_what_is_printed_of_hidden_inputs_is_not_kept(jail: Jail, without_integr
     assert report.hidden_results["hidden"].tolist() == [2 * float(SECRET)]
 
 
+def test_the_moments_at_which_results_arrive_after_the_hidden_inputs_are_not_told(jail: Jail) -> None:
+    held_back = "os.write(3, b'A\\x02t0B\\x00' + struct.pack('<I', 1) + b'x')"
+    source = f"import os, struct\ndef answer(x):\n    if x != 1.5:\n        {held_back}\n    return x"
+    heard: list[str] = []
+    report = jail.run(Job(source, DRIVER, {"x": 1.5}, LIMITS, hidden_inputs={"xs": [0.25]}, heard=heard.append))
+    assert [*report.hidden_results] == ["t0", "hidden"]
+    assert heard == ["visible"]
+
+
 @pytest.mark.parametrize(
     "line",
     [

@@ -49,8 +49,9 @@ class Job:
     `keeps_integrators` they stay. Models compile as before, except those with muscles, whose length range MuJoCo
     simulates: the driver must compile these at its top level, before the import.
 
-    `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives;
-    both in the thread of the run, which also asks `is_stopped`, several times a second, whether to end the script.
+    `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives,
+    but for those after the request for the hidden inputs; both in the thread of the run, which also asks `is_stopped`,
+    several times a second, whether to end the script.
     """
 
     source: str

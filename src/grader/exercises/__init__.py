@@ -4,6 +4,7 @@ Other rooms import from here alone. A kind of exercise subclasses `Kind`; docs/a
 """
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
+from grader.domain.run import Limits
 from grader.exercises.kind import (
     DrawnCase,
     Intervals,
@@ -11,10 +12,12 @@ from grader.exercises.kind import (
     Judgement,
     Kind,
     LazyAnswer,
+    Measurement,
     Results,
     TextOf,
     Trial,
 )
+from grader.exercises.lazy import write_lazy_answers
 from grader.exercises.luck import compute_chance_of_luck
 from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, WrongParameter, draw_number
 from grader.exercises.progress import Progress, Tell
@@ -26,7 +29,6 @@ from grader.exercises.runner import (
     load_kinds,
     plan_exercise,
     prepare_exercise,
-    write_lazy_answers,
 )
 
 __all__ = [
@@ -39,6 +41,8 @@ __all__ = [
     "Judgement",
     "Kind",
     "LazyAnswer",
+    "Limits",
+    "Measurement",
     "NotNegative",
     "Number",
     "Plan",

@@ -2,12 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.domain.run import Limits
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
 from grader.questions import ModelXml
@@ -116,11 +117,28 @@ class JudgedTrial(Generic[Problem, Outcome]):
 
 @dataclass(frozen=True)
 class LazyAnswer:
-    """A script that does not solve the exercise, and the most points that it may earn, of those of the question."""
+    """A script that does not solve the exercise, and the most points that it may earn, of those of the question.
+
+    It may earn no more than the script of the name `like` does, if an earlier one has it.
+    """
 
     name: str
     source: str
     points_max: float
+    like: str = ""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A program that compiles and simulates what a script made, in a process of the jail of its own for each trial.
+
+    It is Python source like a driver's, and defines `measure(inputs, results, submit)`: the trial's `inputs`, and the
+    arrays that the driver submitted. `judge` gets the arrays that it submits in their place. If it raises, or reaches
+    one of its limits, the trial is failed with a sentence that says which, and `judge` is not called.
+    """
+
+    program: str
+    limits: Limits = field(default_factory=lambda: Limits(cpu_s=2, wall_s=20))
 
 
 class Kind(ABC, Generic[P, Problem, Outcome]):
@@ -137,6 +155,9 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
 
     parameters: type[P]
     driver: str
+    measurement: Measurement | None = None
+    """What is needed where a script makes models, or anything else that takes time or files to judge: never compile or
+    simulate it in `judge`, which runs in the grader's own process."""
     without_integrators: bool = False
     """Whether MuJoCo's integrators are removed before the functions are called; calling one is then forbidden."""
     needs_model: bool = True
@@ -194,6 +215,13 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     ) -> Mapping[str, str]:
         """Returns scripts by name that answer every model alike; they may earn the points of the visible trials."""
         return {}
+
+    def count_returned(self, trial: Trial[Problem]) -> int:
+        """Returns the number of values that the student's function returns, as a tuple where there are several.
+
+        `grader check` writes scripts that return as many values of an odd shape.
+        """
+        return 1
 
     def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.

@@ -15,15 +15,16 @@ OF_TRIAL = re.compile(r"t(\d{1,4})_")
 
 
 class Progress:
-    """Follows one run of some trials: calls `tell` at its start, and whenever another case begins.
+    """Follows one run of some trials: calls `tell` at its start, and whenever a visible case ends.
 
-    The names are claims of the script's process, so the progress is for display only. It never goes back.
+    The hidden cases are one step: a script that knows their numbers chooses when each ends, and could tell them so. The
+    names are claims of the script's process, so the progress is for display only. It never goes back.
     """
 
     def __init__(self, trials: Sequence[Trial[Any]], tell: Tell) -> None:
         order = sorted(range(len(trials)), key=lambda index: trials[index].hidden)  # as the harness runs them
         cases = [list(group) for _, group in groupby(order, lambda index: trials[index].case)]
-        self._ends = {group[-1]: number for number, group in enumerate(cases, 1)}
+        self._ends = {group[-1]: number for number, group in enumerate(cases, 1) if not trials[group[-1]].hidden}
         self._cases, self._at, self._tell = len(cases), 1, tell
         tell(1, self._cases)
 

@@ -1,11 +1,7 @@
 """Checks, plans and judges exercises of every kind; the only place that hides hidden cases."""
 
-import __future__
-
-import base64
 import builtins
 import json
-import marshal
 import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,20 +19,21 @@ from pydantic import ValidationError
 from grader.domain.misread import misread, without_remarks
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
-from grader.errors import Fault, GraderError, NotFound
+from grader.errors import Fault, GraderError, JailFault, NotFound
 from grader.exercises import catching, harness, recorder
 from grader.exercises.crashes import explain_error, explain_hidden_slip
+from grader.exercises.embedding import embed_code
 from grader.exercises.kind import (
     Content,
     DrawnCase,
     JudgedTrial,
     Judgement,
     Kind,
-    LazyAnswer,
     Results,
     TextOf,
     Trial,
 )
+from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
 from grader.exercises.parameters import (
     Case,
     ExerciseParameters,
@@ -79,6 +76,11 @@ OTHER_MODEL = "The model there is another one: take sizes and addresses from the
 def refuse_text(path: str) -> str:
     """Raises NotFound: there is no content folder to read from."""
     raise NotFound(f"{path} cannot be read: there is no content folder here")
+
+
+def refuse_job(job: Job) -> RunReport:
+    """Raises JailFault: there is no jail to run it in."""
+    raise JailFault("no jail is set up: nothing can be measured")
 
 
 AnyKind = Kind[Any, Any, Any]
@@ -245,32 +247,6 @@ def build_driver(kind: AnyKind) -> str:
     return f"import base64, marshal\nexec({harness_code})\nload({recorder_code}, {kind_code})\n"
 
 
-@cache
-def embed_code(source: str) -> str:
-    """Returns an expression for the code object of a source.
-
-    The jail runs the interpreter of this process, and compiling these sources there would cost every run milliseconds.
-    Annotations are not evaluated there, and docstrings are left out.
-    """
-    lean = __future__.annotations.compiler_flag
-    code = marshal.dumps(compile(source, "<driver>", "exec", lean, dont_inherit=True, optimize=2))
-    return f"marshal.loads(base64.b64decode({base64.b64encode(code).decode()!r}))"
-
-
-def write_lazy_answers(
-    question: ScriptQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = refuse_text
-) -> list[LazyAnswer]:
-    """Returns scripts that do not solve the exercise, with the points that each may earn at most.
-
-    The starter may earn none. A script that answers every model alike may earn the points of the visible trials.
-    """
-    kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
-    share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
-    alike = kind.write_lazy_answers(question, plan.parameters, plan.trials)
-    found = [LazyAnswer(name, source, share * question.points) for name, source in alike.items()]
-    return found if starter is None else [LazyAnswer("the starter", starter, 0.0), *found]
-
-
 def build_case_trials(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
 ) -> Sequence[AnyTrial]:
@@ -312,30 +288,40 @@ def prepare_exercise(question: ScriptQuestion, plan: Plan) -> None:
         kind.prepare(plan.parameters, trial)
 
 
-def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport) -> Verdict:
-    """Returns the verdict on a script; one that did not return gets the status of that name, with the reason."""
+def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run = refuse_job) -> Verdict:
+    """Returns the verdict on a script; one that did not return gets the status of that name, with the reason.
+
+    `run` is the jail's, for kinds that measure there. Raises JailFault as it does.
+    """
     if report.stepped:
         return build_failure(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
         return build_failure(question, Status(report.status.value), explain_error(report.reason))
+    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
+        return judge_results(question, plan, report, limit_cpu(run))
+
+
+def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run) -> Verdict:
+    """Returns the verdict on a script that returned."""
     kind = load_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}
     results = [select_results(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
     known = {False: None, True: list_known_words(kind.driver)}
     held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
-    raised = [read_raised(part, trial) for part, trial in zip(results, plan.trials, strict=True)]
+    found = [judge_trial(kind, plan, trial, part, run) for trial, part in zip(plan.trials, results, strict=True)]
     judged = settle(
         [
-            JudgedTrial(trial, why or kind.judge(plan.parameters, trial, part), False, trace)
-            for trial, part, why, trace in zip(plan.trials, results, raised, traces, strict=True)
+            JudgedTrial(trial, judgement, False, trace)
+            for trial, (judgement, _), trace in zip(plan.trials, found, traces, strict=True)
         ]
     )
     titles = build_titles(plan)
     findings = build_findings(question, titles, judged)
-    if all(raised):
-        return build_failure(question, Status.CRASHED, f"{titles[0]}: {choose_message(judged[0])}", findings)
-    whole = [one for one, why in zip(judged, raised, strict=True) if not why]
+    ends = [end for _, end in found]
+    if ends[0] is not None and all(ends):
+        return build_failure(question, ends[0], f"{titles[0]}: {choose_message(judged[0])}", findings)
+    whole = [one for one, end in zip(judged, ends, strict=True) if not end]
     diagnosis, direction = diagnose(kind, plan, judged, whole)
     verdict = verdict_of(
         findings,
@@ -348,6 +334,20 @@ def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport) -> V
         return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review, "direction": review})
     # The explanation names the right results, so it is shown with full marks only.
     return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
+
+
+def judge_trial(
+    kind: AnyKind, plan: Plan, trial: AnyTrial, results: Results, run: Run
+) -> tuple[Judgement[Any], Status | None]:
+    """Returns the judgement on a trial; with a status if it ended before the kind could judge it."""
+    if (raised := read_raised(results, trial)) is not None:
+        return raised, Status.CRASHED
+    if kind.measurement is not None:
+        measured = measure(kind.measurement, trial, results, run)
+        if isinstance(measured, Unmeasured):
+            return Judgement(False, measured.why, None, measured.detail), measured.status
+        results = measured
+    return kind.judge(plan.parameters, trial, results), None
 
 
 def tells_numbers(sentence: str) -> bool:
@@ -387,7 +387,7 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
     try:
         said = json.loads(results["raised"].tobytes())
         what, line = str(said["raised"])[:RAISED_CHARS_MAX], said["line"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         what, line = "", None
     if trial.hidden and not isinstance(vars(builtins).get(what), type):
         what = ""

@@ -127,11 +127,14 @@ def grade_lazy_answers(pipeline: Pipeline, quiz_id: str, question: ScriptQuestio
     library = pipeline.library
     starter = read_text(library.root, question.starter, SOURCE_BYTES_MAX) if question.starter else None
     own = starter if isinstance(starter, str) else None
+    earned: dict[str, float] = {}
     for lazy in write_lazy_answers(question, library.model_xml, own, library.text):
         verdict = pipeline.grade(quiz_id, question.id, {"source": lazy.source})
-        say(f"{quiz_id} {question.id}: {lazy.name} earns {verdict.points:g}, at most {lazy.points_max:g}")
-        if verdict.points > lazy.points_max + POINTS_ROUNDING:
-            why = f"{lazy.name} earns {verdict.points:g} points, and may earn {lazy.points_max:g} at most"
+        most = min(lazy.points_max, earned.get(lazy.like, lazy.points_max))
+        earned[lazy.name] = verdict.points
+        say(f"{quiz_id} {question.id}: {lazy.name} earns {verdict.points:g}, at most {most:g}")
+        if verdict.points > most + POINTS_ROUNDING:
+            why = f"{lazy.name} earns {verdict.points:g} points, and may earn {most:g} at most"
             cure = "give hidden cases other numbers or more points"
             yield Fault(library.file(quiz_id), f"{question.id}.check", f"{why}: {cure}")
 

@@ -30,6 +30,8 @@ from grader.questions.kinds.script import ScriptQuestion
 
 OUR_FAULT = "The grader itself failed; this is not your mistake, and it used up no attempt."
 
+TOO_LARGE = "Your results take more memory to judge than there is: return arrays of the size that is asked for."
+
 TEXT_BYTES_MAX = 64 * 1024
 """Longest answer to a question without a script, as JSON text [bytes]."""
 
@@ -225,10 +227,15 @@ class Pipeline:
             begin = cache(lambda: beside.submit(prepare))  # not before the script runs, which it would hold up
             report = self.run(replace(job, sent=begin, heard=Progress(plan.trials, tell).follow))
             prepared = begin()
-        started = time.thread_time()
-        verdict = judge_exercise(question, plan, report)
+        fault, started = prepared.exception(), time.thread_time()
+        try:
+            verdict = judge_exercise(question, plan, report, self.run)
+        except MemoryError:
+            if fault is not None:
+                raise
+            verdict = build_ungraded(question, Status.OUT_OF_MEMORY, TOO_LARGE)
         judge_s = time.thread_time() - started
-        if (fault := prepared.exception()) is None:
+        if fault is None:
             judge_s += prepared.result()
         elif verdict.status in JUDGED:
             raise fault

@@ -7,6 +7,8 @@ standard input does, so that none outlives the server or worker that started it,
 import gc
 import os
 import queue
+import re
+import resource
 import shutil
 import signal
 import socket
@@ -41,6 +43,13 @@ VERDICT_S = 900.0
 PROGRESS_S = 0.5
 """Pause between two reports of how far a script is: a quick script makes none [s]."""
 BLOCK_BYTES = 4096
+
+JUDGING_BYTES_MAX = 2 << 30
+"""Most memory that judging one script may add to a grading process: results that take more are `out_of_memory`.
+
+Source: the first script of an exercise of the lesson adds 0.7 GB, nearly all of it reserved for simulations that are
+kept and never touched; later ones add nothing. So the limit follows what the process holds.
+"""
 
 END_S = 10.0
 """Longest end of a process; then it is killed [s]."""
@@ -306,6 +315,7 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
             pipeline = Pipeline(message, lambda job: jail.run(replace(job, is_stopped=is_stopped)))
             continue
         assert pipeline is not None and isinstance(message, Script)
+        limit_memory()
         try:
             parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
             connection.send(pipeline.judge(parsed, lambda case, cases: connection.send(ScriptProgress(case, cases))))
@@ -314,6 +324,17 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
         except Exception as error:
             log.exception("grading failed", quiz=message.quiz, question=message.question)
             connection.send(JailFault(f"grading failed: {type(error).__name__}"))
+
+
+def limit_memory() -> None:
+    """Limits what the next script may add to this process's memory.
+
+    The soft limit alone: processes of the jail inherit it, and take their own limits up to the hard one.
+    """
+    held_kb = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.M)
+    assert held_kb is not None
+    soft, hard = 1024 * int(held_kb[1]) + JUDGING_BYTES_MAX, resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))
 
 
 def end_with_parent(jail: Jail, models: Path) -> None:

@@ -68,7 +68,10 @@ class _Reader:
 
 
 class WantCounter:
-    """Counts the wants in a message that is still arriving; calls `heard` with the name of each array in it."""
+    """Counts the wants in a message that is still arriving; calls `heard` with the name of each array before the last.
+
+    The time at which an array arrives later may tell the hidden inputs.
+    """
 
     def __init__(self, heard: Callable[[str], object]) -> None:
         self.count = 0
@@ -83,7 +86,7 @@ class WantCounter:
                 break
             if data[self._at] == WANT[0]:
                 self.count += 1
-            else:
+            elif self.count < WANTS_MAX:
                 name = self._at + 2
                 self._heard(data[name : name + data[name - 1]].decode("ascii", "replace"))
             self._at += size

@@ -35,6 +35,7 @@ DTYPES = {"float64": b"d", "float32": b"f", "int64": b"q", "int32": b"i", "uint8
 KINDS = {"returned": 0, "crashed": 1, "forbidden": 2, "out_of_memory": 3}
 REFUSALS = {errno.EPERM, errno.EACCES, errno.ENOSYS, errno.EROFS}
 REASON_BYTES_MAX = 2000
+PIPE_BYTES = 1 << 16
 COURSE = "mjcourse"
 FORBIDDEN = "scripts may not start processes, use the network, or reach for files that are not theirs"
 PROCESSES = re.compile(r"/(multiprocessing/|concurrent/futures/process|subprocess)")
@@ -97,13 +98,13 @@ def receive() -> dict[str, Any]:
 
 
 def _read(size: int) -> bytes:
-    data = b""
+    data = bytearray()
     while len(data) < size:
-        chunk = os.read(JOB, size - len(data))
+        chunk = os.read(JOB, min(size - len(data), PIPE_BYTES))
         if not chunk:
             os._exit(0)  # a spare that is no longer needed
         data += chunk
-    return data
+    return bytes(data)
 
 
 def play(work: dict[str, Any]) -> NoReturn:

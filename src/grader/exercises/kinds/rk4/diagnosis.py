@@ -76,11 +76,10 @@ class Diagnosis:
 def read_judged_run(judged: JudgedTrial[Any, Any]) -> Reading | None:
     """Reads the tableau off the trace of a judged run; None where there is no trace, or it cannot be read."""
     run = judged.judgement.outcome.run
-    with np.errstate(all="ignore"):  # forged numbers
-        try:
-            return read_tableau(run.scene().model, read_steps(judged.trace, run))
-        except np.linalg.LinAlgError:
-            return None
+    try:
+        return read_tableau(run.scene().model, read_steps(judged.trace, run))
+    except np.linalg.LinAlgError:
+        return None
 
 
 def diagnose_run(outcome: RunOutcome, judged: JudgedTrial[Any, Any]) -> Diagnosis:
@@ -88,8 +87,7 @@ def diagnose_run(outcome: RunOutcome, judged: JudgedTrial[Any, Any]) -> Diagnosi
     reading = read_judged_run(judged)
     if reading is None:
         return Diagnosis(NO_NUMBER if begins_with_nan(judged.trace) else None, explain_other_steppers(judged.trace))
-    with np.errstate(all="ignore"):
-        return diagnose_reading(outcome, judged, reading)
+    return diagnose_reading(outcome, judged, reading)
 
 
 def begins_with_nan(trace: Trace) -> bool:

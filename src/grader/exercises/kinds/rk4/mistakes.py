@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.diagnosis import diagnose_run
 from grader.exercises.kinds.rk4.driver import Forward
-from grader.exercises.kinds.rk4.judge import (
-    Rk4Outcome,
-    RunOutcome,
+from grader.exercises.kinds.rk4.judge import Rk4Outcome, RunOutcome
+from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
+from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
+from grader.exercises.kinds.rk4.trajectory import (
     Trajectory,
     build_forward,
     compare,
@@ -24,10 +27,6 @@ from grader.exercises.kinds.rk4.judge import (
     simulate_with,
     subtract_positions,
 )
-from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
-from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
-from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 
 PREFIX = 40
@@ -264,5 +263,7 @@ def write_lazy_steps(entry: str) -> Mapping[str, str]:
         "a step that advances the time alone": "data.time += model.opt.timestep",
         "a step of constant velocity": "mujoco.mj_integratePos(model, data.qpos, data.qvel, model.opt.timestep)",
         "MuJoCo's own step": "mujoco.mj_step(model, data)",
+        "a step to zero": "data.qpos[:] = data.qvel[:] = data.act[:] = 0",
+        "a step to huge numbers": "data.qpos[:] = data.qvel[:] = data.act[:] = 1e300",
     }
     return {name: f"import mujoco\n\n\ndef {entry}(model, data):\n    {body}\n" for name, body in bodies.items()}

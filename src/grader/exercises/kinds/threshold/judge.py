@@ -98,9 +98,11 @@ def bracket_around(number: float) -> Bracket:
 def read_claim(results: Results) -> Claim:
     """Returns the claim of the student's function; arrays that the driver never sends make it unreadable."""
     values: Any = results.get("claim")
-    if values is None or values.dtype != np.float64 or values.ndim != 1 or values.size > 2:
-        text = results.get("other", np.empty(0, np.uint8))
-        return Unreadable(bytes(text.astype(np.uint8)).decode(errors="replace")[:200])
+    is_claim = values is not None and values.dtype == np.float64 and values.shape in ((0,), (1,), (2,))
+    if not is_claim or not np.isfinite(values).all():
+        text: Any = results.get("other")
+        said = text.tobytes() if text is not None and text.dtype == np.uint8 else b""
+        return Unreadable(said.decode(errors="replace")[:200])
     if values.size == 0:
         return NoLimit()
     if values.size == 1:

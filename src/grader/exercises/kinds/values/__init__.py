@@ -9,7 +9,13 @@ from typing import Any
 
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.values import driver
-from grader.exercises.kinds.values.judge import Comparisons, compute_expected, compute_tolerance, judge_calls
+from grader.exercises.kinds.values.judge import (
+    Comparisons,
+    compute_expected,
+    compute_tolerance,
+    judge_calls,
+    rehearse_call,
+)
 from grader.exercises.kinds.values.mistakes import name_the_mistake
 from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import build_evidence
@@ -29,15 +35,9 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
         return [Trial(drawn.case.id, problem.inputs(), problem, entries=(problem.name,))]
 
     def rehearse(self, parameters: ValuesParameters, trial: Trial[Problem]) -> None:
-        """Runs the author's programs. Raises ValueError if one gives no results."""
-        problem = trial.problem
-        for call in problem.calls:
-            try:
-                expected = compute_expected(problem, call)
-            except Exception as error:  # an author's program may raise anything
-                raise ValueError(f"the author's program fails: {type(error).__name__}: {error}") from error
-            if expected is None:
-                return
+        """Runs the author's programs. Raises ValueError if one gives no results, or others than are declared."""
+        for call in trial.problem.calls:
+            rehearse_call(trial.problem, call)
 
     def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Comparisons]:
         """Compares every call with the author's program, or computes its residual."""
@@ -61,6 +61,10 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
         """Returns a script whose functions return 0."""
         names = dict.fromkeys(trial.problem.name for trial in trials)
         return {"0 for every call": "".join(f"def {name}(*arguments):\n    return 0.0\n\n" for name in names)}
+
+    def count_returned(self, trial: Trial[Problem]) -> int:
+        """Returns the number of results that are not left in a field of data."""
+        return sum(result.field is None for result in trial.problem.function.results)
 
     def list_accepted(
         self, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]

@@ -1,5 +1,6 @@
 """Judges results: compares them with those of the author's program, or computes a residual that must vanish."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,9 @@ from grader.exercises.kinds.values.driver import Rows, to_numbers
 from grader.exercises.kinds.values.parameters import Call, Problem, Result
 
 ELEMENTS_SHOWN = 12
+
+REHEARSED = (0.0, 1.0, 0.5, -1.0)
+"""Numbers with which a residual is tried when content is loaded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +76,41 @@ def compute_expected(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
     return tuple(answer)
 
 
+def rehearse_call(problem: Problem, call: Call) -> None:
+    """Raises ValueError if the author's program gives no results, or others than are declared."""
+    shapes = problem.list_shapes(call)
+    try:
+        expected = compute_expected(problem, call)
+    except Exception as error:  # an author's program may raise anything
+        raise ValueError(f"the author's program fails: {type(error).__name__}: {error}") from error
+    if expected is None:
+        rehearse_residual(problem, call, [shape or () for shape in shapes])
+        return
+    for result, right, shape in zip(problem.function.results, expected, shapes, strict=True):
+        if shape not in (None, right.shape):
+            raise ValueError(f"{result.name} of the author's program has the shape {right.shape}, not {shape}")
+
+
+def rehearse_residual(problem: Problem, call: Call, shapes: Sequence[tuple[int, ...]]) -> None:
+    """Raises ValueError if the residual gives no numbers for results of the declared shapes, whatever they hold."""
+    why = ""
+    for number in REHEARSED:
+        try:
+            rest = problem.compute_remainder(call, tuple(np.full(shape, number) for shape in shapes))
+        except Exception as error:  # it may raise for numbers that are far from right
+            why = why or f"raises {type(error).__name__}: {error}"
+            continue
+        if rest is None or rest.size:
+            return
+        why = "gives no numbers, so that nothing is judged"
+    named = ", ".join(f"{one.name} {shape}" for one, shape in zip(problem.function.results, shapes, strict=True))
+    assert problem.function.residual is not None
+    raise ValueError(f"{problem.function.residual.function} {why}, for results of the shapes {named}: declare `shape`")
+
+
 def judge_calls(problem: Problem, results: Results) -> Judgement[Comparisons]:
     """Judges every call of a trial; all must be right."""
-    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        outcome = tuple(
-            compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls)
-        )
+    outcome = tuple(compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls))
     wrong = next(((index, compared) for index, compared in enumerate(outcome) if compared.why), None)
     shown = outcome[wrong[0] if wrong else 0]
     names = [result.name for result in problem.function.results]
@@ -123,14 +156,15 @@ def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
         return Comparison(
             call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
-    if problem.function.residual is not None:
-        return compare_residual(problem, call, answer, answer.values)
     expected = compute_expected(problem, call)
-    assert expected is not None
-    for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
-        if got.shape != right.shape:
-            detail = f"{result.name} has the shape {got.shape}, not {right.shape}."
+    shapes = problem.list_shapes(call) if expected is None else [right.shape for right in expected]
+    for result, got, shape in zip(problem.function.results, answer.values, shapes, strict=True):
+        if got.shape != shape:  # before anything is computed: arrays of other shapes broadcast to huge or empty ones
+            detail = f"{result.name} has the shape {got.shape}, not {shape}."
             return Comparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
+    if expected is None:
+        return compare_residual(problem, call, answer, answer.values)
+    for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
         if not fits(result, got, right):
             off = f"{result.name} is off by {find_largest(got - right):.3g}{prefix_unit(result.unit)}"
             detail = f"{off}; {compute_tolerance(result, right):.2g}{prefix_unit(result.unit)} is allowed."
@@ -156,6 +190,8 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     assert residual is not None
     try:
         size = compute_residual(problem, call, values)
+    except MemoryError:
+        raise
     except Exception:  # the author's own function, over results of any shape
         return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
@@ -170,6 +206,6 @@ def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> 
     residual = problem.function.residual
     assert residual is not None
     rest = problem.compute_remainder(call, values)
-    if rest is None:
+    if rest is None or not rest.size:
         raise ValueError(f"{residual.function} must return finite numbers")
     return find_largest(rest)

@@ -39,8 +39,7 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[JudgedTrial[
         if one.trial.problem.name == first
         for compared in one.judgement.outcome
     ]
-    with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        sentence = find_mistake(calls)
+    sentence = find_mistake(calls)
     several = len(parameters.functions) > 1
     return f"{first}: {sentence}" if sentence and several else sentence
 

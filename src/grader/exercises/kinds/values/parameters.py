@@ -1,6 +1,6 @@
 """The parameters of a `values` exercise, and the calls that they define."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
@@ -24,15 +24,20 @@ ELEMENTS_MAX = 10_000
 
 Values = Annotated[tuple[Value, ...], Field(max_length=ELEMENTS_MAX)]
 
+Size = Annotated[int, Field(ge=1, le=ELEMENTS_MAX)] | Annotated[str, Field(pattern=r"^argument [1-9]\d?$")]
+"""A size of an array: a number, or an argument of the call: a whole number itself, an array by its length."""
+
 
 class Result(Strict):
     """One result of a function. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element.
 
-    If `field` is given, the result is not returned but left in that field of `data`.
+    If `field` is given, the result is not returned but left in that field of `data`. A result without a `shape` has the
+    one of the author's; where a residual decides it is a number, or as large as its field.
     """
 
     name: str = Field(min_length=1)
     field: Literal["qpos", "qvel", "act", "ctrl", "qacc", "qfrc_applied", "time"] | None = None
+    shape: tuple[Size, ...] | None = Field(default=None, max_length=4)
     unit: str = ""
     atol: NotNegative = 0.0
     rtol: NotNegative = Field(default=1e-9, lt=1)
@@ -170,6 +175,25 @@ class Problem:
         """Returns the inputs of the driver."""
         return {"model": self.xml, "results": self.results, "calls": [call.inputs() for call in self.calls]}
 
+    def list_shapes(self, call: Call) -> list[tuple[int, ...] | None]:
+        """Returns the declared shape of each result; None where the author's result has it.
+
+        Raises ValueError where an argument is no size.
+        """
+        return [self.find_shape(result, call) for result in self.function.results]
+
+    def find_shape(self, result: Result, call: Call) -> tuple[int, ...] | None:
+        """Returns the shape of one result, as `list_shapes` does."""
+        if result.shape is not None:
+            shape = tuple(read_size(size, call.arguments) for size in result.shape)
+            if prod(shape) > ELEMENTS_MAX:
+                raise ValueError(f"{result.name} has {prod(shape)} numbers; at most {ELEMENTS_MAX} are taken")
+            return shape
+        if self.function.residual is None:
+            return None
+        model = compile_model(self.xml)
+        return np.shape(getattr(start_data(model, call.start), result.field)) if model and result.field else ()
+
     def compute_results(
         self,
         call: Call,
@@ -195,6 +219,18 @@ class Problem:
 
         found = call_function(remaining, compile_model(self.xml), call.inputs(), [{"name": "residual", "field": None}])
         return None if isinstance(found, str) else found[0]
+
+
+def read_size(size: int | str, arguments: Sequence[Any]) -> int:
+    """Returns a size of an array. Raises ValueError where it names no argument that is a size above 0."""
+    if isinstance(size, int):
+        return size
+    place = int(size.split()[1])
+    value = arguments[place - 1] if place <= len(arguments) else None
+    found = len(value) if isinstance(value, list) else value
+    if not isinstance(found, int) or found < 1:
+        raise ValueError(f"`shape` names {size}, which must be an array or a whole number above 0")
+    return found
 
 
 @lru_cache(maxsize=64)

@@ -1,4 +1,4 @@
-# diagnosis: angles: The results have the wrong shape
+# diagnosis: angles has the wrong shape
 import mujoco
 import numpy as np
 

@@ -1,0 +1,76 @@
+"""Compiles and simulates what a script made in a second process of the jail, and never in ours.
+
+A model in our process would read our files (`<include>`, `<hfield file>`), and take our time and memory.
+"""
+
+import base64
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import getsource
+from typing import Any
+
+from grader.domain.run import Job, RunReport, RunStatus
+from grader.domain.verdict import Status
+from grader.exercises import measurer
+from grader.exercises.embedding import embed_code
+from grader.exercises.kind import Measurement, Results, Trial
+
+Run = Callable[[Job], RunReport]
+"""Runs a job in the jail. Raises JailFault."""
+
+
+CPU_S_MAX = 120.0
+"""CPU time after which no further trial of a script is measured [s]: far less than a verdict may take."""
+
+
+def limit_cpu(run: Run) -> Run:
+    """Returns `run` for the trials of one script, which together have CPU_S_MAX."""
+    spent_s = 0.0
+
+    def run_within(job: Job) -> RunReport:
+        nonlocal spent_s
+        if spent_s >= CPU_S_MAX:
+            return RunReport(RunStatus.TIMED_OUT)
+        report = run(job)
+        spent_s += report.cpu_s
+        return report
+
+    return run_within
+
+
+@dataclass(frozen=True)
+class Unmeasured:
+    """How a measuring program ended that did not return, and why: in words without numbers of the case, and with."""
+
+    status: Status
+    why: str
+    detail: str
+
+
+def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: Run) -> Results | Unmeasured:
+    """Returns what the measuring program submits.
+
+    The program is the kind's, so whatever ends it is what the script made. Raises JailFault.
+    """
+    encoded = {
+        name: (array.dtype.str, array.shape, base64.b64encode(array.tobytes()).decode())
+        for name, array in results.items()
+    }
+    ours, program = embed_code(getsource(measurer)), embed_code(measurement.program)
+    driver = f"import base64, marshal\nexec({ours})\nload({program})\n"
+    report = run(Job("", driver, {"inputs": trial.inputs, "results": encoded}, measurement.limits))
+    if report.status is RunStatus.RETURNED:
+        return report.results
+    detail = report.reason if report.status is RunStatus.CRASHED else ""
+    return Unmeasured(Status(report.status.value), explain_end(report.status, measurement), detail)
+
+
+def explain_end(status: RunStatus, measurement: Measurement) -> str:
+    """Returns the sentence for a measuring program that did not return."""
+    made, limits = "What your function made", measurement.limits
+    if status is RunStatus.TIMED_OUT:
+        allowed = f"more than {limits.cpu_s:g} s, or {CPU_S_MAX:g} s in all cases together"
+        return f"{made} takes too much CPU time to compile and simulate: {allowed}."
+    if status is RunStatus.OUT_OF_MEMORY:
+        return f"{made} takes too much memory to compile and simulate: more than {limits.memory_mb} MB."
+    return f"{made} cannot be compiled and simulated."
