@@ -93,12 +93,19 @@ def test_no_body_of_the_api_keeps_the_loop(route: str, site: Site, held: list[fl
     method, path = route.split(" ")
     url = PREFIX + path.format_map(dict.fromkeys(("quiz_id", "submission_id", "comment_id", "member_id"), "small"))
     fields = properties(document, route) | (BODIES[route] if isinstance(BODIES[route], dict) else {})
+    headers = {"content-type": "application/json"}
+
+    def hold_s(body: str) -> float:
+        held.clear()
+        assert client.request(method, url, content=body, headers=headers).status_code < 500
+        return max(held)
+
+    hold_s("{}")  # the first request of a route builds what others find
     worst = []
     for size in (PAGE_BODY_BYTES_MAX, site.settings.body_kb * 1024):
         for name, body in worst_bodies(fields, size):
-            held.clear()
-            status = client.request(method, url, content=body, headers={"content-type": "application/json"}).status_code
-            assert status < 500, name
-            worst.append((max(held), size, name, status))
-    print(*(f"{1000 * s:.1f} ms {size} {name} {status}" for s, size, name, status in sorted(worst)[-4:]), sep="\n")
+            # What else the thread does now and then, such as collecting garbage, is not the body's.
+            seconds = min(hold_s(body) for _ in range(2))
+            worst.append((seconds, size, name))
+    print(*(f"{1000 * s:.1f} ms {size} {name}" for s, size, name in sorted(worst)[-3:]), sep="\n")
     assert max(worst)[0] < HELD_S
