@@ -21,7 +21,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
-from grader.store.engine.bulk_insert import insert_rows, upsert_rows
+from grader.store.engine.bulk import insert_rows, upsert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.submissions import NEWEST
@@ -122,9 +122,8 @@ def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns
     """Writes results, and a row of the feed for each new revision. The caller holds the learners' locks."""
     clock = now()
     upsert_rows(session, Result, changed)
-    insert_rows(
-        session, ResultRevision, [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
-    )
+    feed = [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
+    insert_rows(session, (ResultRevision, feed))
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:

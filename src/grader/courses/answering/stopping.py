@@ -13,7 +13,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
 from grader.library import Library
 from grader.queue import jobs
-from grader.store import idempotency, submissions
+from grader.store import intake, submissions
 from grader.store.engine.database import Database
 from grader.store.submissions import STOP
 from grader.store.tables import Submission
@@ -30,7 +30,7 @@ def stop(database: Database, library: Library, session: Session, who: Identity, 
     if not jobs.withdraw(session, jobs.GRADE, submission.id):
         raise Conflict(TOO_LATE)
     results.append_verdict(database, library, session, submission, verdict_on(library, submission), cause=STOP)
-    idempotency.forget(session, submission.id)
+    intake.forget_key(session, submission.id)
     return submission
 
 
