@@ -81,7 +81,7 @@ def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdi
     with database.write() as session:
         states = states_at(session, key)
         submissions.add(session, [(submission, verdict)])
-        counting.count_new(session, [NewSubmission(library, submission, verdict, key)], states)
+        counting.count_new(session, [NewSubmission(library, submission, verdict, key)], states, now())
     return submission
 
 

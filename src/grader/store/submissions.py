@@ -82,12 +82,12 @@ class SubmissionFilter:
         return [getattr(Submission, name) == value for name, value in vars(self).items() if value is not None]
 
 
-def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]]) -> None:
+def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
     """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table.
 
     The objects get their state, and are not followed by the session.
     """
-    clock = now()
+    clock = clock or now()
     for submission, verdict in new:
         submission.version, submission.created_at = 1, clock
         for name, value in (NEW if verdict is None else _settled(verdict, 1)).items():

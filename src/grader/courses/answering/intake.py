@@ -116,11 +116,11 @@ class AnswerBatch:
         session, accepted = self._session, self._accepted
         if not accepted:
             return 0
-        submissions.add(session, [(receipt.submission, receipt.verdict) for _, receipt in accepted])
+        submissions.add(session, [(receipt.submission, receipt.verdict) for _, receipt in accepted], self.clock)
         if self._receipts:
             insert_rows(session, (IdempotencyKey, [make_key_row(*one) for one in self._receipts.values()]))
         new = [NewSubmission(one.library, receipt.submission, receipt.verdict, one.place) for one, receipt in accepted]
-        count_new(session, new, self._states)
+        count_new(session, new, self._states, self.clock)
         for answer, receipt in accepted:
             if receipt.verdict is None:
                 jobs.put(session, jobs.GRADE, receipt.submission.id, share=answer.who.id)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -18,7 +19,7 @@ from grader.store import extensions, results, submissions
 from grader.store.engine.database import Database
 from grader.store.intake import QuestionState, SourceAttempt
 from grader.store.results import COUNTED, Columns, LearnerAt
-from grader.store.tables import Member, Submission
+from grader.store.tables import Member, Submission, now
 
 
 def append_verdict(
@@ -50,7 +51,9 @@ class NewSubmission:
     """The result that it counts for."""
 
 
-def count_new(session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState]) -> None:
+def count_new(
+    session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime
+) -> None:
     """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date.
 
     The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
@@ -69,7 +72,8 @@ def count_new(session: Session, new: Sequence[NewSubmission], states: Mapping[Le
                 revised.append(after)
             if values["submission_id"] == one.submission.id:
                 state.source = make_source(one.submission, one.verdict)
-    results.save(session, list(changed.values()), revised)
+    if changed:
+        results.save(session, list(changed.values()), revised, clock)
     places = {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in revised}
     if delivered := {place for place in places if states[place].has_destinations}:
         outbox.note(session, delivered)
@@ -106,7 +110,7 @@ def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmissi
     values |= describe_answers(session, [row.id for row in decided], before, new)
     after = results.change(before, key, values)
     is_revised = before is None or after["revision"] != before["revision"]
-    results.save(session, [after] if after is not before else [], [after] if is_revised else [])
+    results.save(session, [after] if after is not before else [], [after] if is_revised else [], now())
     if is_revised:
         outbox.note(session, [key])
 

@@ -49,17 +49,17 @@ def read_by_keys(session: Session, query: Executable, keys: Rows, **parameters: 
     return session.connection().execute(query, {"keys": keys, **parameters}).all() if keys else ()
 
 
-def insert_rows(session: Session, *tables: tuple[type[DeclarativeBase], Rows]) -> None:
-    """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults."""
+def insert_rows(
+    session: Session, *tables: tuple[type[DeclarativeBase], Rows], replace: type[DeclarativeBase] | None = None
+) -> None:
+    """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults.
+
+    Rows of the table `replace` have all columns, and each replaces the one with its primary key.
+    """
     for table, rows in tables:
         if rows:
-            session.connection().execute(insert(table), rows)
-
-
-def upsert_rows(session: Session, table: type[DeclarativeBase], rows: Rows) -> None:
-    """Inserts rows with all columns of a table; each replaces the row with its primary key."""
-    if rows:
-        session.connection().execute(_upsert(table, session.get_bind().dialect.name), rows)
+            statement = _upsert(table, session.get_bind().dialect.name) if table is replace else insert(table)
+            session.connection().execute(statement, rows)
 
 
 def insert_of(backend: str) -> Any:
