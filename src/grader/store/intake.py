@@ -16,7 +16,15 @@ from grader.store.engine.bulk import UtcDateTime, keys_table, read_by_keys
 from grader.store.outbox import Destination
 from grader.store.results import Columns, LearnerAt
 from grader.store.submissions import NEWEST
-from grader.store.tables import Credential, ExtensionRow, IdempotencyKey, Publication, Result, Submission, VerdictRow
+from grader.store.tables import (
+    Credential,
+    ExtensionRow,
+    IdempotencyKey,
+    Publication,
+    Result,
+    Submission,
+    VerdictRow,
+)
 
 
 class SourceAttempt(NamedTuple):
@@ -137,11 +145,12 @@ def _query(backend: str) -> Select[*tuple[Any, ...]]:
         .group_by(wanted.c.number)
         .subquery("tried")
     )
-    is_live = exists().where(Credential.id == wanted.c.credential, is_alive(bindparam("clock", type_=UtcDateTime)))
+    live = is_alive(bindparam("clock", type_=UtcDateTime))
+    credential = select(Credential.id).where(Credential.id == wanted.c.credential, live).scalar_subquery()
     delivers = exists().where(Destination.course == wanted.c.course, Destination.disabled_at.is_(None))
     return (
         select(
-            wanted.c.number, is_live.label("is_live"), Publication.published_at, delivers,
+            wanted.c.number, credential.is_not(None).label("is_live"), Publication.published_at, delivers,
             tried.c.made, tried.c.pending, tried.c.correct, tried.c.newest,
             *RESULT,
             Submission.id, Submission.attempt, Submission.created_at, Submission.outcome, VerdictRow.points,
