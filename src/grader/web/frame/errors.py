@@ -29,7 +29,7 @@ def error_page(scope: Scope, problem: Response) -> Response | None:
     accepted = Headers(scope=scope).get("accept", "")
     if scope["path"].startswith(NOT_PAGES) or "text/html" not in accepted:
         return None
-    told = json.loads(problem.body)
+    told = json.loads(bytes(problem.body))
     title, advice = WORDS.get(problem.status_code, OURS)
     page = templates.get_template("error.html").render(
         who=None, status=problem.status_code, title=title, advice=advice,
