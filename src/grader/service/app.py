@@ -74,7 +74,7 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.services = services
     problems.install(app, error_page)
-    app.include_router(routes.router)
+    routes.include_in(app)
     app.include_router(pages)
     openapi.install(app)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
