@@ -17,7 +17,7 @@ CURE = "call it in tests/api/test_examples.py, then `make examples`"
 @pytest.fixture(scope="module")
 def document() -> dict[str, Any]:
     app = FastAPI(title="test", version="0")
-    app.include_router(routes.router)
+    routes.include_in(app)
     openapi.install(app)
     return app.openapi()
 
@@ -54,7 +54,7 @@ def test_every_response_has_an_example_that_fits_its_schema(document: dict[str, 
 @pytest.mark.slow
 def test_a_route_without_an_example_is_found() -> None:
     app = FastAPI(title="test", version="0")
-    app.include_router(routes.router)
+    routes.include_in(app)
 
     @app.get("/api/v1/new", responses={404: {"description": ""}})
     def new() -> dict[str, int]:

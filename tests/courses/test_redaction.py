@@ -26,7 +26,13 @@ RECEIPT = decide(Policy(feedback="after_publish"), None, QUESTION, Progress(), N
 SOLUTION = decide(Policy(solutions="with_feedback"), None, QUESTION, Progress(), NOW, role="student")
 JUDGED = [status for status in Status if status not in NOT_ABOUT_CORRECTNESS]
 
-DIRECTION, VALUE = (replace(FEEDBACK, reveal=reveal) for reveal in ("direction", "value"))
+
+def revealing(reveal: Reveal) -> NumberQuestion:
+    """A question whose author allows so much."""
+    return NumberQuestion(kind="numeric", id="q2", q="How long?", answer=5.0, reveal=reveal)
+
+
+DIRECTION, VALUE = (replace(FEEDBACK, question=revealing(reveal)) for reveal in ("direction", "value"))
 
 SECRET = "SECRET-"
 words = st.text("abc", min_size=1, max_size=5)
@@ -213,7 +219,7 @@ def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: 
 def test_redacting_twice_changes_nothing(
     answer: dict[str, Any], outcome: dict[str, Any], shown: Shown, reveal: Reveal
 ) -> None:
-    decision = replace(RECEIPT, shown=shown, reveal=reveal)
+    decision = replace(RECEIPT, shown=shown, question=revealing(reveal))
     once = redact(Verdict(**answer, **outcome), decision)
     assert redact(once, decision) == once
 

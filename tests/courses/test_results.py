@@ -22,10 +22,10 @@ from grader.courses.rules.policy import Attempt, counted
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library, load
-from grader.store import extensions, results, submissions
-from grader.store.engine.bulk_insert import insert_rows
+from grader.store import extensions, intake, results, submissions
+from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
-from grader.store.question_states import QuestionState, read_states
+from grader.store.intake import AnswerKeys, QuestionState
 from grader.store.results import LearnerAt
 from grader.store.tables import Member, Result, ResultRevision, Submission, new_id, now, values_of
 from support.databases import BACKENDS, open_database
@@ -72,9 +72,8 @@ def an_answer(key: LearnerAt, attempt: int = 1) -> Submission:
 
 
 def states_at(session: Session, key: LearnerAt) -> dict[LearnerAt, QuestionState]:
-    states = read_states(session, [key])
-    states[key].extension = extensions.of_learner(session, key.course, key.learner, [key.quiz]).get(key.quiz)
-    return states
+    (stored,) = intake.read(session, [AnswerKeys(key)], now())
+    return {key: stored.state}
 
 
 def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdict | None) -> Submission:
@@ -82,7 +81,7 @@ def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdi
     with database.write() as session:
         states = states_at(session, key)
         submissions.add(session, [(submission, verdict)])
-        counting.count_new(session, [NewSubmission(library, submission, verdict)], states)
+        counting.count_new(session, [NewSubmission(library, submission, verdict, key)], states, now())
     return submission
 
 
@@ -180,10 +179,10 @@ def test_a_reader_of_the_feed_never_skips_a_late_committer(database: Database, l
     slow, quick = a_row(course, "slow"), a_row(course, "quick")
     slow.submission_id = quick.submission_id = made.id
     with database.write() as late:
-        insert_rows(late, ResultRevision, [values_of(slow)])
+        insert_rows(late, (ResultRevision, [values_of(slow)]))
         assert results.has_new(late, course)  # a query, before which the row is sent
         with database.write() as early:
-            insert_rows(early, ResultRevision, [values_of(quick)])
+            insert_rows(early, (ResultRevision, [values_of(quick)]))
         seen = the_feed(database, course, after=1)
         assert [row.learner for row in seen] == ["quick"]
     assert seen[-1].position is not None

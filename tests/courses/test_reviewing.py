@@ -23,13 +23,13 @@ from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
 from grader.library import Library, load
+from grader.store import intake, submissions
 from grader.store import reviews as stored
-from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.question_states import read_states
+from grader.store.intake import AnswerKeys
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import Result, Submission, VerdictRow
+from grader.store.tables import Result, Submission, VerdictRow, now
 from support.databases import BACKENDS, open_database
 
 RUBRICS = ({"a": 3.0, "b": 1.0, "c": -0.5}, {"a": 2.0, "b": 2.0, "c": -2.0})
@@ -168,10 +168,11 @@ class Reviewing(RuleBasedStateMachine):
                          answer='"Because."', content_digest="d", attempt=len(self.answers) + 1)  # fmt: skip
         verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=POINTS)
         with self.database.write() as session:
-            new = results.NewSubmission(self.desk.library, row, verdict)
-            states = read_states(session, [new.place])
+            place = LearnerAt.of(row)
+            new = results.NewSubmission(self.desk.library, row, verdict, place)
+            (stored,) = intake.read(session, [AnswerKeys(place)], now())
             submissions.add(session, [(row, verdict)])
-            results.count_new(session, [new], states)
+            results.count_new(session, [new], {place: stored.state}, now())
         self.answers.append(Answer(number, learner, quiz))
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())

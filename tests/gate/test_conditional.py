@@ -73,7 +73,7 @@ def test_the_table_of_reads_is_complete() -> None:
     from fastapi import FastAPI
 
     app = FastAPI(title="test", version="0")
-    app.include_router(routes.router)
+    routes.include_in(app)
     reads = [
         path.removeprefix(API) for method, path, operation in openapi.operations(app.openapi())
         if method == "GET" and path.startswith(API) and "text/event-stream" not in str(operation["responses"])

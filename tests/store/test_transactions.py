@@ -9,9 +9,8 @@ from sqlalchemy import select, text
 from sqlalchemy.exc import IntegrityError, InternalError, OperationalError
 from sqlalchemy.orm import Session
 
-from grader.store.engine.bulk_insert import insert_rows
+from grader.store.engine.bulk import insert_rows, keys_table, read_by_keys
 from grader.store.engine.database import Database
-from grader.store.engine.keys import read_by_keys
 from grader.store.tables import ExtensionRow, Member, now
 from support.databases import BACKENDS, open_database
 
@@ -116,11 +115,12 @@ def an_extension(learner: str, quiz: str) -> dict[str, object]:
 def test_rows_are_found_by_keys_of_several_columns(database: Database) -> None:
     hostile = "o'\"\\ \u00e9\u2028{}"
     rows = [an_extension(learner, quiz) for learner in ("ann", "bob", hostile) for quiz in ("one", "two")]
-    columns = (ExtensionRow.learner, ExtensionRow.quiz)
     keys = [("ann", "one"), ("bob", "two"), (hostile, "one"), ("cat", "one"), ("one", "ann")]
     with database.write() as session:
-        insert_rows(session, ExtensionRow, rows)
-        insert_rows(session, ExtensionRow, [])
-        query = select(ExtensionRow.learner, ExtensionRow.quiz)
-        assert sorted(read_by_keys(session, query, columns, keys)) == sorted(keys[:3])
-        assert not read_by_keys(session, query, columns, [])
+        insert_rows(session, (ExtensionRow, rows), (ExtensionRow, []))
+        wanted = keys_table(database.backend, ("learner", "quiz"))
+        same = (ExtensionRow.learner == wanted.c.learner) & (ExtensionRow.quiz == wanted.c.quiz)
+        query = select(ExtensionRow.learner, ExtensionRow.quiz).join(wanted, same)
+        named = [{"learner": learner, "quiz": quiz} for learner, quiz in keys]
+        assert sorted(read_by_keys(session, query, named)) == sorted(keys[:3])
+        assert not read_by_keys(session, query, [])

@@ -17,7 +17,7 @@ EXAMPLES = Path(__file__).with_name("examples.json")
 PROBLEM = {"$ref": "#/components/schemas/Problem"}
 
 ANY_ROUTE = (401, 403, 429, 503)
-"""What AdmissionMiddleware may answer to any request under /api/v1, and what any of them may come to."""
+"""What the gate may answer to any request under /api/v1, and what any of them may come to."""
 
 WITH_BODY = (413, 422)
 

@@ -38,10 +38,9 @@ class Status(StrEnum):
     FORBIDDEN = "forbidden"
     GRADER_FAULT = "grader_fault"
 
-    @property
-    def uses_attempt(self) -> bool:
+    def __init__(self, name: str) -> None:
+        self.uses_attempt = name not in ("invalid_answer", "grader_fault")
         """Whether it counts as an attempt: an unreadable answer and a fault of the grader do not."""
-        return self not in (Status.INVALID_ANSWER, Status.GRADER_FAULT)
 
 
 class Finding(BaseModel):

@@ -7,22 +7,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 from urllib.parse import urlsplit
 
-import structlog
 from fastapi.concurrency import run_in_threadpool
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.courses.people.identity import FAILED, Identity, Recalled, Role, authenticate
 from grader.courses.people.identity import Scope as TokenScope
 from grader.errors import CallerError, Forbidden, Unauthorized
-from grader.gate.problems import problem, problem_of, problem_of_unexpected
+from grader.gate.compression import CompressionMiddleware
+from grader.gate.conditional import ConditionalMiddleware
+from grader.gate.problems import problem, problem_of
 from grader.gate.rate import RateLimit, address_of
 from grader.gate.scopes import scope_of
-from grader.store.engine.database import Database, driver_error, is_away
-
-log = structlog.get_logger()
+from grader.store.engine.database import Database
 
 PREFIX = "/api/v1"
 SUBMISSIONS = f"{PREFIX}/submissions"
@@ -68,27 +67,15 @@ class AdmissionMiddleware:
 
     def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules) -> None:
         self.app, self.database, self.rules = app, database, rules
+        self.documents = CompressionMiddleware(ConditionalMiddleware(app))
+        """The app for GET, whose answers may come again and be long."""
         self.recalled = Recalled()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves the request, or answers it with a problem; an unexpected error is logged, and answered with 500."""
+        """Serves the request, or answers it with a problem."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        response = ResponseSender(scope, send)
-        try:
-            await self._serve(scope, receive, response.send)
-        except ClientDisconnect:  # before its request was read: no answer can reach it
-            return
-        except Exception as error:
-            if is_away(error):
-                scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
-            else:
-                log.exception("unhandled", method=scope["method"], path=scope["path"])
-            if not response.started:  # else the connection is closed
-                await problem_of_unexpected(error)(scope, receive, response.send)
-
-    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         drop_escaped_cookies(scope)
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
@@ -99,7 +86,8 @@ class AdmissionMiddleware:
         except CallerError as error:
             await problem_of(error)(scope, receive, send)
             return
-        await self.app(scope, self._limit_body(scope, headers, receive), send)
+        app = self.documents if scope["method"] == "GET" else self.app
+        await app(scope, self._limit_body(scope, headers, receive), send)
 
     def _is_our_host(self, headers: Headers) -> bool:
         return hostname_of(headers.get("host", "")) in self.rules.hosts
@@ -147,16 +135,17 @@ class AdmissionMiddleware:
         return origin_of(headers.get("origin", "")) == origin_of(own)
 
     def _limit_body(self, scope: Scope, headers: Headers, receive: Receive) -> Receive:
-        """Wraps `receive` to raise 413 as soon as a body is known to be too large."""
+        """Wraps `receive` to raise 413 as soon as a body is known to be too large; an announced size is kept to."""
         bytes_max = self.rules.body_bytes_max if is_api(scope) else page_bytes_max(scope)
-        received = 0
-        announced = headers.get("content-length", "")
+        announced, received = announced_bytes(headers), 0
+        if announced is not None and announced <= bytes_max:
+            return receive
 
         async def receive_limited() -> Message:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if max(received, int(announced) if announced.isdecimal() else 0) > bytes_max:
+            if max(received, announced or 0) > bytes_max:
                 raise HTTPException(413, f"At most {bytes_max // 1024} KB are taken.")
             return message
 
@@ -206,9 +195,14 @@ def cost_of(scope: Scope, headers: Headers) -> int:
         return 1
     bytes_max = page_bytes_max(scope)
     unit = BYTES_PER_REQUEST if bytes_max == PAGE_BODY_BYTES_MAX else BYTES_PER_ANSWER
+    announced = announced_bytes(headers)
+    return 1 + min(bytes_max if announced is None else announced, bytes_max) // unit
+
+
+def announced_bytes(headers: Headers) -> int | None:
+    """The length of a body, which the server has it keep to; 0 without one, None where only its end will tell."""
     announced = headers.get("content-length", "0")
-    is_known = announced.isdecimal() and "transfer-encoding" not in headers
-    return 1 + min(int(announced) if is_known else bytes_max, bytes_max) // unit
+    return int(announced) if announced.isdecimal() and "transfer-encoding" not in headers else None
 
 
 @lru_cache(maxsize=100)
@@ -238,23 +232,6 @@ def drop_escaped_cookies(scope: Scope) -> None:
         (name, b";".join(pair for pair in value.split(b";") if b"\\" not in pair) if name == b"cookie" else value)
         for name, value in scope["headers"]
     ]
-
-
-class ResponseSender:
-    """Sends a response, and notes whether it has started. API responses are never cached for another user."""
-
-    def __init__(self, scope: Scope, send: Send) -> None:
-        self.scope, self._send, self.started = scope, send, False
-
-    async def send(self, message: Message) -> None:
-        """Sends one part."""
-        if message["type"] == "http.response.start":
-            self.started = True
-            if is_api(self.scope):
-                headers = MutableHeaders(scope=message)
-                headers.setdefault("Cache-Control", "private, no-cache")
-                headers["X-Content-Type-Options"] = "nosniff"
-        await self._send(message)
 
 
 def identity_in(scope: Scope) -> Identity:

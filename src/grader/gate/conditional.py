@@ -20,7 +20,7 @@ def is_unchanged(if_none_match: str, etag: str) -> bool:
 
 
 class ConditionalMiddleware:
-    """ASGI middleware. Gives answers to GET an ETag, and answers 304 to a request that names it in If-None-Match.
+    """ASGI middleware for GET. Gives answers an ETag, and answers 304 to a request that names it in If-None-Match.
 
     A route may set an ETag itself; otherwise it is a digest of the body. Streams without one, and what must not be
     stored, are left as they are.
@@ -31,9 +31,8 @@ class ConditionalMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves the request."""
-        if scope["type"] == "http" and scope["method"] == "GET":
-            send = ConditionalSender(Headers(scope=scope).get("if-none-match", ""), send).send
-        await self.app(scope, receive, send)
+        sender = ConditionalSender(Headers(scope=scope).get("if-none-match", ""), send)
+        await self.app(scope, receive, sender.send)
 
 
 class ConditionalSender:

@@ -1,7 +1,7 @@
 """Every error as RFC 9457 `application/problem+json`: the one place that gives errors their HTTP status."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -10,6 +10,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
+from starlette.types import Receive, Scope, Send
 
 from grader.errors import (
     Conflict,
@@ -53,9 +54,18 @@ ERRORS_MAX = 20
 
 
 class ProblemResponse(JSONResponse):
-    """A problem document."""
+    """A problem document; for a browser that opens a page, the page that `install` was given for it."""
 
     media_type = MEDIA_TYPE
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Sends the document or the page."""
+        page: Response | None = scope["app"].state.error_page(scope, self)
+        await (super().__call__ if page is None else page)(scope, receive, send)
+
+
+ErrorPage = Callable[[Scope, Response], Response | None]
+"""Makes the page of a problem document for a browser that opens a page; None for any other client."""
 
 
 Responses = dict[int | str, dict[str, Any]]
@@ -122,8 +132,9 @@ def problem_of_unexpected(error: Exception) -> Response:
     return problem(500, "Something went wrong on our side.")
 
 
-def install(app: FastAPI) -> None:
-    """Registers the handlers of every error that is raised on purpose; AdmissionMiddleware answers all others."""
+def install(app: FastAPI, error_page: ErrorPage) -> None:
+    """Registers the handlers of every error that is raised on purpose; RequestsMiddleware answers all others."""
+    app.state.error_page = error_page
 
     @app.exception_handler(GraderError)
     async def on_grader_error(_request: Request, error: GraderError) -> Response:

@@ -1,4 +1,4 @@
-"""Gives every request an id, one line in the log and its place in the metrics."""
+"""Gives every request an id, an answer whatever happens, one line in the log and its place in the metrics."""
 
 import re
 import secrets
@@ -9,10 +9,13 @@ from typing import Any
 import structlog
 from prometheus_client import Counter, Histogram
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.gate.admission import PREFIX, is_api
+from grader.gate.problems import problem_of_unexpected
 from grader.metrics import REQUEST_S, REQUESTS
+from grader.store.engine.database import driver_error, is_away
 
 log = structlog.get_logger()
 
@@ -29,7 +32,7 @@ class RequestsMiddleware:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves the request, and logs how it went."""
+        """Serves the request, and logs how it went; an unexpected error is logged, and answered with 500 or 503."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -39,22 +42,40 @@ class RequestsMiddleware:
         with structlog.contextvars.bound_contextvars(request_id=request_id):
             try:
                 await self.app(scope, receive, response.send)
+            except ClientDisconnect:  # before its request was read: no answer can reach it
+                return
+            except Exception as error:
+                if is_away(error):
+                    scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
+                else:
+                    log.exception("unhandled", method=scope["method"], path=scope["path"])
+                if not response.status:  # else the connection is closed
+                    await problem_of_unexpected(error)(scope, receive, response.send)
             finally:
                 response.log()
 
 
 class NamedResponse:
-    """Sends a response with the id of its request, and logs it before its last part is out."""
+    """Sends a response with the id of its request, and logs it before its last part is out.
+
+    API responses are never cached for another user.
+    """
 
     def __init__(self, scope: Scope, send: Send, request_id: str) -> None:
         self._scope, self._send, self._id = scope, send, request_id
-        self._began, self._status, self._is_logged = time.perf_counter(), 0, False
+        self._began, self._is_logged = time.perf_counter(), False
+        self.status = 0
+        """0 until the response has started."""
 
     async def send(self, message: Message) -> None:
         """Sends one part."""
         if message["type"] == "http.response.start":
-            self._status = message["status"]
-            MutableHeaders(scope=message)["X-Request-ID"] = self._id
+            self.status = message["status"]
+            headers = MutableHeaders(scope=message)
+            headers["X-Request-ID"] = self._id
+            if is_api(self._scope):
+                headers.setdefault("Cache-Control", "private, no-cache")
+                headers["X-Content-Type-Options"] = "nosniff"
         elif not message.get("more_body", False):
             self.log()
         await self._send(message)
@@ -63,7 +84,7 @@ class NamedResponse:
         """Counts and logs the request, once."""
         if not self._is_logged:
             self._is_logged = True
-            log_request(self._scope, self._status, time.perf_counter() - self._began)
+            log_request(self._scope, self.status, time.perf_counter() - self._began)
 
 
 def log_request(scope: Scope, status: int, seconds: float) -> None:
@@ -91,5 +112,5 @@ def metrics_of(method: str, route: str, status: str) -> tuple[Counter, Histogram
 def template_of(scope: Scope) -> str:
     """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
     path: str = getattr(scope.get("route"), "path", "-")
-    is_below = is_api(scope) and path != "-" and not path.startswith(PREFIX)
+    is_below = path != "-" and not path.startswith(PREFIX) and is_api(scope)
     return f"{PREFIX}{path}" if is_below else path

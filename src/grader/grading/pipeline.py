@@ -25,7 +25,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
 from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise
 from grader.library import Library
-from grader.questions import Question, grade_answer, kind_of, read_answer
+from grader.questions import Question, Quiz, grade_answer, kind_of, read_answer
 from grader.questions.kinds.script import ScriptQuestion
 
 OUR_FAULT = "The grader itself failed; this is not your mistake, and it used up no attempt."
@@ -62,15 +62,16 @@ log = structlog.get_logger()
 
 @dataclass(frozen=True)
 class ParsedSubmission:
-    """One answer to one question, read.
+    """One answer to one question of a quiz, read against the content of `content_digest`.
 
     `text` is the answer as canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An
     exercise has the `source` of its script, and the `seed` that draws the hidden cases; or else `refusal`, the reason
     why no script can be read.
     """
 
-    quiz_id: str
+    quiz: Quiz
     question: Question
+    content_digest: str
     answer: Any
     text: str
     digest: str
@@ -136,10 +137,10 @@ class Pipeline:
 
         Raises NotFound; TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run.
         """
-        question = self.library.question(quiz_id, question_id)
+        quiz, question = self.library.find(quiz_id, question_id)
         text = to_canonical_json(answer)
         digest = compute_digest(quiz_id, question_id, text)
-        parsed = ParsedSubmission(quiz_id, question, answer, text, digest)
+        parsed = ParsedSubmission(quiz, question, self.library.digests[quiz_id], answer, text, digest)
         if not isinstance(question, ScriptQuestion):
             if len(text) > TEXT_BYTES_MAX:
                 raise TooLarge(f"The answer is too long; at most {TEXT_BYTES_MAX // 1024} KB are taken.")
@@ -149,6 +150,11 @@ class Pipeline:
         except InvalidAnswer as error:
             return replace(parsed, refusal=str(error))
         return replace(parsed, source=source, seed=compute_seed(self.secret, digest) if seed is None else seed)
+
+    def read_and_grade(self, quiz_id: str, question_id: str, answer: Any) -> tuple[ParsedSubmission, Verdict | None]:
+        """Reads an answer, and judges it where that is instant. Raises as `read` does."""
+        submission = self.read(quiz_id, question_id, answer)
+        return submission, self.judge(submission) if submission.is_instant else None
 
     def describe(self, submission: ParsedSubmission) -> str:
         """Returns the answer as it is understood, for the learner to confirm. Raises InvalidAnswer with the reason."""
@@ -201,15 +207,17 @@ class Pipeline:
         except ScriptStopped:
             raise
         except Exception:
-            log.exception("grading failed", quiz=submission.quiz_id, question=question.id)
+            log.exception("grading failed", quiz=submission.quiz.id, question=question.id)
             verdict = build_ungraded(question, Status.GRADER_FAULT, OUR_FAULT)
         timing_ms = {**measured.timing_ms, "total": 1000 * (time.perf_counter() - started)}
-        return self._completed(verdict, submission.quiz_id, submission.digest, replace(measured, timing_ms=timing_ms))
+        measured = replace(measured, timing_ms=timing_ms)
+        return complete(verdict, submission.content_digest, submission.digest, measured)
 
     def fault(self, quiz_id: str, question_id: str, text: str) -> Verdict:
         """Makes the verdict on a stored answer that could not be graded; it uses no attempt. Raises NotFound."""
         verdict = build_ungraded(self.library.question(quiz_id, question_id), Status.GRADER_FAULT, OUR_FAULT)
-        return self._completed(verdict, quiz_id, compute_digest(quiz_id, question_id, text), ScriptOutput())
+        digest = compute_digest(quiz_id, question_id, text)
+        return complete(verdict, self.library.digest(quiz_id), digest, ScriptOutput())
 
     def _judge_script(
         self, question: ScriptQuestion, source: str, seed: int, tell: Tell
@@ -245,19 +253,6 @@ class Pipeline:
         timing_ms = {"script_cpu": 1000 * report.cpu_s, "script_wall": 1000 * report.wall_s, "judge_cpu": judge_ms}
         return verdict, ScriptOutput(report.stdout, report.stderr, timing_ms)
 
-    def _completed(self, verdict: Verdict, quiz_id: str, digest: str, measured: ScriptOutput) -> Verdict:
-        """Completes a verdict with the script's output, times, environment and digests."""
-        return verdict.model_copy(
-            update={
-                "stdout": measured.stdout,
-                "stderr": measured.stderr,
-                "timing_ms": {name: round(value, 3) for name, value in measured.timing_ms.items()},
-                "environment": ENVIRONMENT,
-                "content_digest": self.library.digest(quiz_id),
-                "submission_digest": digest,
-            }
-        )
-
 
 def to_canonical_json(answer: Any) -> str:
     """Returns the answer as canonical JSON text in ASCII.
@@ -284,6 +279,20 @@ def _check_text(value: Any, levels: int) -> None:
 def build_ungraded(question: Question, status: Status, why: str) -> Verdict:
     """Returns a verdict without points that uses no attempt."""
     return Verdict(status=status, points=0.0, max_points=question.points, diagnosis=why)
+
+
+def complete(verdict: Verdict, content_digest: str, digest: str, measured: ScriptOutput) -> Verdict:
+    """Completes a verdict with the script's output, times, environment and digests."""
+    return verdict.model_copy(
+        update={
+            "stdout": measured.stdout,
+            "stderr": measured.stderr,
+            "timing_ms": {name: round(value, 3) for name, value in measured.timing_ms.items()},
+            "environment": ENVIRONMENT,
+            "content_digest": content_digest,
+            "submission_digest": digest,
+        }
+    )
 
 
 def compute_digest(quiz_id: str, question_id: str, text: str) -> str:

@@ -38,9 +38,14 @@ class Library:
 
     def question(self, quiz_id: str, question_id: str) -> Question:
         """One question of a quiz. Raises NotFound."""
-        for question in self.quiz(quiz_id).questions:
+        return self.find(quiz_id, question_id)[1]
+
+    def find(self, quiz_id: str, question_id: str) -> tuple[Quiz, Question]:
+        """A quiz, and one question of it. Raises NotFound."""
+        quiz = self.quiz(quiz_id)
+        for question in quiz.questions:
             if question.id == question_id:
-                return question
+                return quiz, question
         raise NotFound(f"There is no question {question_id!r} in quiz {quiz_id!r}.")
 
     def file(self, quiz_id: str) -> str:

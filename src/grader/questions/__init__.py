@@ -5,7 +5,6 @@ from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import AnswerKey, NumberKey, OptionKey
-from grader.questions.grade import grade_answer, read_answer
 from grader.questions.kind import FIELD, CountedNumber, Example, Fields, Option, QuestionKind, Remark, typed_in
 from grader.questions.parts import field_of, json_or_text, typed_for
 from grader.questions.question import ModelXml, OptionIndex, Options, Question, Reveal, Whys
@@ -13,10 +12,12 @@ from grader.questions.quiz import LessonHead, Quiz
 from grader.questions.registry import (
     GROUP,
     AnyKind,
+    grade_answer,
     installed_kinds,
     kind_of,
     parse_question,
     question_adapter,
+    read_answer,
     template_of,
 )
 from grader.questions.student_view import lab_view, question_view, student_view, unopened_view

@@ -1,4 +1,4 @@
-"""Finds the installed kinds of question, and validates authors' JSON with their models."""
+"""Finds the installed kinds of question, and asks them: to validate authors' JSON, to read and to grade an answer."""
 
 import inspect
 import json
@@ -12,7 +12,8 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema
 
-from grader.errors import GraderError
+from grader.domain.verdict import Status, Verdict
+from grader.errors import GraderError, InvalidAnswer
 from grader.questions.kind import TEMPLATE, QuestionKind
 from grader.questions.question import Question
 
@@ -79,6 +80,29 @@ def template_of(kind: AnyKind) -> Path:
 def kind_of(question: Question) -> AnyKind:
     """Returns the kind of a question."""
     return installed_kinds()[question.kind]
+
+
+def read_answer(question: Question, answer: Any) -> str:
+    """Return the answer as it is understood, for the learner to confirm.
+
+    Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
+    """
+    kind = kind_of(question)
+    return kind.describe(question, kind.read(question, answer))
+
+
+def grade_answer(question: Question, answer: Any) -> Verdict:
+    """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason.
+
+    Of a wrong answer only `explain`, and `expected` of a finding, may contain the right one.
+    """
+    kind = kind_of(question)
+    try:
+        given = kind.read(question, answer)
+    except InvalidAnswer as error:
+        return Verdict(status=Status.INVALID_ANSWER, points=0.0, max_points=question.points, diagnosis=str(error))
+    told = {"read_as": kind.describe(question, given), "explain": question.explain}
+    return kind.grade(question, given).model_copy(update=told)
 
 
 def question_type() -> Any:

@@ -24,8 +24,6 @@ from grader.courses.reviewing.rubric_changes import Recomputing
 from grader.courses.sending.outbox import release_all
 from grader.gate import problems
 from grader.gate.admission import AdmissionMiddleware, AdmissionRules
-from grader.gate.compression import CompressionMiddleware
-from grader.gate.conditional import ConditionalMiddleware
 from grader.gate.lab_runs import LabRuns
 from grader.gate.monitoring import Monitor, check_content
 from grader.gate.openid import Provider
@@ -46,15 +44,11 @@ from grader.settings import Settings
 from grader.store.engine.database import Database
 from grader.store.engine.group_commit import GroupCommit
 from grader.store.upkeep.installation import blind_review_secret
-from grader.web.frame.errors import PageErrors
+from grader.web.frame.errors import error_page
 from grader.web.routes import router as pages
 
 SHUTDOWN_S = 5
 """How long a shutdown waits for open event streams [s]."""
-
-COMPRESSED_BYTES_MIN = 1024
-COMPRESSION = 5
-"""The gzip level: nearly as small as 9, in a third of the time."""
 
 SWITCH_S = 0.0005
 """How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
@@ -80,14 +74,11 @@ def create_app(settings: Settings) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},  # /metrics and the log tell it
     )
     app.state.services = services
-    problems.install(app)
-    app.include_router(routes.router)
+    problems.install(app, error_page)
+    routes.include_in(app)
     app.include_router(pages)
     openapi.install(app)
-    app.add_middleware(ConditionalMiddleware)
-    app.add_middleware(CompressionMiddleware, minimum_size=COMPRESSED_BYTES_MIN, compresslevel=COMPRESSION)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
-    app.add_middleware(PageErrors)
     app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))

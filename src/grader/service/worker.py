@@ -30,7 +30,7 @@ from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
 from grader.service.opening import open_database
 from grader.settings import Settings
-from grader.store import idempotency, submissions
+from grader.store import intake, submissions
 from grader.store.engine.database import AWAY, Database
 from grader.store.tables import Submission
 from grader.store.upkeep.pruning import prune
@@ -89,7 +89,7 @@ class GradingTask:
             if graded.revision == 0:
                 self.append(session, graded, verdict, cause)
                 if cause == submissions.STOP and not verdict.status.uses_attempt:
-                    idempotency.forget(session, submission.id)
+                    intake.forget_key(session, submission.id)
                 log.info("graded", submission=submission.id, status=verdict.status.value)
 
         return JobOutcome(store, again)

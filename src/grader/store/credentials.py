@@ -1,10 +1,10 @@
 """Every query on credentials."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, CursorResult, bindparam, delete, exists, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, delete, exists, or_, select, update
 from sqlalchemy.orm import Session
 
 from grader.store.tables import Credential, Member
@@ -16,13 +16,6 @@ PRUNED_AT_ONCE = 100
 OWNED = exists().where(Member.id == Credential.member, Member.role == Credential.role, Member.removed_at.is_(None))
 """Whether the member of a credential still has its role."""
 
-LIVE = select(Credential.id).where(
-    Credential.id.in_(bindparam("ids", expanding=True)),
-    Credential.revoked_at.is_(None),
-    or_(Credential.expires_at.is_(None), Credential.expires_at > bindparam("clock")),
-    OWNED,
-)
-
 
 def add(session: Session, credential: Credential) -> None:
     """Adds a new credential."""
@@ -32,13 +25,8 @@ def add(session: Session, credential: Credential) -> None:
 def find(session: Session, credential_id: str, kind: str, clock: datetime) -> Credential | None:
     """The credential of this kind and id; None if it is revoked or expired, or its member is out or lost the role."""
     return session.scalar(
-        select(Credential).where(Credential.id == credential_id, Credential.kind == kind, _alive(clock))
+        select(Credential).where(Credential.id == credential_id, Credential.kind == kind, is_alive(clock))
     )
-
-
-def find_live(session: Session, ids: Collection[str], clock: datetime) -> set[str]:
-    """Those of these ids whose credentials are neither revoked nor expired, and whose members have their role."""
-    return set(session.connection().scalars(LIVE, {"ids": list(ids), "clock": clock}))
 
 
 def touch(session: Session, credential_id: str, clock: datetime) -> None:
@@ -48,7 +36,7 @@ def touch(session: Session, credential_id: str, clock: datetime) -> None:
 
 def revoke(session: Session, credential_id: str, clock: datetime) -> bool:
     """Revokes the credential. False if it had ended before: of two calls at once only one gets True."""
-    return _revoke(session, clock, Credential.id == credential_id, _alive(clock)) == 1
+    return _revoke(session, clock, Credential.id == credential_id, is_alive(clock)) == 1
 
 
 def revoke_all(session: Session, member: str, clock: datetime, kinds: Iterable[str] | None = None) -> int:
@@ -59,7 +47,7 @@ def revoke_all(session: Session, member: str, clock: datetime, kinds: Iterable[s
 
 def alive_in(session: Session, course: str, kind: str, clock: datetime) -> Sequence[Credential]:
     """The credentials of one kind in a course that have not ended, newest first."""
-    wanted = select(Credential).where(Credential.course == course, Credential.kind == kind, _alive(clock))
+    wanted = select(Credential).where(Credential.course == course, Credential.kind == kind, is_alive(clock))
     return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
 
 
@@ -74,7 +62,8 @@ def prune(session: Session, kinds: Iterable[str], clock: datetime) -> list[str]:
     return [row[1] for row in rows]
 
 
-def _alive(clock: datetime) -> ColumnElement[bool]:
+def is_alive(clock: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
+    """Whether a credential is neither revoked nor expired, and its member is still there and has its role."""
     return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock) & OWNED
 
 

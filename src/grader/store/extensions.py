@@ -1,33 +1,23 @@
 """Every query on extensions and on published feedback."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
-from sqlalchemy import Row, delete, select
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Extension
-from grader.store.engine.keys import read_by_keys
 from grader.store.engine.names import Folded
 from grader.store.tables import ExtensionRow, Member, Publication, now
 
 Key = tuple[str, str, str]
 """Course, quiz and learner: the primary key."""
 
-EVERY = select(ExtensionRow.__table__)
-
 
 def of_learner(session: Session, course: str, learner: str, quizzes: Sequence[str]) -> dict[str, Extension]:
     """The extensions of a learner in some quizzes, by quiz."""
     theirs = select(ExtensionRow).where(ExtensionRow.course == course, ExtensionRow.learner == learner)
     return {row.quiz: extension(row) for row in session.scalars(theirs.where(ExtensionRow.quiz.in_(quizzes)))}
-
-
-def of_learners(session: Session, keys: Collection[Key]) -> dict[Key, Extension]:
-    """The extensions of several learners, by (course, quiz, learner); in one query, however many they are."""
-    rows = read_by_keys(session, EVERY, (ExtensionRow.course, ExtensionRow.quiz, ExtensionRow.learner), keys)
-    return {(row.course, row.quiz, row.learner): extension(row) for row in rows}
 
 
 def of_quiz(session: Session, course: str, quiz: str) -> list[tuple[ExtensionRow, str]]:
@@ -51,7 +41,7 @@ def put(session: Session, key: Key, granted: Extension, by: str) -> None:
     row.due, row.until, row.attempts, row.granted_by, row.created_at = (*granted.model_dump().values(), by, now())
 
 
-def extension(row: ExtensionRow | Row[Any]) -> Extension:
+def extension(row: ExtensionRow) -> Extension:
     """The extension that a row holds."""
     return Extension(due=row.due, until=row.until, attempts=row.attempts)
 

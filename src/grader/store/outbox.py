@@ -30,7 +30,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.engine.bulk_insert import insert_of
+from grader.store.engine.bulk import insert_of
 from grader.store.results import LearnerAt
 from grader.store.tables import NAME, Base, Result, new_id, now
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, NamedTuple, Self
 
 from sqlalchemy import (
@@ -21,7 +22,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
-from grader.store.engine.bulk_insert import insert_rows, upsert_rows
+from grader.store.engine.bulk import insert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.submissions import NEWEST
@@ -32,7 +33,6 @@ from grader.store.tables import (
     ResultRevision,
     Submission,
     VerdictRow,
-    now,
 )
 
 COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
@@ -118,13 +118,10 @@ def change(before: Columns | None, key: LearnerAt, values: Mapping[str, Any]) ->
     return {**before, **values, **count}
 
 
-def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns]) -> None:
+def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> None:
     """Writes results, and a row of the feed for each new revision. The caller holds the learners' locks."""
-    clock = now()
-    upsert_rows(session, Result, changed)
-    insert_rows(
-        session, ResultRevision, [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
-    )
+    feed = [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
+    insert_rows(session, (Result, changed), (ResultRevision, feed), replace=Result)
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:

@@ -1,4 +1,4 @@
-"""Every query on submissions that wait for a reviewer, on the claims on them, and on their reviews."""
+"""Every query on submissions that wait for a reviewer, on claims and reviews, and on saved comments."""
 
 import json
 from collections.abc import Collection, Iterable, Sequence
@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from grader.store.submissions import GRADED, NEEDS_REVIEW, SubmissionFilter
-from grader.store.tables import Review, ReviewClaim, Submission, VerdictRow
+from grader.store.tables import Review, ReviewClaim, SavedComment, Submission, VerdictRow
 
 NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs", "decided"
 """Where the second marking of a submission stands."""
@@ -194,3 +194,21 @@ def _counts(averaged: Collection[str]) -> ColumnElement[bool]:
     newest = select(func.coalesce(func.max(newer.id), "")).where(*same, newer.uses_attempt).scalar_subquery()
     is_newest = Submission.id >= newest
     return or_(Submission.quiz.in_(averaged), is_newest) if averaged else is_newest
+
+
+def comments_on(session: Session, course: str, quiz: str, question: str) -> Sequence[SavedComment]:
+    """The comments saved for a question, oldest first."""
+    here = (SavedComment.course == course, SavedComment.quiz == quiz, SavedComment.question == question)
+    return session.scalars(select(SavedComment).where(*here).order_by(SavedComment.id)).all()
+
+
+def count_comments(session: Session, course: str, quiz: str, question: str) -> int:
+    """How many comments are saved for a question."""
+    here = (SavedComment.course == course, SavedComment.quiz == quiz, SavedComment.question == question)
+    return session.scalar(select(func.count()).select_from(SavedComment).where(*here)) or 0
+
+
+def find_comment(session: Session, comment_id: str, course: str) -> SavedComment | None:
+    """The comment with this id, if the course has it."""
+    comment = session.get(SavedComment, comment_id)
+    return comment if comment is not None and comment.course == course else None

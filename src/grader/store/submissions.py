@@ -13,14 +13,13 @@ from sqlalchemy.orm import Session
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
-from grader.store.engine.bulk_insert import insert_rows
+from grader.store.engine.bulk import UtcDateTime, insert_rows
 from grader.store.engine.signals import announce
 from grader.store.tables import (
     Event,
     Member,
     Review,
     Submission,
-    UtcDateTime,
     VerdictRow,
     first_id,
     now,
@@ -83,24 +82,22 @@ class SubmissionFilter:
         return [getattr(Submission, name) == value for name, value in vars(self).items() if value is not None]
 
 
-def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]]) -> None:
+def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
     """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table.
 
     The objects get their state, and are not followed by the session.
     """
-    clock = now()
+    clock = clock or now()
     for submission, verdict in new:
         submission.version, submission.created_at = 1, clock
         for name, value in (NEW if verdict is None else _settled(verdict, 1)).items():
             setattr(submission, name, value)
-    insert_rows(session, Submission, [values_of(submission) for submission, _ in new])
     graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
-    first = [_verdict_values(submission, verdict, "grading") | {"created_at": clock} for submission, verdict in graded]
-    insert_rows(session, VerdictRow, first)
     insert_rows(
         session,
-        Event,
-        [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new],
+        (Submission, [values_of(submission) for submission, _ in new]),
+        (VerdictRow, [_verdict_values(*one, "grading") | {"created_at": clock} for one in graded]),
+        (Event, [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new]),
     )
 
 

@@ -98,7 +98,8 @@ def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], b
             events = events_shown(session, access, submission, last)
             blind = seen_by(session, listener.services, listener.who, [submission])
             verdict, name = blind.verdicts.get(submission.id), blind.names.get(submission.id)
-            shown = view_for(access, submission, verdict, name, with_answer=False)
+            decision = access.decide(submission.quiz, submission.question)
+            shown = view_for(decision, submission, verdict, name, with_answer=False)
         else:  # a verdict that PostgreSQL has committed meanwhile is announced, and read then
             later = submissions.events_after(session, submission.id, last)
             events = [event for event in later if event.name not in submissions.AT_REST]

@@ -18,13 +18,13 @@ from starlette.exceptions import HTTPException
 
 from grader.api.bodies import RequestBody
 from grader.api.paging import Page, PageParams, page_of
-from grader.courses.answering.access import LearnerAccess, read_access, redact_verdict, require_opened
+from grader.courses.answering.access import read_access, require_opened
 from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.answering.stopping import stop
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
 from grader.courses.reviewing.blinding import Blinded, blinded
-from grader.courses.rules.policy import Shown
+from grader.courses.rules.policy import Decision, Shown, redact_json
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
@@ -139,16 +139,15 @@ def is_short(answer: Any) -> bool:
 def read_answer(services: Services, who: Identity, body: AnswerBody, key: str | None) -> NewAnswer:
     """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable."""
     pipeline = services.content.of(who.course).pipeline
-    parsed = pipeline.read(body.quiz, body.question, body.answer)
-    verdict = pipeline.judge(parsed) if parsed.is_instant else None
+    parsed, verdict = pipeline.read_and_grade(body.quiz, body.question, body.answer)
     return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
 
 
 def created(path: str, receipt: Receipt) -> Response:
     """The response to an answer that was taken: its submission lies below the path."""
     submission = receipt.submission
-    shown = {"seed": None, **view_for(receipt.access, submission, receipt.verdict)}
-    headers = {"Location": f"{path}/{submission.id}", "ETag": etag_for(receipt.access, submission, shown)}
+    shown = {"seed": None, **view_for(receipt.decision, submission, receipt.verdict)}
+    headers = {"Location": f"{path}/{submission.id}", "ETag": etag_for(receipt.decision, submission, shown)}
     return Response(to_json(shown, inf_nan_mode="null"), receipt.http_status, headers, "application/json")
 
 
@@ -166,7 +165,12 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
         names = {}
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, query.user or query.learner or "")
-    items = [view_for(access, row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False) for row in rows]
+    items = [
+        view_for(
+            access.decide(row.quiz, row.question), row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False
+        )
+        for row in rows
+    ]
     return page_of(items, query, "/submissions", response)
 
 
@@ -199,9 +203,9 @@ def document(
     """One submission as the user may see it now; sets the ETag of the response."""
     blind = seen_by(session, services, who, [submission])
     at = submission.quiz, submission.question
-    access = read_access(session, services.content.of(who.course).library, who, at)
-    shown = view_for(access, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
-    response.headers["ETag"] = etag_for(access, submission, shown)
+    decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
+    shown = view_for(decision, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
+    response.headers["ETag"] = etag_for(decision, submission, shown)
     return shown
 
 
@@ -232,7 +236,7 @@ def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[
 
 
 def view_for(
-    access: LearnerAccess,
+    decision: Decision,
     submission: Submission,
     verdict: Any | None,
     pseudonym: str | None = None,
@@ -243,14 +247,8 @@ def view_for(
 
     Before the feedback, later revisions do not show.
     """
-    decision = access.decide(submission.quiz, submission.question)
-    shown = view(
-        submission,
-        redact_verdict(verdict, decision),
-        pseudonym,
-        with_answer=with_answer,
-        with_seed=access.role == Role.INSTRUCTOR,
-    )
+    redacted = redact_json(verdict, decision)
+    shown = view(submission, redacted, pseudonym, with_answer=with_answer, with_seed=decision.sees_all)
     if decision.shown is Shown.RECEIPT:
         shown["revision"] = min(1, submission.revision)
     return shown | {"withheld": decision.withheld}
@@ -295,13 +293,13 @@ def status_with(submission: Submission, verdict: Any | None) -> str:
     return submissions.NEEDS_REVIEW if waits else submissions.GRADED
 
 
-def etag_for(access: LearnerAccess, submission: Submission, shown: dict[str, Any]) -> str:
+def etag_for(decision: Decision, submission: Submission, shown: dict[str, Any]) -> str:
     """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less.
 
     Before the feedback it depends on what is shown alone, so that it does not tell of a later verdict.
     """
-    level = access.decide(submission.quiz, submission.question).shown
-    if access.role != Role.STUDENT or level is Shown.FEEDBACK:
+    level = decision.shown
+    if decision.sees_all or level is Shown.FEEDBACK:
         return etag_of(submission)
     if level is Shown.RECEIPT:
         verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it

@@ -24,7 +24,8 @@ from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.questions import kind_of
 from grader.store import reviews as stored
-from grader.store import saved_comments, submissions
+from grader.store import submissions
+from grader.store.reviews import comments_on
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
@@ -270,7 +271,7 @@ def helps(session: Session, services: Services, submission: Submission) -> dict[
     return {
         "reference": None if question is None else kind_of(question).reference(question),
         "rubric": [] if question is None else [item.model_dump() for item in rubric_of(question)],
-        "comments": [comment_view(comment) for comment in saved_comments.of_question(session, *at)],
+        "comments": [comment_view(comment) for comment in comments_on(session, *at)],
     }
 
 

@@ -11,7 +11,7 @@ from grader.courses.reviewing import comments
 from grader.gate.callers import Instructor
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
-from grader.store import saved_comments
+from grader.store.reviews import comments_on
 from grader.store.tables import SavedComment
 
 router = APIRouter()
@@ -39,7 +39,7 @@ class CommentBody(TextBody):
 def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the comments saved for a question of the course, oldest first."""
     with services.database.read() as session:
-        found = saved_comments.of_question(session, who.course, quiz, question)
+        found = comments_on(session, who.course, quiz, question)
     return {"items": [comment_view(comment) for comment in found], "next_cursor": None}
 
 

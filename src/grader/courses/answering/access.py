@@ -1,7 +1,7 @@
 """What a learner may do and see: reads what the policy needs, and redacts verdicts by it. Every face asks here."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -17,11 +17,9 @@ from grader.courses.rules.policy import (
     decide,
     decide_without_content,
     has_opened,
-    redact,
     spoken,
 )
 from grader.domain.policy import Extension, Progress
-from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
 from grader.library import Library
 from grader.questions import Question, Quiz
@@ -64,10 +62,6 @@ class LearnerAccess:
     def progress_at(self, quiz: str, question: str) -> Progress:
         """What the user's attempts at a question come to."""
         return self.progress.get((quiz, question), Progress())
-
-    def with_attempt(self, at: tuple[str, str], status: Status | None) -> "LearnerAccess":
-        """The access after one more attempt at a (quiz, question); without a status while it has no verdict."""
-        return replace(self, progress={**self.progress, at: self.progress_at(*at).after(status)})
 
     def notice(self, quiz: Quiz, question: Question) -> str:
         """What holds at a question now, in sentences: attempts, dates, and what an answer would get."""
@@ -118,15 +112,6 @@ def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
     policy, questions = library.quizzes[quiz].policy, library.quizzes[quiz].questions
     limits = [one.attempts for one in questions if question in (None, one.id)]
     return policy.due is not None or policy.attempts is not None or any(one is not None for one in limits)
-
-
-def redact_verdict(verdict: Any | None, decision: Decision) -> Any | None:
-    """A verdict, new or stored, as plain JSON, without what is not to be seen yet; the only way to a learner."""
-    if isinstance(verdict, Verdict):
-        return redact(verdict, decision).model_dump(mode="json")
-    if verdict is None or decision.shown is Shown.SOLUTION:
-        return verdict
-    return redact_verdict(Verdict.model_validate(verdict), decision)
 
 
 def describe_progress(session: Session, access: LearnerAccess, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:

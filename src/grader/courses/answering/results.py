@@ -3,23 +3,23 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import COMMAND_LINE, Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted, due_of
+from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted
 from grader.courses.sending import outbox
 from grader.domain.policy import Extension, Policy
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library
 from grader.store import extensions, results, submissions
 from grader.store.engine.database import Database
-from grader.store.question_states import QuestionState, SourceAttempt
+from grader.store.intake import QuestionState, SourceAttempt
 from grader.store.results import COUNTED, Columns, LearnerAt
-from grader.store.tables import Member, Submission
+from grader.store.tables import Member, Submission, now
 
 
 def append_verdict(
@@ -36,7 +36,8 @@ def append_verdict(
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
     session.flush()
-    recount(session, library, LearnerAt.of(submission), NewSubmission(library, submission, verdict))
+    place = LearnerAt.of(submission)
+    recount(session, library, place, NewSubmission(library, submission, verdict, place))
 
 
 @dataclass(frozen=True)
@@ -46,14 +47,13 @@ class NewSubmission:
     library: Library
     submission: Submission
     verdict: Verdict | None
-
-    @cached_property
-    def place(self) -> LearnerAt:
-        """The result that it counts for."""
-        return LearnerAt.of(self.submission)
+    place: LearnerAt
+    """The result that it counts for."""
 
 
-def count_new(session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState]) -> None:
+def count_new(
+    session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime
+) -> None:
     """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date.
 
     The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
@@ -72,8 +72,11 @@ def count_new(session: Session, new: Sequence[NewSubmission], states: Mapping[Le
                 revised.append(after)
             if values["submission_id"] == one.submission.id:
                 state.source = make_source(one.submission, one.verdict)
-    results.save(session, list(changed.values()), revised)
-    outbox.note(session, {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in revised})
+    if changed:
+        results.save(session, list(changed.values()), revised, clock)
+    places = {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in revised}
+    if delivered := {place for place in places if states[place].has_destinations}:
+        outbox.note(session, delivered)
     for place, library in averages.items():
         recount(session, library, place)
 
@@ -107,7 +110,7 @@ def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmissi
     values |= describe_answers(session, [row.id for row in decided], before, new)
     after = results.change(before, key, values)
     is_revised = before is None or after["revision"] != before["revision"]
-    results.save(session, [after] if after is not before else [], [after] if is_revised else [])
+    results.save(session, [after] if after is not before else [], [after] if is_revised else [], now())
     if is_revised:
         outbox.note(session, [key])
 
@@ -216,7 +219,6 @@ def count_attempts(
 ) -> dict[str, Any]:
     """What counts, as columns of a result; `worth` are the maximal points by submission where they have changed."""
     total = counted(attempts, policy, extension)
-    due = due_of(policy, extension)
     source = total.sources[-1] if total.sources else None
     if source is None:
         assert before is not None
@@ -226,7 +228,7 @@ def count_attempts(
     return counts | {
         "points": total.points,
         "max_points": worth.get(counts["submission_id"]) or (before["max_points"] if before is not None else 0.0),
-        "is_late": due is not None and any(one.at > due for one in total.sources),
+        "is_late": total.is_late,
         "is_final": total.is_final,
     }
 

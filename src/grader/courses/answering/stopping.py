@@ -16,7 +16,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound, ScriptStopped
 from grader.library import Library
 from grader.queue import jobs
-from grader.store import idempotency, submissions
+from grader.store import intake, submissions
 from grader.store.engine.database import Database
 from grader.store.submissions import STOP
 from grader.store.tables import Submission
@@ -47,7 +47,7 @@ def stop(database: Database, library: Library, who: Identity, submission_id: str
                 results.append_verdict(
                     database, library, session, submission, verdict_on(library, submission), cause=STOP
                 )
-                idempotency.forget(session, submission.id)
+                intake.forget_key(session, submission.id)
                 return STOPPED
             if not jobs.ask_to_stop(session, jobs.GRADE, submission.id):
                 raise Conflict(TOO_LATE)

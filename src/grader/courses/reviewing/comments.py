@@ -5,8 +5,8 @@ from sqlalchemy.orm import Session
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.errors import Conflict, NotFound, Unprocessable
-from grader.store import saved_comments
 from grader.store.engine.database import Database
+from grader.store.reviews import count_comments, find_comment
 from grader.store.tables import SavedComment, new_id, now
 
 COMMENTS_MAX = 200
@@ -23,7 +23,7 @@ def save(database: Database, session: Session, who: Identity, at: tuple[str, str
     """Saves a comment for a (quiz, question). Raises Conflict if it has `COMMENTS_MAX`."""
     database.lock(session, f"comments\n{who.course}")
     quiz, question = at
-    if saved_comments.count(session, who.course, quiz, question) >= COMMENTS_MAX:
+    if count_comments(session, who.course, quiz, question) >= COMMENTS_MAX:
         raise Conflict(f"{COMMENTS_MAX} comments are saved for this question: delete one first.")
     comment = SavedComment(
         id=new_id(), course=who.course, quiz=quiz, question=question, text=text, saved_by=who.user, saved_at=now()
@@ -56,7 +56,7 @@ def delete(session: Session, who: Identity, comment_id: str) -> None:
 
 def found(session: Session, who: Identity, comment_id: str) -> SavedComment:
     """The comment of the caller's course. Raises NotFound."""
-    comment = saved_comments.get(session, comment_id, who.course) if comment_id.isalnum() else None
+    comment = find_comment(session, comment_id, who.course) if comment_id.isalnum() else None
     if comment is None:
         raise NotFound("There is no such comment.")
     return comment

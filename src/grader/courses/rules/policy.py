@@ -82,8 +82,8 @@ class Decision:
     limit. `multiplier` is what an answer handed in now would get, None where none is taken. `withheld` says when the
     feedback comes, and is None once it may be seen. `due` and `closes` include the learner's extension.
     `why_no_lab` says why the lab of a predict question may not be run: it shows what was to be predicted, so it opens
-    with the first answer, and where feedback is withheld, with the feedback. `reveal` says what the feedback gives
-    away where the solution is not shown.
+    with the first answer, and where feedback is withheld, with the feedback. `sees_all` is so for instructors and
+    services.
     """
 
     why_not: str | None
@@ -94,7 +94,13 @@ class Decision:
     due: datetime | None
     closes: datetime | None
     why_no_lab: str | None
-    reveal: Reveal = REVEAL
+    question: Question | None = None
+    sees_all: bool = False
+
+    @property
+    def reveal(self) -> Reveal:
+        """What the feedback gives away where the solution is not shown."""
+        return REVEAL if self.question is None else kind_of(self.question).reveal(self.question) or REVEAL
 
     @property
     def may_answer(self) -> bool:
@@ -107,12 +113,13 @@ class Counted:
     """The points that count, the attempts that they come from, and whether they can still change by grading.
 
     `is_final` is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes
-    the average, any one.
+    the average, any one. `is_late` says whether any of the sources was handed in after the learner's due date.
     """
 
     points: float
     sources: tuple[Attempt, ...]
     is_final: bool
+    is_late: bool = False
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -160,15 +167,10 @@ def decide(
         shown = Shown.SOLUTION if solution_is_open(policy, progress, left, closed) else Shown.FEEDBACK
     multiplier = None if why_not else late_multiplier(policy, extension, now)
     why_no_lab = withheld if progress.used else UNANSWERED
-    return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab, revealed(question))
+    return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab, question)
 
 
-def revealed(question: Question) -> Reveal:
-    """What the feedback on an answer gives away before the solution may be seen."""
-    return kind_of(question).reveal(question) or REVEAL
-
-
-UNRESTRICTED = Decision(None, None, 1.0, Shown.SOLUTION, None, None, None, None)
+UNRESTRICTED = Decision(None, None, 1.0, Shown.SOLUTION, None, None, None, None, sees_all=True)
 """For instructors and services."""
 
 
@@ -196,9 +198,13 @@ def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | 
     extension = extension or NO_EXTENSION
     points = [attempt.points * late_multiplier(policy, extension, attempt.at) for attempt in decided]
     if policy.counts == "average":
-        return Counted(round(math.fsum(points) / len(points), POINT_DIGITS), tuple(decided), is_final)
-    index = points.index(max(points)) if policy.counts == "best" else -1
-    return Counted(round(points[index], POINT_DIGITS), (decided[index],), is_final)
+        total, sources = math.fsum(points) / len(points), decided
+    else:
+        index = points.index(max(points)) if policy.counts == "best" else -1
+        total, sources = points[index], [decided[index]]
+    due = due_of(policy, extension)
+    is_late = due is not None and any(one.at > due for one in sources)
+    return Counted(round(total, POINT_DIGITS), tuple(sources), is_final, is_late)
 
 
 def late_multiplier(policy: Policy, extension: Extension, at: datetime) -> float:
@@ -320,6 +326,15 @@ def directed(finding: Finding) -> Finding:
     measured = finding.measured if finding.id == REVIEW else None
     told = fields_of(finding, DIRECTION_FINDING_FIELDS)
     return Finding(**told, message=finding.direction or "", measured=measured)
+
+
+def redact_json(verdict: Any | None, decision: Decision) -> Any | None:
+    """A verdict, new or stored, as plain JSON, without what is not to be seen yet; the only way to a learner."""
+    if isinstance(verdict, Verdict):
+        return redact(verdict, decision).model_dump(mode="json")
+    if verdict is None or decision.shown is Shown.SOLUTION:
+        return verdict
+    return redact_json(Verdict.model_validate(verdict), decision)
 
 
 def reported(verdict: Verdict, question: Question) -> Verdict:

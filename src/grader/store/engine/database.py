@@ -20,7 +20,7 @@ from sqlalchemy.pool import QueuePool
 
 from grader.store.engine import revisions
 from grader.store.engine.names import folded
-from grader.store.engine.signals import Signals
+from grader.store.engine.signals import PENDING, Signals
 
 CONNECTIONS = 64
 """Connections that a database may have at once, with default settings; PostgreSQL itself allows 100."""
@@ -117,8 +117,10 @@ class Database:
         with Session(self._hasty if hasty else self._writer, expire_on_commit=False) as session:
             with self._turn, session.begin():
                 yield session
-                self.signals.before_commit(session)
-            self.signals.after_commit(session)
+                if PENDING in session.info:
+                    self.signals.before_commit(session)
+            if PENDING in session.info:
+                self.signals.after_commit(session)
 
     def lock(self, session: Session, name: str) -> None:
         """Holds a lock of this name until the transaction ends. On SQLite there is only one writer anyway."""

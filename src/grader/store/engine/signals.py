@@ -68,14 +68,14 @@ class Signals:
 
     def before_commit(self, session: Session) -> None:
         """Sends the session's signals with its transaction, to all processes."""
-        if not self._is_sqlite and (pending := session.info.get(PENDING)):
-            notes = json.dumps([f"{topic} {subject}" for topic, subject in pending])
+        if not self._is_sqlite:
+            notes = json.dumps([f"{topic} {subject}" for topic, subject in session.info[PENDING]])
             session.connection().execute(NOTIFY, {"notes": notes})
 
     def after_commit(self, session: Session) -> None:
         """Calls the listeners in this process, if no server does it."""
         if self._is_sqlite:
-            for key in session.info.get(PENDING, ()):
+            for key in session.info[PENDING]:
                 self._call(key)
 
     def close(self) -> None:

@@ -1,15 +1,13 @@
 """Errors as pages: a browser that asked for a page gets one, where the API answers with a problem document."""
 
 import json
-from collections.abc import Mapping
-from typing import Any
 
-from starlette.datastructures import Headers, MutableHeaders
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from fastapi.responses import HTMLResponse, Response
+from starlette.datastructures import Headers
+from starlette.types import Scope
 
 from grader.web.frame.rendering import HEADERS, templates
 
-PROBLEM = "application/problem+json"
 NOT_PAGES = ("/api/", "/healthz", "/readyz", "/metrics", "/openapi.json", "/static/")
 
 WORDS = {
@@ -26,75 +24,16 @@ WORDS = {
 OURS = ("Something went wrong on our side", "It is noted. What you handed in is kept; try again in a moment.")
 
 
-class PageErrors:
-    """ASGI middleware: renders problem documents for browsers that accept HTML, with the same status and headers."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves the request."""
-        if scope["type"] == "http" and wants_page(scope):
-            send = ErrorPages(send).send
-        await self.app(scope, receive, send)
-
-
-def wants_page(scope: Scope) -> bool:
-    """Whether a browser opens a page: it accepts HTML, and the address is not one of programs."""
-    path: str = scope["path"]
-    return not path.startswith(NOT_PAGES) and "text/html" in Headers(scope=scope).get("accept", "")
-
-
-class ErrorPages:
-    """Sends one response; a problem document is held back until it is whole."""
-
-    def __init__(self, send: Send) -> None:
-        self._send = send
-        self._start: Message | None = None
-        self._body = b""
-
-    async def send(self, message: Message) -> None:
-        """Sends one part."""
-        if message["type"] == "http.response.start" and is_problem(message):
-            self._start = message
-        elif self._start is None:
-            await self._send(message)
-        else:
-            self._body += message.get("body", b"")
-            if not message.get("more_body", False):
-                await self._send_page(self._start, error_page(self._start["status"], self._body))
-
-    async def _send_page(self, start: Message, body: bytes) -> None:
-        headers = MutableHeaders(scope=start)
-        for name, value in HEADERS.items():
-            headers[name] = value
-        headers["Content-Type"] = "text/html; charset=utf-8"
-        headers["Content-Length"] = str(len(body))
-        headers["Cache-Control"] = "no-store"
-        await self._send({**start, "headers": headers.raw})
-        await self._send({"type": "http.response.body", "body": body})
-
-
-def is_problem(start: Message) -> bool:
-    """Whether a response that starts like this is a problem document."""
-    return Headers(raw=start["headers"]).get("content-type", "").startswith(PROBLEM)
-
-
-def error_page(status: int, problem: bytes) -> bytes:
-    """The page of a problem."""
-    told = details_of(problem)
-    title, advice = WORDS.get(status, OURS)
+def error_page(scope: Scope, problem: Response) -> Response | None:
+    """The page of a problem document, with its status and headers, for a browser that opens a page; else None."""
+    accepted = Headers(scope=scope).get("accept", "")
+    if scope["path"].startswith(NOT_PAGES) or "text/html" not in accepted:
+        return None
+    told = json.loads(bytes(problem.body))
+    title, advice = WORDS.get(problem.status_code, OURS)
     page = templates.get_template("error.html").render(
-        who=None, status=status, title=title, advice=advice,
-        detail=told.get("detail", ""), request_id=told.get("request_id", ""),
+        who=None, status=problem.status_code, title=title, advice=advice,
+        detail=told["detail"], request_id=told.get("request_id", ""),
     )  # fmt: skip
-    return page.encode()
-
-
-def details_of(problem: bytes) -> Mapping[str, Any]:
-    """The members of a problem document."""
-    try:
-        found = json.loads(problem)
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
+    kept = {name: value for name, value in problem.headers.items() if not name.startswith("content-")}
+    return HTMLResponse(page, problem.status_code, {**kept, **HEADERS, "Cache-Control": "no-store"})

@@ -25,8 +25,8 @@ from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.questions import Question, kind_of
 from grader.store import reviews as stored
-from grader.store import saved_comments, submissions
-from grader.store.reviews import AGREED, DIFFERS, Waits
+from grader.store import submissions
+from grader.store.reviews import AGREED, DIFFERS, Waits, comments_on
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Visitor, instructor
 from grader.web.frame.rendering import page
@@ -219,7 +219,7 @@ def with_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typ
     with at.services.database.write() as session:
         row, text = found(session, at.who, submission_id), typed.comment.strip()
         here = (row.quiz, row.question)
-        kept = {one.id: one.text for one in saved_comments.of_question(session, row.course, *here)}
+        kept = {one.id: one.text for one in comments_on(session, row.course, *here)}
         if do == "insert" and typed.saved in kept:
             return replace(typed, comment="\n".join(filter(None, (text, kept[typed.saved]))))
         if do == "delete" and typed.saved in kept:
@@ -267,7 +267,7 @@ def shown(
         seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
         given = given_in_full(row, seen.verdicts.get(row.id))
         claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
-        kept = saved_comments.of_question(session, who.course, row.quiz, row.question)
+        kept = comments_on(session, who.course, row.quiz, row.question)
         learner = learner_in(row, seen.names, marks_in(session, who.course))
         waiting = sum(one.answers for one in waits_of(at, session))
     card = card_of(given)

@@ -150,8 +150,7 @@ def read(
         answer = kind.from_form(question, fields)
     except InvalidAnswer as error:
         raise Refused(str(error)) from error
-    parsed = pipeline.read(quiz_id, question.id, answer)
-    verdict = pipeline.judge(parsed) if parsed.is_instant else None
+    parsed, verdict = pipeline.read_and_grade(quiz_id, question.id, answer)
     if verdict is not None and verdict.status is Status.INVALID_ANSWER:
         raise Refused(f"{verdict.diagnosis or 'This answer could not be read.'} {UNTOUCHED}")
     if not kind.is_script and is_repeated(services, who, quiz_id, parsed, after):

@@ -8,9 +8,9 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access, redact_verdict
+from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import Shown, spoken
+from grader.courses.rules.policy import Shown, redact_json, spoken
 from grader.domain.policy import Policy
 from grader.domain.verdict import Status
 from grader.library import Library
@@ -177,7 +177,7 @@ def shown_answer(access: LearnerAccess, row: Submission, verdict: Any | None, ma
     decision = access.decide(row.quiz, row.question)
     settled = verdict if row.status in submissions.AT_REST else None
     answer = json.loads(row.answer) if row.answer else None
-    shown = redact_verdict(settled, decision)
+    shown = redact_json(settled, decision)
     again = "" if marks is None or decision.shown < Shown.FEEDBACK else graded_again(*marks)
     return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
 

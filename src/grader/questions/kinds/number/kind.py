@@ -89,7 +89,7 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
 
     def describe(self, question: NumberQuestion, answer: Quantity) -> str:
         """Returns the number in the unit of the question."""
-        return str(answer)
+        return answer.text
 
     def grade(self, question: NumberQuestion, answer: Quantity) -> Verdict:
         """Gives all points for a number within the tolerance; names the slip behind a wrong one."""
@@ -122,9 +122,9 @@ def grade_number(
 ) -> Finding:
     """Compares a number with its key; `direction` says whether it is too high, the message also about how far."""
     passed = is_right(given.value, key)
-    message = direction = f"{given} is right."
+    message = direction = f"{given.text} is right."
     if not passed:
-        told, size = f"{given} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
+        told, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
         message, direction = f"{told}{', ' if size else ''}{size}.", f"{told}."
     return Finding(
         id=name,

@@ -3,6 +3,7 @@
 import re
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 from grader.domain.markup import quoted
@@ -91,9 +92,14 @@ class Quantity:
     typed_unit: Unit | None
     unit: str
 
-    def __str__(self) -> str:
+    @cached_property
+    def text(self) -> str:
         """The answer in the question's unit, `5 ms`."""
         return f"{format_number(self.value)} {self.unit}".strip()
+
+    def __str__(self) -> str:
+        """The same."""
+        return self.text
 
 
 def read_quantity(answer: Any, unit: str | None) -> Quantity:
@@ -101,7 +107,7 @@ def read_quantity(answer: Any, unit: str | None) -> Quantity:
 
     Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
     """
-    shown = without_markup(unit or "")
+    shown = _read_label(unit or "")
     try:
         if isinstance(answer, str):
             return _read_text(answer, shown)
@@ -112,6 +118,12 @@ def read_quantity(answer: Any, unit: str | None) -> Quantity:
     except InvalidAnswer as error:
         where = f"in {shown}" if shown else "without a unit"
         raise InvalidAnswer(f"{str(error).removesuffix('.')} {where}.") from error
+
+
+@lru_cache(maxsize=1024)
+def _read_label(unit: str) -> str:
+    """The unit of a question as plain text."""
+    return without_markup(unit)
 
 
 def _read_text(answer: str, shown: str) -> Quantity:

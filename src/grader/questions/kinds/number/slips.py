@@ -91,25 +91,34 @@ def _unit_slip(given: Quantity, wanted: Unit, other: Unit) -> str:
 
 def _other_unit(given: Quantity, wanted: Unit, key: NumberKey) -> Unit | None:
     """Find the unit in which the typed number would have been right."""
-    for unit in _neighbours(wanted):
-        try:
-            if is_right(convert(given.number, unit, wanted), key):
-                return unit
-        except InvalidAnswer:
-            continue
+    for unit, scale, offset in _neighbours(wanted):
+        if is_right(scale * given.number + offset, key):
+            return unit
     return None
 
 
 @lru_cache(maxsize=1024)
-def _neighbours(wanted: Unit) -> tuple[Unit, ...]:
-    """List the unit itself and every unit that differs from it in one factor."""
+def _neighbours(wanted: Unit) -> tuple[tuple[Unit, float, float], ...]:
+    """List the unit itself and every unit that differs from it in one factor, each with how its numbers are converted.
+
+    The scale and the offset are kept, since to convert one number takes as long as all else in grading it.
+    """
     found = [wanted]
     for place, (name, power) in enumerate(wanted.powers):
         for family in FAMILIES:
             for other in family if name in family else ():
                 powers = (*wanted.powers[:place], (other, power), *wanted.powers[place + 1 :])
                 found.append(Unit(symbols(powers), powers))
-    return tuple(found)
+    return tuple((unit, *scale) for unit in found if (scale := _scale(unit, wanted)) is not None)
+
+
+def _scale(unit: Unit, wanted: Unit) -> tuple[float, float] | None:
+    """Return the factor and then the summand that convert a number; None where the units measure different things."""
+    try:
+        offset = convert(0.0, unit, wanted)
+        return convert(1.0, unit, wanted) - offset, offset
+    except InvalidAnswer:
+        return None
 
 
 def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Iterator[Slip]:
@@ -120,7 +129,7 @@ def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Itera
         yield TWO
     if power := _power_of_ten(value, key):
         yield _ten(power)
-    if (wanted is None or wanted.is_angular) and (
+    if (wanted is None or wanted.radians) and (
         is_right(math.degrees(value), key) or is_right(math.radians(value), key)
     ):
         yield ANGLE
