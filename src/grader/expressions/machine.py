@@ -61,9 +61,7 @@ def make_lenient(function: Callable[..., Value]) -> Callable[..., Value]:
 
 
 def find_callback(function: Callable[..., Value]) -> tuple[int, bool] | None:
-    """Which of an author's arguments is itself a function, if one is, and whether it may not be missing.
-
-    It is the parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author.
-    """
+    """Which of an author's arguments is itself a function, if one is, and whether it may not be missing. It is the
+    parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author."""
     _, *taken = inspect.signature(function).parameters.values()
     return next(((i, p.default is p.empty) for i, p in enumerate(taken) if p.name == "f"), None)

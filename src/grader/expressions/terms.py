@@ -1,7 +1,5 @@
-"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known.
-
-A method `_term_x` compiles the grammar's node type `x`; `_link_x` a link of a chain such as `a.b[0].c()`.
-"""
+"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known. A method
+`_term_x` compiles the grammar's node type `x`; `_link_x` a link of a chain such as `a.b[0].c()`."""
 
 import ast
 import re

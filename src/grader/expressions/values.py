@@ -33,10 +33,8 @@ UNDEFINED = Undefined()
 
 
 class Vector:
-    """A typed array: a flat view of one field of the model or the data, or a copy (from slice and map).
-
-    The elements of `view` are Python floats; integers or booleans where `whole`.
-    """
+    """A typed array: a flat view of one field of the model or the data, or a copy (from slice and map). The elements of
+    `view` are Python floats; integers or booleans where `whole`."""
 
     __slots__ = ("name", "view", "whole", "writable")
 

@@ -43,9 +43,7 @@ class Block:
 @dataclass(frozen=True)
 class Lesson:
     """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`; and remarks for the author.
-
-    `faults` are those of labs, which were left out.
-    """
+    `faults` are those of labs, which were left out."""
 
     quizzes: dict[str, dict[str, Any]]
     remarks: tuple[Fault, ...] = ()

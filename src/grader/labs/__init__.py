@@ -1,7 +1,5 @@
-"""Labs: the small simulations that authors write in JSON.
-
-The server runs them with the MuJoCo that grades, and records the frames that the page plays.
-"""
+"""Labs: the small simulations that authors write in JSON. The server runs them with the MuJoCo that grades, and records
+the frames that the page plays."""
 
 from grader.labs.comparison import IntegratorsRun, run_integrators
 from grader.labs.programs import compile_lab

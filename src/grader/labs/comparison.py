@@ -20,10 +20,8 @@ TIMESTEP_MIN_S, TIMESTEP_MAX_S = 1e-4, 0.1
 
 @dataclass(frozen=True)
 class IntegratorsRun:
-    """The five runs, from one state with one energy [J]; `keys` are the keyframes that the model offers.
-
-    The timestep and the length are in s. What a step cost decides nothing.
-    """
+    """The five runs, from one state with one energy [J]; `keys` are the keyframes that the model offers. The timestep
+    and the length are in s. What a step cost decides nothing."""
 
     model: str
     key: str | None

@@ -18,10 +18,8 @@ def list_settable(config: LabConfig) -> list[Slider | Select]:
 
 
 def choose_values(config: LabConfig, wishes: Mapping[str, Wish]) -> dict[str, OptionValue]:
-    """Returns the value of every slider and select by label: the learner's where given, else the author's.
-
-    Raises LabRefused naming the control and its range, step or options.
-    """
+    """Returns the value of every slider and select by label: the learner's where given, else the author's. Raises
+    LabRefused naming the control and its range, step or options."""
     controls = {control.label: control for control in list_settable(config)}
     for label in wishes:
         if label not in controls:

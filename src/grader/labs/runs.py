@@ -56,10 +56,8 @@ SAME = Variant()
 
 
 class LabSimulation:
-    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state.
-
-    It begins with the keyframe, the controls, `setup`, and the controls with `init` once more.
-    """
+    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state. It begins
+    with the keyframe, the controls, `setup`, and the controls with `init` once more."""
 
     def __init__(self, programs: LabPrograms, config: LabConfig, xml: str, values: Mapping[str, OptionValue]) -> None:
         scene = Scene.from_xml(xml, key=config.key)
@@ -268,10 +266,8 @@ def _choose_duration(config: LabConfig, seconds: float | None) -> float:
 
 
 def choose_length_s(config: LabConfig) -> float:
-    """How long the lab runs where the caller does not say [s].
-
-    Its `seconds`, else `stopAt`, else the widest plot, else 10 s with something to read or to set, and 3 s without.
-    """
+    """How long the lab runs where the caller does not say [s]. Its `seconds`, else `stopAt`, else the widest plot, else
+    10 s with something to read or to set, and 3 s without."""
     if config.seconds is not None:
         return config.seconds
     if isinstance(config.stopAt, float | int):

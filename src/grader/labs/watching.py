@@ -35,9 +35,7 @@ def watch_lab(
     seconds: float | None = None,
 ) -> LabRun:
     """Run a lab as `run_lab` does, with its `limit`; where MuJoCo warned early, with more frames around the warning.
-
-    Raises what `run_lab` raises.
-    """
+    Raises what `run_lab` raises."""
     run = run_lab(config, xml, controls, events, seconds)
     if run.warnings and run.warnings[0].time_s < SHORT_S:
         close_up = Variant(close_up_s=AFTERWARDS * run.warnings[0].time_s)

@@ -9,10 +9,8 @@ MODEL_BYTES_MAX = 4 << 20
 
 
 def list_files(root: Path, folder: str, pattern: str) -> list[str]:
-    """The files of one folder that match a glob pattern, as sorted paths relative to the root.
-
-    Names that begin with a dot are skipped, because editors and macOS create such files.
-    """
+    """The files of one folder that match a glob pattern, as sorted paths relative to the root. Names that begin with a
+    dot are skipped, because editors and macOS create such files."""
     found = (path.relative_to(root) for path in (root / folder).glob(pattern))
     return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
 

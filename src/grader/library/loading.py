@@ -45,10 +45,8 @@ class _Loading:
 
 
 def load(root: Path) -> Library:
-    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`.
-
-    Raises ContentError with all faults of all files.
-    """
+    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`. Raises ContentError with
+    all faults of all files."""
     loading = _Loading(root)
     _load_models(loading)
     names = list_files(root, "quizzes", "*.json")

@@ -44,11 +44,8 @@ CURE = "make it smaller: fewer copies, coarser meshes, height fields and texture
 
 
 def explain_cost(xml: str, attached: Mapping[str, str] = {}) -> str | None:
-    """Returns why a model costs too much to be served, with the cure, or None.
-
-    `attached` are the texts of the models that it attaches, by the file names that it uses. A text that is not XML
-    costs nothing.
-    """
+    """Returns why a model costs too much to be served, with the cure, or None. `attached` are the texts of the models
+    that it attaches, by the file names that it uses. A text that is not XML costs nothing."""
     return _explain(xml, tuple(sorted(attached.items())))
 
 
@@ -85,10 +82,8 @@ def count_elements(root: ET.Element) -> int:
 
 
 def _explain_run(job: str) -> str | None:
-    """Compiles a model in a process with limits; returns what stopped it, or None.
-
-    Raises RuntimeError where the process itself cannot work here.
-    """
+    """Compiles a model in a process with limits; returns what stopped it, or None. Raises RuntimeError where the
+    process itself cannot work here."""
     environment = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "disable"}
     try:
         ended = subprocess.run(  # noqa: S603 - our own program

@@ -69,9 +69,7 @@ class Library:
 
     def digest(self, quiz_id: str) -> str:
         """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files.
-
-        Raises NotFound.
-        """
+        Raises NotFound."""
         self.quiz(quiz_id)
         return self.digests[quiz_id]
 

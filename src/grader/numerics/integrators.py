@@ -61,10 +61,8 @@ BY_NAME = {integrator.name: integrator for integrator in INTEGRATORS}
 
 
 def find_refusal(model: mujoco.MjModel, integrator: Integrator) -> str | None:
-    """Why MuJoCo does not step this model with an integrator, in its own words; None if it does.
-
-    What is refused depends on the version: 4.0.0 refuses edge damping of a flex under `discrete`, for example.
-    """
+    """Why MuJoCo does not step this model with an integrator, in its own words; None if it does. What is refused
+    depends on the version: 4.0.0 refuses edge damping of a flex under `discrete`, for example."""
     model = copy.copy(model)
     model.opt.integrator = integrator.code
     try:

@@ -58,10 +58,8 @@ class Scene:
 
     @staticmethod
     def from_xml(xml: str, *, key: int | str | None = None) -> "Scene":
-        """Compile an MJCF text, cached by content, at `qpos0` or keyframe `key`.
-
-        Raises ValueError if MuJoCo cannot compile the text, KeyError if there is no such keyframe.
-        """
+        """Compile an MJCF text, cached by content, at `qpos0` or keyframe `key`. Raises ValueError if MuJoCo cannot
+        compile the text, KeyError if there is no such keyframe."""
         return _compile(xml, key)
 
     @staticmethod
@@ -88,9 +86,7 @@ class Scene:
         time_s: float | None = None,
     ) -> "Scene":
         """Returns the same model from another start; the given parts replace those of keyframe `key`, or of this start.
-
-        Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length.
-        """
+        Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length."""
         with self.borrow() as workspace:
             data = workspace.data
             if key is not None:
@@ -126,10 +122,8 @@ class Scene:
         skip: bool = False,
         keep: bool = True,
     ) -> Iterator[Workspace]:
-        """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model.
-
-        Raises ValueError as `lend`.
-        """
+        """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model. Raises ValueError
+        as `lend`."""
         workspace = self.lend(timestep_s, integrator, skip=skip)
         workspace.known = None
         yield workspace
@@ -139,10 +133,8 @@ class Scene:
             )
 
     def lend(self, timestep_s: float | None = None, integrator: int | None = None, *, skip: bool = False) -> Workspace:
-        """Returns a workspace at the start, for one run that only steps it; faster than `borrow` by 1 us.
-
-        Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
-        """
+        """Returns a workspace at the start, for one run that only steps it; faster than `borrow` by 1 us. Raises
+        ValueError for a timestep [s] that is not positive and finite, or an unknown integrator."""
         timestep_s, integrator = resolve_options(self.options, timestep_s, integrator)
         workspace = self._stock.take(skip=skip)
         option = workspace.option
@@ -155,10 +147,8 @@ class Scene:
         return workspace
 
     def return_workspace(self, workspace: Workspace, steps: float) -> None:
-        """Keep a workspace for later runs, unless its model was written or its run raised.
-
-        `steps` is the number of steps that were taken with skipping on.
-        """
+        """Keep a workspace for later runs, unless its model was written or its run raised. `steps` is the number of
+        steps that were taken with skipping on."""
         self._stock.give_back(workspace, steps)
 
     def list_names(self, kind: mjtObj) -> tuple[str, ...]:

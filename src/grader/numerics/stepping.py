@@ -40,10 +40,8 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
 def advance_coarsely(workspace: Workspace, steps: int) -> int:
-    """Step `steps` times, or until a chunk warns; return the number of steps before that chunk.
-
-    After a warning the state is undefined.
-    """
+    """Step `steps` times, or until a chunk warns; return the number of steps before that chunk. After a warning the
+    state is undefined."""
     done, chunk, time_s = 0, CHUNK, workspace.data.time
     while done < steps:
         chunk = min(chunk, steps - done)
@@ -84,10 +82,8 @@ def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int
 
 
 def _step_chunk(workspace: Workspace, chunk: int) -> float:
-    """Take a chunk of steps; return the time [s] after it, NaN where MuJoCo warned.
-
-    A full buffer raises a warning and may raise FatalError later in the same chunk; the warning then counts.
-    """
+    """Take a chunk of steps; return the time [s] after it, NaN where MuJoCo warned. A full buffer raises a warning and
+    may raise FatalError later in the same chunk; the warning then counts."""
     try:
         mujoco.mj_step(workspace.model, workspace.data, chunk)  # by position, which binds 0.15 us faster than by name
     except mujoco.FatalError:

@@ -74,10 +74,8 @@ def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
 
 
 def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
-    """A content folder with this question alone, and the models, which scripts may read.
-
-    No other question, no explanation, no starter and no reference solution is in it.
-    """
+    """A content folder with this question alone, and the models, which scripts may read. No other question, no
+    explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
     sources = library.sources[quiz]
     raw = json.loads(sources[file])

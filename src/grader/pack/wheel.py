@@ -80,10 +80,8 @@ def notes_of(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
 
 
 def as_installed(pinned: re.Match[str]) -> str:
-    """A pinned requirement with the version that is installed here, since that is what grades here.
-
-    The grader may run with another MuJoCo than the one that it pins; `constraints` names the installed one.
-    """
+    """A pinned requirement with the version that is installed here, since that is what grades here. The grader may run
+    with another MuJoCo than the one that it pins; `constraints` names the installed one."""
     try:
         return f"{pinned[1]}{distribution(pinned[2]).version}"
     except PackageNotFoundError:  # of an extra that is not installed

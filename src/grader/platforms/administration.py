@@ -21,10 +21,8 @@ URLS = ("login_url", "token_url", "keys_url")
 
 
 def registration_of(given: Mapping[str, Any]) -> Registration:
-    """A registration as somebody typed it. Raises Unprocessable for an address that is not https.
-
-    `origins` are those that may show our pages in a frame: of the issuer and the login if none is given.
-    """
+    """A registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are those
+    that may show our pages in a frame: of the issuer and the login if none is given."""
     texts = {
         name: str(given.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
     }
@@ -86,10 +84,8 @@ def contexts_of(session: Session, course: str | None = None) -> list[dict[str, A
 
 
 async def pull_roster(database: Database, authorized: Authorized, by: Identity | None, context_id: int) -> Pulled:
-    """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor.
-
-    Raises NotFound, Conflict, Unprocessable.
-    """
+    """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor. Raises
+    NotFound, Conflict, Unprocessable."""
 
     def source() -> tuple[platforms.Context, platforms.PlatformRow]:
         with database.read() as session:

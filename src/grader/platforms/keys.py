@@ -1,7 +1,5 @@
-"""The key pair with which this tool signs, and its public half for platforms, as a JWK set with rotation.
-
-Source: RFC 7517 (JWK), RFC 7519 (JWT); 1EdTech Security Framework 1.1, section 6.3: RS256 with a `kid`.
-"""
+"""The key pair with which this tool signs, and its public half for platforms, as a JWK set with rotation. Source: RFC
+7517 (JWK), RFC 7519 (JWT); 1EdTech Security Framework 1.1, section 6.3: RS256 with a `kid`."""
 
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
-"""Names and Role Provisioning Services: the members of a platform's course, pulled into ours.
-
-Source: LTI NRPS 2.0, section 2.
-"""
+"""Names and Role Provisioning Services: the members of a platform's course, pulled into ours. Source: LTI NRPS 2.0,
+section 2."""
 
 import json
 import re
@@ -121,10 +119,8 @@ def source_of(session: Session, context_id: int) -> Context:
 
 
 def enter(session: Session, by: Identity | None, context: Context, people: Sequence[Person]) -> Pulled:
-    """Makes the people members of the linked course; those of an earlier roster who are missing stay.
-
-    Raises Unauthorized if the caller's right ended while the platform answered.
-    """
+    """Makes the people members of the linked course; those of an earlier roster who are missing stay. Raises
+    Unauthorized if the caller's right ended while the platform answered."""
     assert context.course is not None
     members.require_credential(session, by)
     removed = 0

@@ -1,7 +1,5 @@
-"""Gradescope's results.json. Source: gradescope-autograders.readthedocs.io, "Autograder Specifications".
-
-Every text has the format `text`, so that nothing that a script prints is rendered as HTML, Markdown or colours.
-"""
+"""Gradescope's results.json. Source: gradescope-autograders.readthedocs.io, "Autograder Specifications". Every text has
+the format `text`, so that nothing that a script prints is rendered as HTML, Markdown or colours."""
 
 import json
 from typing import Any
@@ -20,11 +18,8 @@ NO_RESULT = "The grader itself failed: there is no result to report, and nothing
 
 
 def results_json(graded: Graded) -> str:
-    """The verdict as the text of results.json.
-
-    Raises JailFault for a fault of the grader, since any document would give points: without one, Gradescope tells
-    student and staff that the autograder failed.
-    """
+    """The verdict as the text of results.json. Raises JailFault for a fault of the grader, since any document would
+    give points: without one, Gradescope tells student and staff that the autograder failed."""
     if graded.verdict.status is Status.GRADER_FAULT:
         raise JailFault(NO_RESULT)
     return json.dumps(document(graded), ensure_ascii=False, indent=2)

@@ -19,10 +19,8 @@ UNDECIDED = "A person decides on this."
 
 
 def junit_xml(graded: Graded) -> str:
-    """The verdict as a JUnit document: one test case for the answer as a whole, and one for each finding.
-
-    An answer that waits for a person is skipped; a fault of the grader is an error, and no failure.
-    """
+    """The verdict as a JUnit document: one test case for the answer as a whole, and one for each finding. An answer
+    that waits for a person is skipped; a fault of the grader is an error, and no failure."""
     verdict = graded.verdict
     name = f"{graded.quiz.id}.{graded.question.id}"
     seconds = f"{verdict.timing_ms.get('total', 0.0) / 1000:.3f}"

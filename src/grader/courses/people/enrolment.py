@@ -22,10 +22,8 @@ NAMED = "name:"
 
 @dataclass(frozen=True)
 class Enrolled:
-    """What a roster comes to, in members. Those of a course who are not on it stay as they are.
-
-    `left_out` are instructors, and members whom an instructor has removed, where the caller may not enter them.
-    """
+    """What a roster comes to, in members. Those of a course who are not on it stay as they are. `left_out` are
+    instructors, and members whom an instructor has removed, where the caller may not enter them."""
 
     dry_run: bool
     created: int

@@ -21,10 +21,8 @@ DOCUMENT = "learner.json"
 def export_learner(
     session: Session, *, user: str | None = None, member_id: str | None = None, course: str | None = None
 ) -> dict[str, str]:
-    """The files that hold everything about the member with this name or id, by their paths. Raises NotFound.
-
-    The source of a script is a file of its own, which `script` in the document names.
-    """
+    """The files that hold everything about the member with this name or id, by their paths. Raises NotFound. The source
+    of a script is a file of its own, which `script` in the document names."""
     member = found(session, course or DEFAULT_COURSE, user, member_id)
     held = holdings_of(session, member)
     files: dict[str, str] = {}
@@ -49,9 +47,7 @@ def name_of(files: Mapping[str, str]) -> str:
 
 def write_export(files: Mapping[str, str], target: Path) -> None:
     """Writes the files to a new zip file, or to a new folder if the name does not end in .zip, for their owner alone.
-
-    Raises Conflict if the target exists.
-    """
+    Raises Conflict if the target exists."""
     if target.exists():
         raise Conflict(f"{target} exists: name a new file or folder.")
     if target.suffix == ".zip":

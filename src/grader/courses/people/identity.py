@@ -72,9 +72,7 @@ class Kind(StrEnum):
 @dataclass(frozen=True)
 class Identity:
     """An authenticated member of a course: `id` identifies it, `user` is its name, which need not be unique.
-
-    `by_cookie` requests may be forged by other sites: check their origin.
-    """
+    `by_cookie` requests may be forged by other sites: check their origin."""
 
     id: str
     user: str
@@ -110,10 +108,7 @@ class Identity:
 
 
 def authenticate(database: Database, authorization: str | None, cookies: Mapping[str, str]) -> Identity:
-    """Authenticates a request by its bearer token if it has one, else by its session cookie.
-
-    Raises Unauthorized.
-    """
+    """Authenticates a request by its bearer token if it has one, else by its session cookie. Raises Unauthorized."""
     kind, presented = presented_in(authorization, cookies)
     with database.read() as session:
         credential = find(session, kind, presented)
@@ -134,10 +129,8 @@ def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple
 
 
 class Recalled:
-    """Who lately authenticated with which credential, for callers who ask themselves whether it still holds.
-
-    Only hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop.
-    """
+    """Who lately authenticated with which credential, for callers who ask themselves whether it still holds. Only
+    hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop."""
 
     def __init__(self, count: int = 10_000, clock: Callable[[], float] = time.monotonic) -> None:
         self._count, self._clock = count, clock

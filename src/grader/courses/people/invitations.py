@@ -98,10 +98,8 @@ def close_link(session: Session, by: Identity) -> None:
 
 
 def join(session: Session, code: str, name: str) -> BrowserSession:
-    """Makes a new learner of the course with this code, under a name of their own choice.
-
-    The name is a label and gives no access to the work of others who bear it. Raises Forbidden, Unprocessable.
-    """
+    """Makes a new learner of the course with this code, under a name of their own choice. The name is a label and gives
+    no access to the work of others who bear it. Raises Forbidden, Unprocessable."""
     course = courses.course_with_code(session, code)
     if course is None:
         raise Forbidden(CLOSED)

@@ -1,7 +1,5 @@
 """The members of a course: named by an instructor, or come by themselves; who may act on whom, and who has which role.
-
-`give_role` is the only function that changes a role, whatever asks for it: pages, API, commands, rosters, platforms.
-"""
+`give_role` is the only function that changes a role, whatever asks for it: pages, API, commands, rosters, platforms."""
 
 import secrets
 from collections.abc import Sequence
@@ -92,9 +90,7 @@ def with_account(session: Session, account: str, name: str, role: Role, course: 
 
 def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
     """Makes a learner whose browser session is the only way back; without a name, one is made up. Raises Unprocessable.
-
-    The name is a label: others may bear it too.
-    """
+    The name is a label: others may bear it too."""
     chosen = f"learner-{secrets.token_hex(3)}" if name is None else checked_name("learner", name.strip())
     member = Member(id=new_member_id(), course=course, name=chosen, role=Role.STUDENT.value)
     session.add(member)
@@ -103,10 +99,8 @@ def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = N
 
 
 def remove(session: Session, by: Identity, member_id: str) -> None:
-    """Ends a member's tokens, sessions and links; the answers stay.
-
-    Raises NotFound, Conflict, Forbidden, Unauthorized.
-    """
+    """Ends a member's tokens, sessions and links; the answers stay. Raises NotFound, Conflict, Forbidden,
+    Unauthorized."""
     require_credential(session, by)
     member = other(session, by, member_id)
     credentials.revoke_all(session, member.id, now())
@@ -128,9 +122,7 @@ def give_role(
     session: Session, by: Identity | None, member: Member, role: Role, *, unsigned: str = COMMAND_LINE
 ) -> None:
     """Changes the role of a member, if it is another; every session, token and link of theirs ends with the old one.
-
-    Where `by` is None, the audit log names `unsigned`. Raises Forbidden for a restricted token and a service.
-    """
+    Where `by` is None, the audit log names `unsigned`. Raises Forbidden for a restricted token and a service."""
     if member.role == role:
         return
     if is_restricted(by):

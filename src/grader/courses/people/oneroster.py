@@ -1,7 +1,5 @@
-"""A roster as OneRoster's users.csv and enrollments.csv, in a zip file.
-
-Source: 1EdTech OneRoster 1.2, CSV binding. Files of version 1.1 are read too: their users.csv has a column `role`.
-"""
+"""A roster as OneRoster's users.csv and enrollments.csv, in a zip file. Source: 1EdTech OneRoster 1.2, CSV binding.
+Files of version 1.1 are read too: their users.csv has a column `role`."""
 
 import io
 import zipfile
@@ -98,10 +96,8 @@ def read_files(
 
 
 def roles_of(enrolled: Iterable[Line], course_class: str | None) -> dict[str, tuple[Role, Line]]:
-    """Role and row by the id of the person, for one class; who both teaches and learns in it teaches.
-
-    Raises Unprocessable for several classes without a choice, and FaultyRows.
-    """
+    """Role and row by the id of the person, for one class; who both teaches and learns in it teaches. Raises
+    Unprocessable for several classes without a choice, and FaultyRows."""
     rows = [row for row in enrolled if is_active(row)]
     classes = sorted({row.get("classSourcedId") for row in rows})
     if course_class is None and len(classes) > 1:

@@ -39,10 +39,8 @@ class Registration:
 
 @dataclass(frozen=True)
 class Person:
-    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role.
-
-    `email` is the address on the platform's roster, if it has one; it is shown, and never identifies a member.
-    """
+    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role. `email`
+    is the address on the platform's roster, if it has one; it is shown, and never identifies a member."""
 
     issuer: str
     subject: str
@@ -60,9 +58,7 @@ def require_administrator(by: Identity) -> None:
 
 def add(session: Session, by: Identity | None, given: Registration, deployment_id: str | None = None) -> PlatformRow:
     """Registers a platform, with its first deployment if that is known. Nobody comes from it until it is approved.
-
-    Raises Unprocessable, and Conflict if the issuer has a platform with this client id.
-    """
+    Raises Unprocessable, and Conflict if the issuer has a platform with this client id."""
     name = checked_name("platform", given.name)
     for field, value in (("issuer", given.issuer), ("client id", given.client_id)):
         if not 1 <= len(value) <= ID or not value.isprintable():
@@ -167,10 +163,8 @@ def context_with(session: Session, context_id: int) -> Context:
 
 
 def member_of(session: Session, context: Context, person: Person) -> Member:
-    """The member who a platform's user is in the linked course; made at the first call. The platform gives the role.
-
-    A subject belongs to one person of its issuer. Raises Forbidden if an instructor has removed the member.
-    """
+    """The member who a platform's user is in the linked course; made at the first call. The platform gives the role. A
+    subject belongs to one person of its issuer. Raises Forbidden if an instructor has removed the member."""
     assert context.course is not None
     digest = hashlib.sha256(f"{person.issuer}\n{person.subject}".encode()).hexdigest()
     account = f"lti:{digest}"

@@ -27,10 +27,8 @@ PEOPLE = (Role.STUDENT, Role.INSTRUCTOR)
 
 @dataclass(frozen=True)
 class Entry:
-    """A person on a roster. `email` is None where the file has no such column, and empty where the cell is.
-
-    Without `external` the person is the member of this name that an instructor or operator made.
-    """
+    """A person on a roster. `email` is None where the file has no such column, and empty where the cell is. Without
+    `external` the person is the member of this name that an instructor or operator made."""
 
     line: int
     name: str
@@ -71,9 +69,7 @@ def decoded(file: str, data: bytes) -> str:
 
 def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
     """The columns of a CSV file, and its rows; empty ones are left out. Columns are parted by commas or semicolons.
-
-    Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells.
-    """
+    Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells."""
     first = text.partition("\n")[0]
     delimiter = ";" if ";" in first and "," not in first else ","
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
@@ -116,10 +112,8 @@ def twice(names: Sequence[str]) -> list[str]:
 
 
 def read_roster(text: str, namespace: str = NAMESPACE) -> list[Entry]:
-    """The people on a roster in our own form: `name`, and any of the other COLUMNS.
-
-    `namespace` is that of ids in rows that name none. Raises Unprocessable, and FaultyRows with all faults.
-    """
+    """The people on a roster in our own form: `name`, and any of the other COLUMNS. `namespace` is that of ids in rows
+    that name none. Raises Unprocessable, and FaultyRows with all faults."""
     columns, rows = read_lines(FILE, text)
     required(FILE, columns, ["name"], COLUMNS)
     has_email = "email" in columns

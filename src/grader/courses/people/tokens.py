@@ -74,10 +74,8 @@ def tokens(session: Session, course: str) -> Sequence[Credential]:
 
 
 def revoke(session: Session, token_id: str, course: str, by: Identity | None = None) -> None:
-    """Revokes one token by its id; a restricted token ends those of students and itself.
-
-    Raises NotFound if it is not one of the course, or has ended; Forbidden, Unauthorized.
-    """
+    """Revokes one token by its id; a restricted token ends those of students and itself. Raises NotFound if it is not
+    one of the course, or has ended; Forbidden, Unauthorized."""
     credential = credentials.find(session, token_id, Kind.TOKEN, now())
     if credential is None or credential.course != course:
         raise NotFound("There is no such token.")

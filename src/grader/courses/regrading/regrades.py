@@ -34,11 +34,8 @@ SCOPES: tuple[Scope, ...] = ("latest", "best", "all")
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which submissions to regrade: of a question or of all questions of a quiz.
-
-    `scope` takes each learner's latest attempt at a question, the best one, or everything that was handed in; or else
-    these submissions.
-    """
+    """Which submissions to regrade: of a question or of all questions of a quiz. `scope` takes each learner's latest
+    attempt at a question, the best one, or everything that was handed in; or else these submissions."""
 
     quiz: str
     question: str | None

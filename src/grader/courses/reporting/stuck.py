@@ -39,10 +39,8 @@ class Stuck:
 
 
 def stuck_in(session: Session, course: str, without: Collection[str]) -> list[Stuck]:
-    """The learners of a course who are stuck, those with the most attempts first; not the members `without`.
-
-    What a person marks is left out: there the learner waits, and bears a pseudonym.
-    """
+    """The learners of a course who are stuck, those with the most attempts first; not the members `without`. What a
+    person marks is left out: there the learner waits, and bears a pseudonym."""
     since = now() - RECENT
     tries = submissions.unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
     runs = [run for run in runs_of(tries) if run[-1].learner not in without]
@@ -51,10 +49,8 @@ def stuck_in(session: Session, course: str, without: Collection[str]) -> list[St
 
 
 def runs_of(tries: Iterable[Try]) -> list[Sequence[Try]]:
-    """The last attempts of each learner at a question that gained no points; of `ATTEMPTS_MIN` or more. Pure.
-
-    `tries` are in order of the learner, the quiz, the question and time.
-    """
+    """The last attempts of each learner at a question that gained no points; of `ATTEMPTS_MIN` or more. Pure. `tries`
+    are in order of the learner, the quiz, the question and time."""
     by_place = groupby(tries, key=lambda one: (one.learner, one.quiz, one.question))
     runs = [without_gain(list(theirs)) for _, theirs in by_place]
     return [run for run in runs if len(run) >= ATTEMPTS_MIN]

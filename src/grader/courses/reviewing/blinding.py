@@ -40,9 +40,7 @@ def blinded(
     always: bool = False,
 ) -> Blinded:
     """What an instructor may see of submissions whose newest verdicts are given; learners see their own as they are.
-
-    With `always`, answers that a person marks bear their pseudonyms also after the last decision.
-    """
+    With `always`, answers that a person marks bear their pseudonyms also after the last decision."""
     if not who.is_instructor:
         return Blinded(verdicts, {})
     held = reviews.of_submissions(session, [row.id for row in rows])

@@ -90,10 +90,8 @@ def awaiting_second(session: Session, submission: Submission, who: Identity) -> 
 
 
 def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
-    """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable.
-
-    On an answer with two marks it is the third decision. The caller holds the submission.
-    """
+    """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable. On an answer with two marks
+    it is the third decision. The caller holds the submission."""
     free_for(session, submission, who)
     earlier = newest(session, submission)
     verdict = checked(earlier, desk.question(submission), mark)
@@ -120,10 +118,8 @@ def review_after(desk: Desk, session: Session, submission: Submission) -> Review
 
 
 def mark_second(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Review:
-    """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable.
-
-    The caller holds the submission.
-    """
+    """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable. The caller holds
+    the submission."""
     free_for(session, submission, who)
     review = awaiting_second(session, submission, who)
     own = reviews.graders_verdicts(session, [submission.id])[submission.id]
@@ -140,10 +136,8 @@ def mark_second(desk: Desk, session: Session, who: Identity, submission: Submiss
 
 
 def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identity | None) -> bool:
-    """Computes the marks of a submission again from the rubric as it is now. Returns whether its verdict changed.
-
-    `who` asked for it; None is for the service itself. Does nothing the second time.
-    """
+    """Computes the marks of a submission again from the rubric as it is now. Returns whether its verdict changed. `who`
+    asked for it; None is for the service itself. Does nothing the second time."""
     submission = session.get_one(Submission, submission_id)
     desk.hold(session, submission)
     review, question = session.get_one(Review, submission_id), desk.question(submission)

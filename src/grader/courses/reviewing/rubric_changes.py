@@ -22,10 +22,8 @@ log = structlog.get_logger()
 
 
 def outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str]:
-    """The ids of submissions whose marks were computed with another rubric, in a course.
-
-    Once a question has no rubric, its reviews stay as they are. Raises NotFound.
-    """
+    """The ids of submissions whose marks were computed with another rubric, in a course. Once a question has no rubric,
+    its reviews stay as they are. Raises NotFound."""
     asked = desk.library.question(quiz, question)
     if not rubric_of(asked):
         return []

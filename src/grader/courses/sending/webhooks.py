@@ -33,10 +33,8 @@ def new_secret() -> str:
 def create(
     database: Database, session: Session, who: Identity, url: str, private_hosts: Collection[str]
 ) -> Destination:
-    """Adds a webhook; its secret is shown this once.
-
-    Raises Unprocessable for a URL that is not allowed, and Conflict if there are too many.
-    """
+    """Adds a webhook; its secret is shown this once. Raises Unprocessable for a URL that is not allowed, and Conflict
+    if there are too many."""
     if find_spec("httpx2") is None:
         raise Unprocessable("Webhooks need a client for HTTP: pip install mujoco-grader[lti]")
     try:

@@ -26,10 +26,8 @@ TIMESTEP_S = 1e-15
 """Timestep [s] of the model: tiny, as an actuator with `actearly` acts on the activation one timestep ahead."""
 
 EVALUATIONS_MAX = 500_000
-"""Most evaluations of the right-hand side, about 4 s.
-
-Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000.
-"""
+"""Most evaluations of the right-hand side, about 4 s. Source: measured; a minute of the double pendulum takes 183,000,
+of the stiffest servo 260,000."""
 
 CHECK_INTERVAL = 16
 """Evaluations between two checks of count and rates; a check at every evaluation would cost 5 %."""
@@ -143,10 +141,8 @@ def _watch(rate: Callable[[float, Vector], Values], method: str) -> Callable[[fl
 
 
 def build_rate(workspace: Workspace, forward: Forward = mujoco.mj_forward) -> Callable[[float, Vector], Vector]:
-    """Returns the model's equations of motion: the derivative of (qpos, qvel, act) at a time [s] and such a state.
-
-    Each call writes into the data of the workspace. Quaternions turn by q' = q w / 2.
-    """
+    """Returns the model's equations of motion: the derivative of (qpos, qvel, act) at a time [s] and such a state. Each
+    call writes into the data of the workspace. Quaternions turn by q' = q w / 2."""
     model, data = workspace.model, workspace.data
     nq, nv, na = int(model.nq), int(model.nv), int(model.na)
     position_rate = _build_position_rate(model)

@@ -171,10 +171,8 @@ def _clamp(model: mujoco.MjModel, act: Vector) -> Vector:
 
 
 def _move_to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> None:
-    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame.
-
-    A rotation vector u of more than half a turn is replaced by the shorter one of the same rotation.
-    """
+    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame. A
+    rotation vector u of more than half a turn is replaced by the shorter one of the same rotation."""
     for where in rotations:
         ux, uy, uz = _shorten(*chart[where].tolist())
         wx, wy, wz = slope[where].tolist()

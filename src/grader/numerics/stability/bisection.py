@@ -19,10 +19,8 @@ SCAN_POINTS = 24
 """Grid cells without `scan_step_s`: windows narrower than a 24th of the range may be missed."""
 
 GUESS_ERROR = 5e-4
-"""Relative error of the linear prediction.
-
-Source: it is 0.4e-3 below the limit of the lesson's servo within 3 s, because gravity is weaker at large angles.
-"""
+"""Relative error of the linear prediction. Source: it is 0.4e-3 below the limit of the lesson's servo within 3 s,
+because gravity is weaker at large angles."""
 
 TINY = float_info.min
 """Replaces a spectral radius of 0 in logarithms."""
@@ -89,10 +87,8 @@ class _Search:
         return self.trials[timestep_s].stability
 
     def narrow(self, low_s: float, high_s: float, width_s: float, guess_s: float | None) -> tuple[float, float]:
-        """Narrow a bracket, whose ends differ in stability, to `width_s`; both ends remain simulated.
-
-        Timesteps near a guess are tried first, at growing distance, so that a good guess costs two runs.
-        """
+        """Narrow a bracket, whose ends differ in stability, to `width_s`; both ends remain simulated. Timesteps near a
+        guess are tried first, at growing distance, so that a good guess costs two runs."""
         lowest = self.stability(low_s)
         for probe in _guess_outwards(guess_s, width_s, low_s, high_s) if guess_s is not None else ():
             if low_s < probe < high_s:
@@ -148,9 +144,7 @@ def find_threshold(
 
 def _predict_limit(search: _Search, low_s: float, high_s: float) -> float | None:
     """The timestep [s] at which linear growth of the start's acceleration reaches mjMAXVAL at the end of the horizon.
-
-    None if there is no equilibrium, or no such timestep in the range.
-    """
+    None if there is no equilibrium, or no such timestep in the range."""
     resting = find_equilibrium(search.scene)
     if resting is None:
         return None

@@ -1,7 +1,5 @@
-"""Detects linear growth behind a run that neither warned nor came to rest.
-
-A soft servo under gravity has it: beyond its linear stability limit gravity bounds the motion, and MuJoCo never warns.
-"""
+"""Detects linear growth behind a run that neither warned nor came to rest. A soft servo under gravity has it: beyond
+its linear stability limit gravity bounds the motion, and MuJoCo never warns."""
 
 from dataclasses import dataclass
 from math import log
@@ -24,10 +22,8 @@ CERTAINTY = 2.0
 and the growth of the exact motion."""
 
 REFINEMENT = 256
-"""The growth of the exact motion is measured with steps this many times shorter.
-
-RADIUS_NOISE then amounts to less than 1e-4 of growth per whole step.
-"""
+"""The growth of the exact motion is measured with steps this many times shorter. RADIUS_NOISE then amounts to less than
+1e-4 of growth per whole step."""
 
 RESOLVED = 1.02
 """Growth per short step above which the short step is too long too: it would be 150 per whole step."""

@@ -53,10 +53,8 @@ class Servo:
 
     @property
     def rk4_s(self) -> float:
-        """RK4: the first h > 0 at which |R(h lambda)| = 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 [s].
-
-        lambda are the roots of I x^2 + c x + K; |R|^2 - 1 is a polynomial in h.
-        """
+        """RK4: the first h > 0 at which |R(h lambda)| = 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 [s]. lambda are the
+        roots of I x^2 + c x + K; |R|^2 - 1 is a polynomial in h."""
         limit = inf
         for eigenvalue in np.roots([self.inertia, self.kv, self.stiffness]).astype(complex):
             growth = np.poly1d([eigenvalue**k / f for k, f in ((4, 24), (3, 6), (2, 2), (1, 1), (0, 1))])

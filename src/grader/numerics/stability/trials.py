@@ -1,8 +1,5 @@
-"""Decides by simulation whether a timestep is stable: whether MuJoCo warns within a horizon.
-
-This holds for a finite run from one start; `linear.find_spectral_limit` decides for unlimited time and small
-amplitudes.
-"""
+"""Decides by simulation whether a timestep is stable: whether MuJoCo warns within a horizon. This holds for a finite
+run from one start; `linear.find_spectral_limit` decides for unlimited time and small amplitudes."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
-"""The answer to a platform's request to choose content: signed links to quizzes and questions.
-
-Source: LTI Deep Linking 2.0, sections 3 and 4.
-"""
+"""The answer to a platform's request to choose content: signed links to quizzes and questions. Source: LTI Deep Linking
+2.0, sections 3 and 4."""
 
 import secrets
 import time

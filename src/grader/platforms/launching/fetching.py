@@ -67,11 +67,8 @@ class PlatformKeys:
         self._sets: dict[str, KeySet] = {}
 
     async def key(self, url: str, kid: str) -> dict[str, Any]:
-        """The public JWK with this `kid` at an address.
-
-        Asks once more for an unknown `kid`, which is how keys are rotated, and then rests for `COOL_DOWN_S`.
-        Raises Unauthorized.
-        """
+        """The public JWK with this `kid` at an address. Asks once more for an unknown `kid`, which is how keys are
+        rotated, and then rests for `COOL_DOWN_S`. Raises Unauthorized."""
         held = self._held(url)
         async with held.turn:
             if self._clock() - held.fetched_at >= FRESH_S:

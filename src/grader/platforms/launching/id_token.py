@@ -1,7 +1,5 @@
-"""Checks the signature and the claims of an `id_token`.
-
-Source: 1EdTech Security Framework 1.1, section 5.1.3; OpenID Connect Core 1.0, section 3.1.3.7.
-"""
+"""Checks the signature and the claims of an `id_token`. Source: 1EdTech Security Framework 1.1, section 5.1.3; OpenID
+Connect Core 1.0, section 3.1.3.7."""
 
 import base64
 import json

@@ -1,7 +1,5 @@
-"""Reads what a verified launch says: who comes, from which course, by which link, and what the platform offers.
-
-Source: LTI 1.3 core, section 5; LTI Advantage: AGS 2.0, NRPS 2.0, Deep Linking 2.0.
-"""
+"""Reads what a verified launch says: who comes, from which course, by which link, and what the platform offers. Source:
+LTI 1.3 core, section 5; LTI Advantage: AGS 2.0, NRPS 2.0, Deep Linking 2.0."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

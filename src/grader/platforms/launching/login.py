@@ -1,7 +1,5 @@
-"""The login that precedes a launch: third-party initiated login of OpenID Connect.
-
-Source: 1EdTech Security Framework 1.1, section 5.1.1; LTI OIDC Login with Client Side postMessages 1.0.
-"""
+"""The login that precedes a launch: third-party initiated login of OpenID Connect. Source: 1EdTech Security Framework
+1.1, section 5.1.1; LTI OIDC Login with Client Side postMessages 1.0."""
 
 import hmac
 import secrets
@@ -50,10 +48,8 @@ class Answered:
 
 @dataclass(frozen=True)
 class Unbound:
-    """A login whose browser did not prove itself. It stays valid.
-
-    `fields` begin it again; `storage` names the platform's frame that may still hold the key.
-    """
+    """A login whose browser did not prove itself. It stays valid. `fields` begin it again; `storage` names the
+    platform's frame that may still hold the key."""
 
     platform: Platform
     fields: dict[str, str]
@@ -72,10 +68,8 @@ def fields_in(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
 
 
 def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
-    """Begins a login at a registered platform. `origin` is where this tool is reached.
-
-    Raises Unprocessable for a missing or foreign parameter, and Unauthorized for an unknown platform.
-    """
+    """Begins a login at a registered platform. `origin` is where this tool is reached. Raises Unprocessable for a
+    missing or foreign parameter, and Unauthorized for an unknown platform."""
     if not fields.get("login_hint"):
         raise Unprocessable("The login has no login_hint: start it from your learning platform.")
     if not is_at(origin, fields.get("target_link_uri")):

@@ -1,7 +1,5 @@
-"""Dynamic Registration: a platform hands over its configuration, and gets this tool's.
-
-Source: LTI Dynamic Registration 1.0; OpenID Connect Dynamic Client Registration 1.0.
-"""
+"""Dynamic Registration: a platform hands over its configuration, and gets this tool's. Source: LTI Dynamic Registration
+1.0; OpenID Connect Dynamic Client Registration 1.0."""
 
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
-"""Access tokens of platforms: client credentials with a signed assertion, kept until they expire.
-
-Source: 1EdTech Security Framework 1.0, section 4.1; RFC 7523.
-"""
+"""Access tokens of platforms: client credentials with a signed assertion, kept until they expire. Source: 1EdTech
+Security Framework 1.0, section 4.1; RFC 7523."""
 
 import secrets
 import time
@@ -64,10 +62,8 @@ class AccessTokens:
         headers: Mapping[str, str],
         body: bytes | None = None,
     ) -> Response:
-        """Sends a request with a token for these scopes, which is renewed once after a 401.
-
-        Raises NoToken, RefusedURL, Unreachable.
-        """
+        """Sends a request with a token for these scopes, which is renewed once after a 401. Raises NoToken, RefusedURL,
+        Unreachable."""
         key = (platform.issuer, platform.client_id, tuple(sorted(scopes)))
         for last in (False, True):
             token = await self._token(platform, key)

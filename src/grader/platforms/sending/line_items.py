@@ -1,7 +1,5 @@
-"""The line item of a resource at a platform: found by its `resourceId`, or created, by one sender at a time.
-
-Source: LTI Assignment and Grade Services 2.0, section 3.2.
-"""
+"""The line item of a resource at a platform: found by its `resourceId`, or created, by one sender at a time. Source:
+LTI Assignment and Grade Services 2.0, section 3.2."""
 
 import json
 import re
@@ -80,10 +78,8 @@ class CallFailed(Exception):
 
 
 def with_path(url: str, part: str, **query: str) -> str:
-    """A URL with one more path segment, if any, and more query parameters: the ones that it has stay.
-
-    Moodle and others hand out line items such as `.../lineitem?type_id=2`.
-    """
+    """A URL with one more path segment, if any, and more query parameters: the ones that it has stay. Moodle and others
+    hand out line items such as `.../lineitem?type_id=2`."""
     parts = urlsplit(url)
     path = f"{parts.path.rstrip('/')}/{part}" if part else parts.path
     asked = [*parse_qsl(parts.query, keep_blank_values=True), *query.items()]

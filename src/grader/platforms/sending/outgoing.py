@@ -92,10 +92,8 @@ class Outgoing:
         body: bytes | None = None,
         reads: bool = True,
     ) -> Response:
-        """Sends one request; without `reads` only the status and headers of the answer are read.
-
-        Raises RefusedURL for a URL that is not allowed, and Unreachable.
-        """
+        """Sends one request; without `reads` only the status and headers of the answer are read. Raises RefusedURL for
+        a URL that is not allowed, and Unreachable."""
         endpoint = endpoint_of(url, self.private_hosts)
         try:
             async with asyncio.timeout(self.time_max_s):

@@ -100,11 +100,8 @@ def number(given: Any) -> float | None:
 
 
 def score_of(results: Mapping[str, Counted], worth: Mapping[str, float], question: str) -> Score | None:
-    """The score of one question, or with an empty `question` of the whole quiz.
-
-    `results` are the learner's, by question, and `worth` the points of the quiz's questions. None if there is nothing
-    to score.
-    """
+    """The score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
+    question, and `worth` the points of the quiz's questions. None if there is nothing to score."""
     if question:
         found = {question: results[question]} if question in results else {}
         asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}

@@ -55,9 +55,7 @@ ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
 @dataclass(frozen=True)
 class Prepared:
     """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
-
-    `is_contested` if another score of ours may still arrive and replace the one that the platform shows.
-    """
+    `is_contested` if another score of ours may still arrive and replace the one that the platform shows."""
 
     target: Target
     score: Score
@@ -236,10 +234,8 @@ def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
 
 
 def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
-    """Whether a person has entered what the platform shows.
-
-    A score of zero before our first one counts as none: platforms enter it by themselves when an answer is late.
-    """
+    """Whether a person has entered what the platform shows. A score of zero before our first one counts as none:
+    platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
     is_first_zero = prepared.is_first and not found.score
     return found.score is not None and not is_first_zero and not any(one.is_at(found) for one in ours)

@@ -1,7 +1,5 @@
-"""Sends webhooks after Standard Webhooks 1: a thin message, signed, under an id that stays through all tries.
-
-Source: https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md
-"""
+"""Sends webhooks after Standard Webhooks 1: a thin message, signed, under an id that stays through all tries. Source:
+https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md"""
 
 import base64
 import hashlib

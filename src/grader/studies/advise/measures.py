@@ -15,10 +15,8 @@ from grader.numerics.workspace import Workspace
 def measure_quantity(
     scene: Scene, rollout: Rollout | Reference, quantity: Callable[[mujoco.MjModel, mujoco.MjData], float]
 ) -> Vector:
-    """`quantity(model, data)` at every kept state, (n,), each after mj_forward with energies enabled.
-
-    `quantity` may write its model and data, which no other run uses.
-    """
+    """`quantity(model, data)` at every kept state, (n,), each after mj_forward with energies enabled. `quantity` may
+    write its model and data, which no other run uses."""
     options = (rollout.timestep_s, rollout.integrator) if isinstance(rollout, Rollout) else (None, EULER.code)
     with scene.borrow(timestep_s=options[0], integrator=options[1], keep=False) as workspace:
         workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)

@@ -182,9 +182,7 @@ def build_scene(model: str | Path, start: Start) -> Scene:
 
 def compile_quantity(expression: str, scene: Scene) -> Quantity:
     """Compile a lab expression, such as `data.qpos[0]` or `lib.sitePos('tip')[2]`, into a function of (model, data).
-
-    Raises ContentError if it does not compile, ValueError if its value at the start is not a finite number.
-    """
+    Raises ContentError if it does not compile, ValueError if its value at the start is not a finite number."""
     program = compile_program(expression, "expression", "--quantity")
 
     def evaluate(model: mujoco.MjModel, data: mujoco.MjData) -> float:

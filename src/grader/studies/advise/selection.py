@@ -242,11 +242,8 @@ class _Meter:
 
 
 def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Reference:
-    """States at `times`, between two kept ones by linear interpolation.
-
-    The reference keeps a state within one of its own timesteps on both sides of each time: the error is of second order
-    in that timestep.
-    """
+    """States at `times`, between two kept ones by linear interpolation. The reference keeps a state within one of its
+    own timesteps on both sides of each time: the error is of second order in that timestep."""
     after = np.clip(np.searchsorted(run.time, times - 1e-9), 0, len(run.time) - 1)
     before = np.where(np.abs(run.time[after] - times) < 1e-9, after, np.maximum(after - 1, 0))
     width = run.time[after] - run.time[before]
@@ -261,10 +258,8 @@ def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Refer
 
 
 class _Survey:
-    """Measures settings once each, within a budget of wall time.
-
-    `offered` holds the timesteps [s] to choose from for each integrator, the largest first; `measured` what was found.
-    """
+    """Measures settings once each, within a budget of wall time. `offered` holds the timesteps [s] to choose from for
+    each integrator, the largest first; `measured` what was found."""
 
     def __init__(
         self,

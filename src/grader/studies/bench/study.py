@@ -50,10 +50,8 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Measurement(ABC):
-    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart.
-
-    What is not `timed` reads nothing from `done`; it is measured first, on all cores side by side.
-    """
+    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart. What
+    is not `timed` reads nothing from `done`; it is measured first, on all cores side by side."""
 
     timed: ClassVar[bool] = True
 
@@ -142,10 +140,8 @@ class Study:
 
 @dataclass(frozen=True)
 class Journal:
-    """Finished measurements on disk, one JSON line each.
-
-    Only lines of the same context (versions, code, scenes) are read; the others stay in the file.
-    """
+    """Finished measurements on disk, one JSON line each. Only lines of the same context (versions, code, scenes) are
+    read; the others stay in the file."""
 
     path: Path
     context: str
@@ -171,10 +167,8 @@ class Journal:
 def carry_out(
     title: str, plan: Sequence[Measurement], journal: Journal, console: Console, quick: bool = False
 ) -> dict[Measurement, Record]:
-    """Measure what the journal does not hold yet, with a progress bar; return all records.
-
-    What is timed is measured alone and in order, after the others. Raises ValueError where two measurements are equal.
-    """
+    """Measure what the journal does not hold yet, with a progress bar; return all records. What is timed is measured
+    alone and in order, after the others. Raises ValueError where two measurements are equal."""
     if len(set(plan)) != len(plan):
         raise ValueError(f"{title}: two measurements are the same")
     kept = journal.read()
@@ -233,9 +227,7 @@ def compute_digest(*parts: object) -> str:
 
 def compute_code_digest(study: str) -> str:
     """Returns a digest of what a study measures with: numerics, scenes, its own module and those that studies share.
-
-    Comments, docstrings and the functions of NOT_MEASURING are left out.
-    """
+    Comments, docstrings and the functions of NOT_MEASURING are left out."""
     others = UNRELATED.union(STUDIES) - {study}
     room = "service" if study == "service" else "physics"
     own = [path for path in (*ROOM.glob("*.py"), *ROOM.glob(f"{room}/*.py")) if path.stem not in others]

@@ -33,10 +33,8 @@ def static(name: str) -> str:
 
 
 async def static_file(path: str, scope: Scope) -> Response:
-    """A file by its path, with or without the digest before it. Raises HTTPException 404.
-
-    Only the digest of what is served now lets browsers keep the file; any other address is asked for again.
-    """
+    """A file by its path, with or without the digest before it. Raises HTTPException 404. Only the digest of what is
+    served now lets browsers keep the file; any other address is asked for again."""
     first, _, rest = path.partition("/")
     is_current = first == digest()
     if rest and (is_current or _is_digest(first)):

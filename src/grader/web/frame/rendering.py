@@ -24,10 +24,8 @@ POLICY = "Content-Security-Policy"
 
 
 def security_policy(framed_by: Iterable[str] = (), posts_to: Iterable[str] = ()) -> str:
-    """The security policy of a page that these origins may show in a frame, and whose forms may go to others.
-
-    Scripts, styles and fonts come from files of this service only; authors may show pictures from other sites.
-    """
+    """The security policy of a page that these origins may show in a frame, and whose forms may go to others. Scripts,
+    styles and fonts come from files of this service only; authors may show pictures from other sites."""
     return (
         "default-src 'none'; script-src 'self'; style-src 'self'; font-src 'self'; img-src 'self' data: https:; "
         f"connect-src 'self'; form-action {source_list(posts_to)}; base-uri 'none'; "
@@ -67,10 +65,8 @@ templates.env.filters |= {
 def page(
     request: Request, template: str, status: int = 200, more: Mapping[str, str] | None = None, **context: Any
 ) -> Response:
-    """Renders a template, with the headers that every page has, and `more`.
-
-    In a session that a learning platform launched, the platform may show the page in a frame.
-    """
+    """Renders a template, with the headers that every page has, and `more`. In a session that a learning platform
+    launched, the platform may show the page in a frame."""
     headers = HEADERS | dict(more or {})
     who = getattr(request.state, "identity", None)
     if who is not None and who.platform is not None and POLICY not in (more or {}):

@@ -83,10 +83,8 @@ def dates_of(policy: Any) -> dict[str, str]:
 
 @router.post(PAGE)
 def grant(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now.
-
-    Takes it back where nothing is given. Shows the page again with what was typed if it is refused.
-    """
+    """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now. Takes it
+    back where nothing is given. Shows the page again with what was typed if it is refused."""
     who, quiz = instructor(who), form.get("quiz", "")
     library = services.library_for(who)
     library.quiz(quiz)
@@ -103,10 +101,8 @@ def grant(request: Request, services: AppServices, who: Visitor, form: Form) -> 
 
 
 def chosen_by(form: Mapping[str, str], learners: Sequence[Member], marks: Mapping[str, str]) -> list[Member]:
-    """The learners whom a form ticks (`learner-ID`) or names, each once, by name.
-
-    Raises Unprocessable where no learner is chosen, or with a line for each name that no learner or several bear.
-    """
+    """The learners whom a form ticks (`learner-ID`) or names, each once, by name. Raises Unprocessable where no learner
+    is chosen, or with a line for each name that no learner or several bear."""
     named: dict[str, list[Member]] = {}
     for one in learners:
         for name in {one.name, marked(one.name, one.id, marks)}:

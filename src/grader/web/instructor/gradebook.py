@@ -158,10 +158,8 @@ def story(
     *,
     before: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Every answer of a learner with its verdict, by question; of those under review without a name, how many.
-
-    Raises Unauthorized, Forbidden, NotFound.
-    """
+    """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
+    Unauthorized, Forbidden, NotFound."""
     who = instructor(who)
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
@@ -193,10 +191,8 @@ def parts_of(
     given: Sequence[tuple[str, str, Given | None]],
     cells: Mapping[tuple[str, str], Cell],
 ) -> list[dict[str, Any]]:
-    """The answers by question, in the order of the content; questions that it has lost come last.
-
-    None stands for an answer that bears a pseudonym for its reviewers.
-    """
+    """The answers by question, in the order of the content; questions that it has lost come last. None stands for an
+    answer that bears a pseudonym for its reviewers."""
     order = [(quiz.id, one.id) for quiz in library.quizzes.values() for one in quiz.questions]
     titles, questions = titles_of(library), questions_of(library)
     places = {at: place for place, at in enumerate(order)}

@@ -174,10 +174,8 @@ def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
 
 @router.post(f"{PAGE}/members/{{member_id}}")
 def change_member(request: Request, member_id: str, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which.
-
-    Shows the page again if it is refused. Raises Unauthorized, Forbidden.
-    """
+    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which. Shows the
+    page again if it is refused. Raises Unauthorized, Forbidden."""
     who, do = instructor(who), form.get("do", "")
     try:
         with services.database.write() as session:
@@ -201,10 +199,8 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
 
 @router.post(f"{PAGE}/tokens")
 def create_token(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Creates a token and shows it this once; shows the page again if it is refused.
-
-    Asks first, before a name that the course does not know becomes a new user.
-    """
+    """Creates a token and shows it this once; shows the page again if it is refused. Asks first, before a name that the
+    course does not know becomes a new user."""
     who = instructor(who)
     scopes = [one for one in Scope if f"scope-{one}" in form]
     user = form.get("user", "").strip()

@@ -51,10 +51,8 @@ def shown(request: Request, services: Services, who: Identity, status: int = 200
 
 @router.post(f"{PAGE}/platforms")
 def add(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Registers a platform by hand; it waits for approval. Shows the page again if it is refused.
-
-    Raises Unauthorized, Forbidden.
-    """
+    """Registers a platform by hand; it waits for approval. Shows the page again if it is refused. Raises Unauthorized,
+    Forbidden."""
     who = instructor(who)
     rules.require_administrator(who)
     try:

@@ -1,7 +1,5 @@
 """`/instructor/review/{id}`: one answer with its question and verdict, and the form of its review. It needs no script.
-
-Opening an answer that waits claims it, so that two reviewers never mark the same one.
-"""
+Opening an answer that waits claims it, so that two reviewers never mark the same one."""
 
 import math
 from collections.abc import Sequence
@@ -118,10 +116,8 @@ def show(
 
 @router.post(f"{PAGE}/{{submission_id}}")
 def act(request: Request, submission_id: str, at: AtDesk, form: Form) -> Response:
-    """Decides, gives the answer back, or works with saved comments; `do` says which.
-
-    Shows the page again with what was typed if it is refused. Raises Unauthorized, Forbidden, NotFound.
-    """
+    """Decides, gives the answer back, or works with saved comments; `do` says which. Shows the page again with what was
+    typed if it is refused. Raises Unauthorized, Forbidden, NotFound."""
     do, typed = form.get("do", ""), typed_in(form)
     try:
         if do in ("next", "decide"):

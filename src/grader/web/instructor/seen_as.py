@@ -57,10 +57,8 @@ def exercise_as(
     learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor,
     attempt: str | None = None,
 ) -> Response:  # fmt: skip
-    """An exercise as a learner sees it; any other question stands in its lesson.
-
-    Raises Unauthorized, Forbidden, NotFound, and Conflict before the quiz opens.
-    """
+    """An exercise as a learner sees it; any other question stands in its lesson. Raises Unauthorized, Forbidden,
+    NotFound, and Conflict before the quiz opens."""
     who = instructor(who)
     desk = services.desk_of(who.course)
     question, quiz = desk.library.question(quiz_id, question_id), desk.library.quiz(quiz_id)

@@ -99,10 +99,8 @@ def shown(one: QuestionStatistics, question: Question, title: str) -> Shown:
 
 
 def options_of(one: QuestionStatistics, question: Question) -> tuple[Bar, ...]:
-    """How many learners chose each option first; none where nobody chose anything.
-
-    Of many options, wrong ones that nobody chose are left out.
-    """
+    """How many learners chose each option first; none where nobody chose anything. Of many options, wrong ones that
+    nobody chose are left out."""
     if not one.options:
         return ()
     of = one.difficulty.n

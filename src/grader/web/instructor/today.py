@@ -180,10 +180,8 @@ def platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
 
 @router.get(f"{PAGE}/content")
 def content(request: Request, services: AppServices, who: Visitor) -> Response:
-    """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was.
-
-    To anyone but an instructor, how to sign in.
-    """
+    """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was. To anyone
+    but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
         return sign_in_page(request, services, who)
     library, refused = services.library_for(who), services.content.of(who.course).refused
@@ -193,10 +191,8 @@ def content(request: Request, services: AppServices, who: Visitor) -> Response:
 
 @router.get(f"{PAGE}/certificates")
 def certificates(request: Request, services: AppServices, who: Visitor, *, luck: bool = False) -> Response:
-    """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes.
-
-    Raises Unauthorized, Forbidden.
-    """
+    """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes. Raises
+    Unauthorized, Forbidden."""
     who = instructor(who)
     rows = certificate_rows(services.library_for(who), with_luck=luck)
     return page(request, "certificates.html", who=who, rows=rows)

@@ -112,10 +112,8 @@ def stopped(request: Request, services: Services, who: Identity, *, at: tuple[st
 
 
 def sender_of(services: Services, visitor: Identity | None, learner: str) -> Sender | None:
-    """Who sends the form; None if the session of the `learner` who opened the page has ended, or is another's now.
-
-    On loopback the first answer begins a session.
-    """
+    """Who sends the form; None if the session of the `learner` who opened the page has ended, or is another's now. On
+    loopback the first answer begins a session."""
     if visitor is not None:
         return Sender(visitor) if learner in ("", visitor.id) else None
     if learner or not services.sessions.anonymous:

@@ -31,10 +31,8 @@ class Typed:
 
 @dataclass(frozen=True)
 class Asked:
-    """A question with the learner's place at it: `view` is its wording, `fields` what its form holds.
-
-    `lab` is the lab of a prediction, once the learner may run it.
-    """
+    """A question with the learner's place at it: `view` is its wording, `fields` what its form holds. `lab` is the lab
+    of a prediction, once the learner may run it."""
 
     view: dict[str, Any]
     place: Place

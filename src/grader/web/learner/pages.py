@@ -43,10 +43,8 @@ def reader_of(who: Identity | None) -> Identity:
 
 @router.get("/")
 def home(request: Request, services: AppServices, who: Visitor, quiz: str | None = None) -> Response:
-    """The lesson, or the list of lessons where there are several; with `?quiz=` that quiz alone.
-
-    On loopback anyone may read; the first answer begins a session.
-    """
+    """The lesson, or the list of lessons where there are several; with `?quiz=` that quiz alone. On loopback anyone may
+    read; the first answer begins a session."""
     if who is None and not services.sessions.anonymous:
         return sign_in_page(request, services, who)
     if quiz is not None:
@@ -114,9 +112,7 @@ def exercise(
     quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor, attempt: str | None = None
 ) -> Response:
     """An exercise with its newest verdict, or an earlier attempt; any other question stands on its lesson's page.
-
-    Raises NotFound, and Conflict before the quiz opens.
-    """
+    Raises NotFound, and Conflict before the quiz opens."""
     if who is None and not services.sessions.anonymous:
         return sign_in_page(request, services, who)
     library = services.library_for(who)

@@ -1,7 +1,5 @@
-"""The forms that follow a launch: which course, which quizzes, a new tab; and a platform's registration.
-
-Each bears a single-use ticket, as a frame may keep no cookies. The ticket says who was shown the form.
-"""
+"""The forms that follow a launch: which course, which quizzes, a new tab; and a platform's registration. Each bears a
+single-use ticket, as a frame may keep no cookies. The ticket says who was shown the form."""
 
 from datetime import timedelta
 from typing import Any

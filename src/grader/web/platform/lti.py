@@ -119,10 +119,8 @@ def again(services: Services, request: Request, login: Unbound) -> str:
 
 
 def settle(request: Request, services: Services, launch: Launch, *, in_tab: bool) -> Response:
-    """Records the launch, and answers it. `in_tab`: the frame keeps no cookies, so the work opens in a new tab.
-
-    Raises Forbidden, NotFound.
-    """
+    """Records the launch, and answers it. `in_tab`: the frame keeps no cookies, so the work opens in a new tab. Raises
+    Forbidden, NotFound."""
     arrival = services.sessions.writing(lambda session: arrive(services.database, session, launch))
     if arrival is None:
         raise Forbidden(NOT_APPROVED.format(launch.deployment_id))

@@ -32,10 +32,8 @@ PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
 
 @router.post("/session")
 def begin(request: Request, services: AppServices, who: Visitor) -> Response:
-    """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden.
-
-    The page's script gets the learner as JSON, a form is redirected to the questions.
-    """
+    """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden. The page's script gets the
+    learner as JSON, a form is redirected to the questions."""
     if not services.sessions.anonymous:
         raise Forbidden("Open the link that you were given to sign in.")
     headers = {"Cache-Control": "no-store"}

@@ -81,10 +81,8 @@ def titles_of(library: Library) -> dict[tuple[str, str], str]:
 
 
 def shortened(text: str) -> str:
-    """The first words of a question that has no title, for the list of questions.
-
-    They end neither in an open bracket nor with a number whose unit is left out.
-    """
+    """The first words of a question that has no title, for the list of questions. They end neither in an open bracket
+    nor with a number whose unit is left out."""
     words = " ".join(text.replace("$", "").split())
     if len(words) <= SHORT:
         return words

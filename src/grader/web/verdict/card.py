@@ -173,9 +173,7 @@ def matrix_of(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], t
 
 def notes_of(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
     """What the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its place.
-
-    Names the columns, and where other cells of a column failed otherwise, the cases too.
-    """
+    Names the columns, and where other cells of a column failed otherwise, the cases too."""
     told: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for column, cell in zip(columns, row.cells, strict=True):

@@ -1,7 +1,5 @@
 """The measurements behind a verdict that pages draw: read from its evidence, each kind of them if its shape is right.
-
-Evidence is stored JSON, possibly of an older version, so what cannot be read is left out.
-"""
+Evidence is stored JSON, possibly of an older version, so what cannot be read is left out."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar

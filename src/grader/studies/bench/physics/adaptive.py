@@ -59,9 +59,7 @@ def make_exact(scene: Scene) -> Scene:
 
 class Adaptive:
     """Called, it solves a scene at a relative tolerance, absolute a tenth of it; counts `evaluations` of mj_forward.
-
-    Counted are those of numerical Jacobians too, which SciPy leaves out.
-    """
+    Counted are those of numerical Jacobians too, which SciPy leaves out."""
 
     def __init__(self, name: str, method: Method, tolerance: float) -> None:
         self.name, self.tolerance = name, tolerance

@@ -1,7 +1,5 @@
-"""Beyond smooth scenes: a fast ball and a thin wall, a box started inside the floor, a wheel and its stop.
-
-Each run is classified by its outcome; the first one that warned is kept with what MuJoCo's reset did to it.
-"""
+"""Beyond smooth scenes: a fast ball and a thin wall, a box started inside the floor, a wheel and its stop. Each run is
+classified by its outcome; the first one that warned is kept with what MuJoCo's reset did to it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,10 +33,8 @@ FINE, PUSHED, LOST, RESET = "#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0"
 
 @dataclass
 class Trace:
-    """One run up to its end or its first warning: the coordinate by step, and whether a constraint force acted.
-
-    `reset` says which warning, and what time [s] and qpos the user's loop reads after it.
-    """
+    """One run up to its end or its first warning: the coordinate by step, and whether a constraint force acted. `reset`
+    says which warning, and what time [s] and qpos the user's loop reads after it."""
 
     coordinate: list[float]
     touched: bool = False
@@ -48,9 +44,7 @@ class Trace:
 @dataclass(frozen=True, kw_only=True)
 class Case(Plane):
     """Runs over one parameter: how to start, how long [s], which coordinate of qpos decides, and what it may show.
-
-    `outcomes` gives the colour of each possible outcome.
-    """
+    `outcomes` gives the colour of each possible outcome."""
 
     coordinate: int
     start: Callable[[Scene, float], Scene]

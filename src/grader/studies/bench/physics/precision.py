@@ -89,10 +89,8 @@ def smooth(name: str, scene: Scene) -> tuple[Array, list[Array], str]:
 
 
 def through_impacts(scene: Scene) -> tuple[Array, list[Array], str]:
-    """Returns two solvers of different families, whose error control finds every impact.
-
-    The constraint solver is made exact first, so that its own tolerance is no part of the reference.
-    """
+    """Returns two solvers of different families, whose error control finds every impact. The constraint solver is made
+    exact first, so that its own tolerance is no part of the reference."""
 
     def exactly(model: mujoco.MjModel) -> None:
         model.opt.tolerance, model.opt.iterations = 0.0, 200
@@ -183,9 +181,8 @@ def plan(quick: bool) -> Sequence[Measurement]:
 
 @dataclass(frozen=True)
 class Point:
-    """One setting of one method on one scene; cost in yardsticks and the pairs it is the median of, error None where
-    it failed.
-    """
+    """One setting of one method on one scene; cost in yardsticks and the pairs it is the median of, error None where it
+    failed."""
 
     method: str
     setting: float
@@ -224,11 +221,8 @@ def find_cheapest(points: Sequence[Point], error: float) -> Point | None:
 
 
 def fit_asymptotic_order(points: Sequence[Point], own_error: float) -> Record | None:
-    """Order with its 95 % interval over the asymptotic range; None for fewer than three points.
-
-    The range begins below COARSE and ends at NOISE_FACTOR times `own_error`, or where a smaller timestep no longer
-    lowers the error.
-    """
+    """Order with its 95 % interval over the asymptotic range; None for fewer than three points. The range begins below
+    COARSE and ends at NOISE_FACTOR times `own_error`, or where a smaller timestep no longer lowers the error."""
     floor = NOISE_FACTOR * max(own_error, 1e-15)
     usable = [p for p in sorted(points, key=lambda p: -p.setting) if p.error and floor < p.error < COARSE]
     falling = usable[:1] + [finer for coarser, finer in pairwise(usable) if finer.error < coarser.error]  # type: ignore[operator]

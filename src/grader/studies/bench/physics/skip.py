@@ -38,10 +38,8 @@ BUDGET_S = {True: 0.05, False: 0.5}
 
 
 class Run:
-    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set.
-
-    `bare` is a model that moves alike and is stepped in place of the scene's own.
-    """
+    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set. `bare` is a model
+    that moves alike and is stepped in place of the scene's own."""
 
     def __init__(
         self,

@@ -53,9 +53,7 @@ def load_results(folder: Path) -> Results:
 
 def fill(page: str, results: Results) -> tuple[str, list[str]]:
     """The page with every marked block and claim rendered anew, and the claims that the results deny, left as they are.
-
-    Raises KeyError for a block or claim that does not exist.
-    """
+    Raises KeyError for a block or claim that does not exist."""
     denied = []
 
     def claimed(found: re.Match[str]) -> str:

@@ -223,10 +223,8 @@ def send_burst(clients: list[Client], seconds: float) -> list[float]:
 
 
 def compare_with_bare(backend: str, students: int, rounds: int, seconds: float) -> Record:
-    """Answers a second of the bare route and of the service, in turn; the ratio is the median of the pairs.
-
-    `cpu_s` and `bare_cpu_s` are the CPU times of the servers for one answer: they tell more on a busy machine.
-    """
+    """Answers a second of the bare route and of the service, in turn; the ratio is the median of the pairs. `cpu_s` and
+    `bare_cpu_s` are the CPU times of the servers for one answer: they tell more on a busy machine."""
     with ExitStack() as stack:
         urls = [stack.enter_context(open_database(backend)) for _ in range(2)]
         ports = [find_free_port(), find_free_port()]

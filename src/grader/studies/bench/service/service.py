@@ -1,7 +1,5 @@
-"""Latency and throughput of submissions: the real server, its jail and its database, over HTTP.
-
-Wall time, unlike in the other benchmarks: a student waits in wall time.
-"""
+"""Latency and throughput of submissions: the real server, its jail and its database, over HTTP. Wall time, unlike in
+the other benchmarks: a student waits in wall time."""
 
 import atexit
 import subprocess
@@ -50,10 +48,8 @@ SUBMIT: dict[str, Callable[[Client], object]] = {
 
 
 def open_clients() -> list[Client]:
-    """Returns the clients of one server, each with a new connection: a server closes those that are idle.
-
-    A request on such a connection raises BrokenPipeError, which click takes for a closed stdout: it exits silently.
-    """
+    """Returns the clients of one server, each with a new connection: a server closes those that are idle. A request on
+    such a connection raises BrokenPipeError, which click takes for a closed stdout: it exits silently."""
     for client in start_clients():
         client.connection.close()  # and the next request opens one
     return start_clients()
@@ -130,11 +126,8 @@ class Judging(Measurement):
 
 @dataclass(frozen=True)
 class Overhead(Measurement):
-    """What the jail costs above the script's own time, idle and in bursts.
-
-    Idle runs take turns with a new interpreter and a single-use bubblewrap cell, so that load on the machine meets all
-    three alike.
-    """
+    """What the jail costs above the script's own time, idle and in bursts. Idle runs take turns with a new interpreter
+    and a single-use bubblewrap cell, so that load on the machine meets all three alike."""
 
     def measure(self, quick: bool, done: Records) -> Record:
         """Wall times by what was run [s], and the median rate of the bursts [jobs/s]."""

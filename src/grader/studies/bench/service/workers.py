@@ -78,9 +78,7 @@ class Workers(Measurement):
 
 def measure_queue(client: Client, source: str, scripts: int) -> tuple[float, float]:
     """The rate at which queued scripts are graded [1/s], and the CPU time of one in all processes of the service [s].
-
-    The grading processes are held until all are handed in; at most 100 scripts.
-    """
+    The grading processes are held until all are handed in; at most 100 scripts."""
     client.connection.close()  # and a new one: a server closes those that are idle
     sources = (f"{source}# {next(NUMBERS)}\n" for _ in range(scripts))  # each draws other cases
     with hold_processes(client.server):
