@@ -39,8 +39,7 @@ def check(
 
 @cli.command("import")
 def import_(
-    lesson: Path,
-    out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes"),
+    lesson: Path, out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes")
 ) -> None:
     """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON; labs with faults are left out."""
     from grader.importing.lesson import import_lesson

@@ -36,8 +36,7 @@ def migrate(
 
 @cli.command()
 def prune(
-    older_than: Annotated[int, typer.Option(min=1, help="Age of what is deleted, in days.")],
-    data: Data = None,
+    older_than: Annotated[int, typer.Option(min=1, help="Age of what is deleted, in days.")], data: Data = None
 ) -> None:
     """Delete old idempotency keys, passed events, and sessions and invitations that have ended."""
     from grader.courses.people.sign_in import PRUNED

@@ -115,12 +115,7 @@ class Scene:
 
     @contextmanager
     def borrow(
-        self,
-        *,
-        timestep_s: float | None = None,
-        integrator: int | None = None,
-        skip: bool = False,
-        keep: bool = True,
+        self, *, timestep_s: float | None = None, integrator: int | None = None, skip: bool = False, keep: bool = True
     ) -> Iterator[Workspace]:
         """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model. Raises ValueError
         as `lend`."""

@@ -44,12 +44,7 @@ class Reference:
 
 
 def solve_dop853(
-    scene: Scene,
-    times_s: Values,
-    *,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-    forward: Forward = mujoco.mj_forward,
+    scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL, forward: Forward = mujoco.mj_forward
 ) -> Reference:
     """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
 

@@ -26,12 +26,15 @@ async def visitor_of(request: Request) -> Identity | None:
 Visitor = Annotated[Identity | None, Depends(visitor_of)]
 
 
-def instructor(who: Identity | None) -> Identity:
+async def require_instructor(who: Visitor) -> Identity:
     """Returns the instructor of the browser. Raises Unauthorized, Forbidden."""
     if who is None:
         raise Unauthorized("Sign in first.")
     who.require(Role.INSTRUCTOR)
     return who
+
+
+Instructor = Annotated[Identity, Depends(require_instructor)]
 
 
 async def form_fields_of(request: Request) -> dict[str, list[str]]:

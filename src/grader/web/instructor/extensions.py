@@ -15,7 +15,7 @@ from grader.errors import Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import extensions, people
 from grader.store.tables import ExtensionRow, Member
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.lesson import day
 from grader.web.learner.pages import sign_in_page
@@ -82,10 +82,10 @@ def dates_of(policy: Any) -> dict[str, str]:
 
 
 @router.post(PAGE)
-def grant(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def grant(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now. Takes it
     back where nothing is given. Shows the page again with what was typed if it is refused."""
-    who, quiz = instructor(who), form.get("quiz", "")
+    quiz = form.get("quiz", "")
     library = services.library_for(who)
     library.quiz(quiz)
     try:
@@ -155,9 +155,8 @@ def granted_by(form: dict[str, str]) -> Extension:
 
 
 @router.post(f"{PAGE}/publication")
-def publish(services: AppServices, who: Visitor, form: Form) -> Response:
+def publish(services: AppServices, who: Instructor, form: Form) -> Response:
     """Publishes the feedback of a quiz, or withholds it again. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     quiz = services.library_for(who).quiz(form.get("quiz", ""))
     with services.database.write() as session:
         if "withhold" in form:

@@ -22,7 +22,7 @@ from grader.questions import Question, Quiz, kind_of
 from grader.store import people, results, submissions
 from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
 from grader.store.submissions import SubmissionFilter
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.people import origin_of
 from grader.web.learner.pages import sign_in_page
@@ -154,13 +154,12 @@ def story(
     request: Request,
     learner: str,
     services: AppServices,
-    who: Visitor,
+    who: Instructor,
     *,
     before: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
     Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
         rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
@@ -187,9 +186,7 @@ def story(
 
 
 def parts_of(
-    library: Library,
-    given: Sequence[tuple[str, str, Given | None]],
-    cells: Mapping[tuple[str, str], Cell],
+    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell]
 ) -> list[dict[str, Any]]:
     """The answers by question, in the order of the content; questions that it has lost come last. None stands for an
     answer that bears a pseudonym for its reviewers."""

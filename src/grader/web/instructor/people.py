@@ -20,7 +20,7 @@ from grader.gate.services import AppServices, Services
 from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
 from grader.store.tables import ROW_ID_MAX, Credential, Member
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import sign_in_page
 from grader.web.platform.frames import PRIVATE
@@ -129,9 +129,8 @@ def subject_of(entry: AuditEntry) -> tuple[str, str | None]:
 
 
 @router.post(f"{PAGE}/invitations")
-def invite(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def invite(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Makes a single-use link for each name, and shows them this once; shows the page again if it is refused."""
-    who = instructor(who)
     names = [name for line in form.get("names", "").splitlines() if (name := line.strip())]
     try:
         if not names:
@@ -152,18 +151,16 @@ def with_links(request: Request, services: Services, who: Identity, made: Sequen
 
 
 @router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
-def revoke_invitation(invitation: str, services: AppServices, who: Visitor) -> Response:
+def revoke_invitation(invitation: str, services: AppServices, who: Instructor) -> Response:
     """Ends a link that was not used. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     with services.database.write() as session:
         invitations.revoke(session, who, invitation)
     return RedirectResponse(f"{PAGE}#invitations-title", 303)
 
 
 @router.post(f"{PAGE}/link")
-def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
+def change_link(services: AppServices, who: Instructor, form: Form) -> Response:
     """Makes a new course link, or with `close` ends it. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     with services.database.write() as session:
         if "close" in form:
             invitations.close_link(session, who)
@@ -173,10 +170,10 @@ def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
 
 
 @router.post(f"{PAGE}/members/{{member_id}}")
-def change_member(request: Request, member_id: str, services: AppServices, who: Visitor, form: Form) -> Response:
+def change_member(request: Request, member_id: str, services: AppServices, who: Instructor, form: Form) -> Response:
     """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which. Shows the
     page again if it is refused. Raises Unauthorized, Forbidden."""
-    who, do = instructor(who), form.get("do", "")
+    do = form.get("do", "")
     try:
         with services.database.write() as session:
             if do == "remove":
@@ -198,10 +195,9 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
 
 
 @router.post(f"{PAGE}/tokens")
-def create_token(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def create_token(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Creates a token and shows it this once; shows the page again if it is refused. Asks first, before a name that the
     course does not know becomes a new user."""
-    who = instructor(who)
     scopes = [one for one in Scope if f"scope-{one}" in form]
     user = form.get("user", "").strip()
     try:
@@ -230,9 +226,8 @@ def lifetime_of(days: str) -> timedelta | None:
 
 
 @router.post(f"{PAGE}/tokens/{{token_id}}/revoke")
-def revoke_token(token_id: str, services: AppServices, who: Visitor) -> Response:
+def revoke_token(token_id: str, services: AppServices, who: Instructor) -> Response:
     """Ends a token. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     with services.database.write() as session:
         tokens.revoke(session, token_id, who.course, who)
     return RedirectResponse(f"{PAGE}#tokens-title", 303)

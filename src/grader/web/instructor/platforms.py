@@ -17,7 +17,7 @@ from grader.errors import CallerError
 from grader.gate.services import AppServices, Services
 from grader.platforms import administration
 from grader.platforms.tool import MISSING, addresses
-from grader.web.frame.inputs import Form, RowId, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, RowId, Visitor
 from grader.web.frame.rendering import page
 from grader.web.platform.frames import PRIVATE, LtiTool
 
@@ -50,10 +50,9 @@ def shown(request: Request, services: Services, who: Identity, status: int = 200
 
 
 @router.post(f"{PAGE}/platforms")
-def add(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def add(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Registers a platform by hand; it waits for approval. Shows the page again if it is refused. Raises Unauthorized,
     Forbidden."""
-    who = instructor(who)
     rules.require_administrator(who)
     try:
         given = administration.registration_of({**form, "origins": form.get("origins", "").split()})
@@ -64,27 +63,24 @@ def add(request: Request, services: AppServices, who: Visitor, form: Form) -> Re
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/approve")
-def approve(platform_id: RowId, services: AppServices, who: Visitor) -> Response:
+def approve(platform_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Approves a platform and the deployments that wait. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     rules.require_administrator(who)
     services.sessions.writing(lambda session: rules.approve(session, who, platform_id))
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/remove")
-def remove(platform_id: RowId, services: AppServices, who: Visitor) -> Response:
+def remove(platform_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Removes a platform. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     rules.require_administrator(who)
     services.sessions.writing(lambda session: rules.remove(session, who, platform_id))
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/registration")
-def registration(request: Request, services: AppServices, who: Visitor, _tool: LtiTool) -> Response:
+def registration(request: Request, services: AppServices, who: Instructor, _tool: LtiTool) -> Response:
     """Shows a single-use address for dynamic registration. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     rules.require_administrator(who)
     origin = services.origin_of(request)
     link = services.sessions.writing(lambda session: administration.registration_link(session, origin))
@@ -92,9 +88,8 @@ def registration(request: Request, services: AppServices, who: Visitor, _tool: L
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/link")
-def link(context_id: RowId, services: AppServices, who: Visitor) -> Response:
+def link(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
-    who = instructor(who)
 
     def change(session: Session) -> None:
         rules.of_course(session, who, context_id)
@@ -105,9 +100,8 @@ def link(context_id: RowId, services: AppServices, who: Visitor) -> Response:
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
-def unlink(context_id: RowId, services: AppServices, who: Visitor) -> Response:
+def unlink(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
-    who = instructor(who)
 
     def change(session: Session) -> None:
         rules.of_course(session, who, context_id)
@@ -118,9 +112,10 @@ def unlink(context_id: RowId, services: AppServices, who: Visitor) -> Response:
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/roster")
-async def roster(request: Request, context_id: RowId, services: AppServices, who: Visitor, tool: LtiTool) -> Response:
+async def roster(
+    request: Request, context_id: RowId, services: AppServices, who: Instructor, tool: LtiTool
+) -> Response:
     """Pulls the members of a platform's course into the own one, and tells how many. Raises Forbidden, NotFound."""
-    who = instructor(who)
     try:
         pulled = await administration.pull_roster(services.database, tool.authorized, who, context_id)
     except CallerError as error:

@@ -15,7 +15,7 @@ from grader.errors import CallerError, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.text.questions import titles_of
 
@@ -40,9 +40,8 @@ def list_page(request: Request, services: AppServices, who: Visitor) -> Response
 
 
 @router.post(PAGE)
-def start(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def start(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Starts a regrade and redirects to it; shows the form again if it is refused. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     try:
         made = regrades.create(services.database, services.library_for(who), who, wanted(form))
     except CallerError as error:
@@ -55,13 +54,12 @@ def show(
     request: Request,
     regrade_id: str,
     services: AppServices,
-    who: Visitor,
+    who: Instructor,
     after: Annotated[int, Query(ge=0, lt=10**9)] = 0,
     *,
     changed: bool = True,
 ) -> Response:
     """How far a regrade is, and its differences, of `changed` verdicts or of all. Raises NotFound."""
-    who = instructor(who)
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         shown = regrades.view(regrade, stored.progress(session, regrade))
@@ -79,18 +77,16 @@ def show(
 
 
 @router.post(f"{PAGE}/{{regrade_id}}/cancel")
-def cancel(regrade_id: str, services: AppServices, who: Visitor) -> Response:
+def cancel(regrade_id: str, services: AppServices, who: Instructor) -> Response:
     """Cancels a regrade and redirects to it. Raises Unauthorized, Forbidden, NotFound, Conflict."""
-    who = instructor(who)
     with services.database.write() as session:
         regrades.cancel(session, who, regrade_id)
     return RedirectResponse(f"{PAGE}/{regrade_id}", 303)
 
 
 @router.post(f"{PAGE}/{{regrade_id}}/apply")
-def apply(request: Request, regrade_id: str, services: AppServices, who: Visitor) -> Response:
+def apply(request: Request, regrade_id: str, services: AppServices, who: Instructor) -> Response:
     """Starts what a dry run has tried, by the content as it is now, and redirects to it."""
-    who = instructor(who)
     with services.database.read() as session:
         tried = regrades.wanted_of(regrades.get(session, regrade_id, who.course))
     try:

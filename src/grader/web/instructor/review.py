@@ -26,7 +26,7 @@ from grader.store import reviews as stored
 from grader.store import saved_comments, submissions
 from grader.store.reviews import AGREED, DIFFERS, Waits
 from grader.store.tables import Submission, now
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, Chosen, learner_in
 from grader.web.learner.pages import sign_in_page
@@ -80,9 +80,9 @@ class Sitting:
         return RedirectResponse(f"{path}?{self.chosen.query}{more}", 303)
 
 
-async def sitting_of(services: AppServices, who: Visitor, chosen: Choice) -> Sitting:
+async def sitting_of(services: AppServices, who: Instructor, chosen: Choice) -> Sitting:
     """The instructor of the browser at the desk. Raises Unauthorized, Forbidden."""
-    return Sitting(services, instructor(who), chosen)
+    return Sitting(services, who, chosen)
 
 
 AtDesk = Annotated[Sitting, Depends(sitting_of)]

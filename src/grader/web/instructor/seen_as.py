@@ -22,7 +22,7 @@ from grader.errors import NotFound
 from grader.gate.services import AppServices
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor
 from grader.web.frame.rendering import POLICY, page, security_policy
 from grader.web.learner.exercise import exercise_page
 from grader.web.learner.lesson import lesson_page
@@ -38,9 +38,8 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/instructor/learners/{learner}/lessons/{lesson}")
-def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Visitor) -> Response:
+def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Instructor) -> Response:
     """A lesson as a learner sees it. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     desk, found = services.desk_of(who.course), lesson_at(services.library_for(who), f"/lessons/{lesson}")
     with services.database.write() as session:
         reader = learner_of(session, who, learner)
@@ -54,12 +53,11 @@ def lesson_as(learner: str, lesson: str, request: Request, services: AppServices
 
 @router.get("/instructor/learners/{learner}/quizzes/{quiz_id}/{question_id}")
 def exercise_as(
-    learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor,
+    learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Instructor,
     attempt: str | None = None,
 ) -> Response:  # fmt: skip
     """An exercise as a learner sees it; any other question stands in its lesson. Raises Unauthorized, Forbidden,
     NotFound, and Conflict before the quiz opens."""
-    who = instructor(who)
     desk = services.desk_of(who.course)
     question, quiz = desk.library.question(quiz_id, question_id), desk.library.quiz(quiz_id)
     require_opened(desk.library, quiz_id, Role.STUDENT)

@@ -12,7 +12,7 @@ from grader.gate.services import AppServices
 from grader.queue import jobs
 from grader.store import outbox as stored
 from grader.store.outbox import DEAD, Delivery
-from grader.web.frame.inputs import RowId, Visitor, instructor
+from grader.web.frame.inputs import Instructor, RowId, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import sign_in_page
 from grader.web.text.numbers import span
@@ -60,9 +60,8 @@ def dead_of(session: Session, who: Identity) -> list[tuple[Delivery, str]]:
 
 
 @router.post(f"{PAGE}/deliveries/{{delivery_id}}/replay")
-def replay(delivery_id: RowId, services: AppServices, who: Visitor) -> Response:
+def replay(delivery_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Sends a result again that did not arrive. Raises Unauthorized, Forbidden, NotFound, Conflict."""
-    who = instructor(who)
     with services.database.write() as session:
         outbox.replay(session, who, delivery_id, who.course)
     return RedirectResponse(PAGE, 303)

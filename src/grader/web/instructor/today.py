@@ -20,7 +20,7 @@ from grader.queue import jobs
 from grader.store import people, results
 from grader.store.reviews import Waits
 from grader.store.tables import now
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.certificates import certificate_rows
 from grader.web.instructor.review_list import DIFFER, FIRST, SECOND, Chosen
@@ -190,9 +190,8 @@ def content(request: Request, services: AppServices, who: Visitor) -> Response:
 
 
 @router.get(f"{PAGE}/certificates")
-def certificates(request: Request, services: AppServices, who: Visitor, *, luck: bool = False) -> Response:
+def certificates(request: Request, services: AppServices, who: Instructor, *, luck: bool = False) -> Response:
     """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes. Raises
     Unauthorized, Forbidden."""
-    who = instructor(who)
     rows = certificate_rows(services.library_for(who), with_luck=luck)
     return page(request, "certificates.html", who=who, rows=rows)

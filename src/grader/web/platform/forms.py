@@ -196,8 +196,7 @@ async def do_register(request: Request, tool: LtiTool, services: AppServices) ->
     url = form.get("openid_configuration", "")
     made = await register(tool.requester, url, form.get("registration_token", ""), services.origin_of(request))
     row = await run_in_threadpool(
-        services.sessions.writing,
-        lambda session: rules.add(session, None, made.registration, made.deployment_id),
+        services.sessions.writing, lambda session: rules.add(session, None, made.registration, made.deployment_id)
     )
     headers = PRIVATE | {POLICY: security_policy([origin_of(url)])}
     return page(request, "lti_registered.html", 200, headers, platform=row)
