@@ -14,11 +14,9 @@ TICKS_PER_RUN = 3_000_000
 
 
 class Machine:
-    """The state that programs read and change: a model, its data, and `ctx`.
-
-    A tick of the budget is one turn of a loop or one call of a function; long texts and arrays cost more. `budget`
-    holds the ticks used so far and the number at which the evaluation in progress fails.
-    """
+    """The state that programs read and change: a model, its data, and `ctx`. A tick of the budget is one turn of a loop
+    or one call of a function; long texts and arrays cost more. `budget` holds the ticks used so far and the number at
+    which the evaluation in progress fails."""
 
     __slots__ = ("bound", "budget", "ctx", "data", "model", "vectors")
 

@@ -109,11 +109,9 @@ def read_operator(node: Node, known: Collection[str]) -> str:
 
 
 class Terms(ABC):
-    """Compiles the expressions of one text.
-
-    `kinds` is what is assumed of each variable (None: nothing), `found` what is assigned to it; `needs` names what a
-    machine binds before the program runs; `places` are the positions of errors, by line of the compiled code.
-    """
+    """Compiles the expressions of one text. `kinds` is what is assumed of each variable (None: nothing), `found` what
+    is assigned to it; `needs` names what a machine binds before the program runs; `places` are the positions of errors,
+    by line of the compiled code."""
 
     def __init__(self, kinds: dict[str, Kind] | None) -> None:
         self.kinds = kinds

@@ -38,12 +38,9 @@ Event = tuple[float, str]
 
 @dataclass(frozen=True)
 class Variant:
-    """The same lab, slightly different, for certificates.
-
-    Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m]; with
-    `every_step` a frame for every step, without poses. Up to `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one
-    for every step.
-    """
+    """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
+    position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
+    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step."""
 
     integrator: int | None = None
     finer: int = 1

@@ -19,11 +19,9 @@ CPU_S_MAX = 60.0
 
 
 def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
-    """Everything that is wrong with a lab, with keys that begin with `where`; the caller adds the file's name.
-
-    Its programs are compiled; then it is run whole with the author's values, briefly at both ends of every slider and
-    with every option, and each button is pressed, so that what can only fail in a run fails when content is loaded.
-    """
+    """Everything that is wrong with a lab, with keys that begin with `where`; the caller adds the file's name. Its
+    programs are compiled; then it is run whole with the author's values, briefly at both ends of every slider and with
+    every option, and each button is pressed, so that what can only fail in a run fails when content is loaded."""
     faults = list(find_control_faults(config, where))
     try:
         programs = compile_lab(config, where)

@@ -11,13 +11,9 @@ from grader.questions import Question, Quiz, kind_of
 
 @dataclass(frozen=True)
 class Library:
-    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path.
-
-    `warnings` are remarks for the authors that do not prevent serving.
-
-    `texts`, by path, are the files that exercises name, such as an author's programs. `sources` are, by quiz, the files
-    that its digest is made of, by path: `load_files` makes the quiz of them again.
-    """
+    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path. `warnings` are remarks for the authors
+    that do not prevent serving. `texts`, by path, are the files that exercises name, such as an author's programs.
+    `sources` are, by quiz, the files that its digest is made of, by path: `load_files` makes the quiz of them again."""
 
     root: Path
     quizzes: Mapping[str, Quiz]

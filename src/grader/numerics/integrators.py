@@ -1,8 +1,6 @@
-"""MuJoCo's five integrators: the name of each, its order, and what a step costs.
-
-Source: mjtIntegrator of MuJoCo 3.14.0; its manual, "Numerical integration" in the chapter Computation; its change log
-for `discrete`. The tests measure `order` and `evaluations`.
-"""
+"""MuJoCo's five integrators: the name of each, its order, and what a step costs. Source: mjtIntegrator of MuJoCo
+3.14.0; its manual, "Numerical integration" in the chapter Computation; its change log for `discrete`. The tests measure
+`order` and `evaluations`."""
 
 import copy
 from dataclasses import dataclass
@@ -15,12 +13,9 @@ from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 
 @dataclass(frozen=True)
 class Integrator:
-    """One integrator of MuJoCo.
-
-    `code` is the value of mjtIntegrator, `name` the value of MJCF's `option/integrator`. `order` is the order of
-    convergence of the positions on a smooth scene without quaternions, `evaluations` the number of evaluations of the
-    forward dynamics per step.
-    """
+    """One integrator of MuJoCo. `code` is the value of mjtIntegrator, `name` the value of MJCF's `option/integrator`.
+    `order` is the order of convergence of the positions on a smooth scene without quaternions, `evaluations` the number
+    of evaluations of the forward dynamics per step."""
 
     code: int
     name: str

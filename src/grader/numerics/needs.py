@@ -1,8 +1,6 @@
-"""Proves which parts of the engine a compiled model does not need, each with its reason in words.
-
-A part is not needed only if no state, control or applied force that can be set at run time could make it act. Skipping
-it then leaves trajectories bitwise the same; the tests check that for all integrators.
-"""
+"""Proves which parts of the engine a compiled model does not need, each with its reason in words. A part is not needed
+only if no state, control or applied force that can be set at run time could make it act. Skipping it then leaves
+trajectories bitwise the same; the tests check that for all integrators."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
-"""Simulates a scene into a Rollout, a time series without automatically reset states.
-
-MuJoCo resets a state that diverges and continues. Here a run ends at the first warning of any kind, or if time runs
-backwards, and reports the step.
-"""
+"""Simulates a scene into a Rollout, a time series without automatically reset states. MuJoCo resets a state that
+diverges and continues. Here a run ends at the first warning of any kind, or if time runs backwards, and reports the
+step."""
 
 from collections.abc import Callable, Sequence
 from math import isfinite

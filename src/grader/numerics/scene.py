@@ -43,11 +43,9 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model with an initial state; build it with `Scene.from_xml` or `Scene.from_model`.
-
-    Every run begins at `start`; `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes
-    mocap poses, equality switches and the warm start. `needs` are the parts of the engine that the model needs.
-    """
+    """A model with an initial state; build it with `Scene.from_xml` or `Scene.from_model`. Every run begins at `start`;
+    `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes mocap poses, equality switches
+    and the warm start. `needs` are the parts of the engine that the model needs."""
 
     model: mujoco.MjModel
     start_vector: Vector

@@ -1,8 +1,6 @@
-"""The autograder of one exercise for Gradescope: two scripts, the grader as a wheel, and what grading needs.
-
-Source: gradescope-autograders.readthedocs.io, "Autograder Specifications": setup.sh and run_autograder lie at the root
-of the zip file, which becomes /autograder/source; scripts arrive in /autograder/submission.
-"""
+"""The autograder of one exercise for Gradescope: two scripts, the grader as a wheel, and what grading needs. Source:
+gradescope-autograders.readthedocs.io, "Autograder Specifications": setup.sh and run_autograder lie at the root of the
+zip file, which becomes /autograder/source; scripts arrive in /autograder/submission."""
 
 import json
 import secrets
@@ -46,10 +44,8 @@ class Packed:
 
 def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, allow_t2: bool = False) -> Path:
     """Writes the autograder of an exercise to `out`: a zip file if it is named so, else a folder. Returns its path.
-
     `allow_t2` accepts a container without user namespaces. Raises NotFound, Unprocessable for a question without a
-    script, and Conflict if there is something at `out`.
-    """
+    script, and Conflict if there is something at `out`."""
     asked = library.question(quiz, question)
     if not isinstance(asked, ScriptQuestion):
         raise Unprocessable(f"{quiz} {question} is no exercise: Gradescope's autograder takes scripts.")

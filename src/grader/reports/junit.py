@@ -1,9 +1,6 @@
-"""JUnit XML, as GitLab and the readers of GitHub Actions take it.
-
-There is no one standard. The elements and attributes used here are those of Jenkins' junit-10.xsd, which gives the
-number of skipped tests to a suite alone; GitLab reads `classname`, `name`, `time` and the text of `failure`, `error`
-and `skipped`, never their attributes.
-"""
+"""JUnit XML, as GitLab and the readers of GitHub Actions take it. There is no one standard. The elements and attributes
+used here are those of Jenkins' junit-10.xsd, which gives the number of skipped tests to a suite alone; GitLab reads
+`classname`, `name`, `time` and the text of `failure`, `error` and `skipped`, never their attributes."""
 
 import re
 from xml.etree import ElementTree

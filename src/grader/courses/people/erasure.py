@@ -20,11 +20,9 @@ def erase_learner(
     course: str | None = None,
     by: Identity | None = None,
 ) -> str:
-    """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name.
-
-    It cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer
-    of the learner waits for the grader.
-    """
+    """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name. It
+    cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer of the
+    learner waits for the grader."""
     member = found(session, course or DEFAULT_COURSE, user, member_id)
     if member.role != Role.STUDENT:
         raise Unprocessable(f"{member.name} is no student: change the role first, or remove the member.")

@@ -71,11 +71,9 @@ def member_for(session: Session, course: str, who: External, name: str | None, r
 
 
 def learner_behind(database: Database, service: Identity, who: External, name: str | None) -> Identity:
-    """The learner for whom a service acts, with the service's credential and a student's rights.
-
-    At first sight they become a member of the service's course. A `name` replaces the earlier one.
-    Raises Unprocessable, and Forbidden for a learner whom an instructor has removed.
-    """
+    """The learner for whom a service acts, with the service's credential and a student's rights. At first sight they
+    become a member of the service's course. A `name` replaces the earlier one. Raises Unprocessable, and Forbidden for
+    a learner whom an instructor has removed."""
     if name is not None:
         checked_name("learner", name)
     with database.read() as session:

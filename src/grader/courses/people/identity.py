@@ -1,8 +1,6 @@
-"""Authentication and roles: who sent a request, by a bearer token or a browser session.
-
-Both are Credentials, as sign-in links are: `prefix_id_secret` with 256 random bits, of which only a hash is stored.
-The room `courses` issues and revokes them.
-"""
+"""Authentication and roles: who sent a request, by a bearer token or a browser session. Both are Credentials, as
+sign-in links are: `prefix_id_secret` with 256 random bits, of which only a hash is stored. The room `courses` issues
+and revokes them."""
 
 import hashlib
 import hmac
@@ -34,10 +32,8 @@ FAILED = "Send a valid token as `Authorization: Bearer ...`, or sign in."
 
 INVISIBLE = re.compile("[\\u034f\\u115f\\u1160\\u17b4\\u17b5\\u2800\\u3164\\uffa0]")
 """Letters, marks and symbols that show nothing: with one, two names look the same. `isprintable` refuses the others.
-
 Source: Unicode, Default_Ignorable_Code_Point in the categories L and M but for variation selectors, and the empty
-braille pattern.
-"""
+braille pattern."""
 
 
 class Role(StrEnum):

@@ -39,11 +39,9 @@ class Invitation:
 def invite(
     session: Session, by: Identity | None, course: str | None, names: Sequence[str], role: Role | str = Role.STUDENT
 ) -> list[Invitation]:
-    """Makes each name a member with this role, and a link that opens one browser session.
-
-    A name that is a member already gets a new link; its earlier links end. Raises Unprocessable, Forbidden,
-    Unauthorized, and Conflict where one has another role already, which an invitation never changes.
-    """
+    """Makes each name a member with this role, and a link that opens one browser session. A name that is a member
+    already gets a new link; its earlier links end. Raises Unprocessable, Forbidden, Unauthorized, and Conflict where
+    one has another role already, which an invitation never changes."""
     checked = members.checked_person(role)
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")

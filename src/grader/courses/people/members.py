@@ -42,11 +42,9 @@ def require_credential(session: Session, by: Identity | None) -> None:
 
 
 def named(session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None) -> Member:
-    """The member of this name that an instructor or operator made; made now, with the role, at the first call.
-
-    Members who chose their name themselves are never found by it. One who was removed is a member again.
-    Raises Unprocessable, and Forbidden where `by` may not act on them.
-    """
+    """The member of this name that an instructor or operator made; made now, with the role, at the first call. Members
+    who chose their name themselves are never found by it. One who was removed is a member again. Raises Unprocessable,
+    and Forbidden where `by` may not act on them."""
     name = checked_name("user", name)
     course = checked_name("course", DEFAULT_COURSE if course is None else course)
     if is_restricted(by):

@@ -74,12 +74,9 @@ def text_in(packed: zipfile.ZipFile, name: str) -> str:
 def read_files(
     users: str, enrollments: str, namespace: str = NAMESPACE, course_class: str | None = None
 ) -> list[Entry]:
-    """The students and teachers of one class, by the texts of the two files.
-
-    `course_class` is the `classSourcedId` of the class; it may be left out where there is one alone. Left out are
-    people who are not enabled, enrollments in another role, and rows that are to be deleted.
-    Raises Unprocessable, and FaultyRows with all faults.
-    """
+    """The students and teachers of one class, by the texts of the two files. `course_class` is the `classSourcedId` of
+    the class; it may be left out where there is one alone. Left out are people who are not enabled, enrollments in
+    another role, and rows that are to be deleted. Raises Unprocessable, and FaultyRows with all faults."""
     columns, enrolled = read_lines(ENROLLMENTS, enrollments)
     required(ENROLLMENTS, columns, ("classSourcedId", "userSourcedId", "role"))
     roles = roles_of(enrolled, course_class)

@@ -112,11 +112,9 @@ def course_exists(session: Session, course: str, known: Collection[str] = ()) ->
 
 
 def ask_for(session: Session, context_id: int, course: str, by: str, known: Collection[str] = ()) -> bool:
-    """Links a platform's course with a new course here, as an instructor of it asks. Returns whether it is linked.
-
-    A course that exists has instructors, who approve first. Raises NotFound, Unprocessable, and Conflict if it is
-    linked already.
-    """
+    """Links a platform's course with a new course here, as an instructor of it asks. Returns whether it is linked. A
+    course that exists has instructors, who approve first. Raises NotFound, Unprocessable, and Conflict if it is linked
+    already."""
     context, course = context_with(session, context_id), checked_name("course", course.strip())
     if context.course is not None:
         raise Conflict("This course is linked already. Start again from your learning platform.")

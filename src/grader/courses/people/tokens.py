@@ -36,11 +36,9 @@ def create_token(
     lifetime: timedelta | None = None,
     by: Identity | None = None,
 ) -> str:
-    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict.
-
-    Without `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token
-    creates tokens of students alone, within its own scopes and its own time.
-    """
+    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict. Without
+    `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token creates
+    tokens of students alone, within its own scopes and its own time."""
     checked, wanted = checked_role(role), None if scopes is None else checked_scopes(scopes)
     if by is not None and by.scopes is not None:
         require_within(session, by, by.scopes, wanted, lifetime)

@@ -1,8 +1,6 @@
 """Regrading as jobs of the queue: a lane of a regrade at a time, in short pieces, so that live grading goes first.
-
 Every piece is stored in one transaction with the next job of its lane. A piece that was interrupted is done again; what
-it had stored is not.
-"""
+it had stored is not."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -162,10 +162,8 @@ def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
 
 def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
     """What the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their numbers.
-
     `before` and `after` are the points that count, by the policy and the learner's extension; None where nothing does,
-    or where it is not known yet.
-    """
+    or where it is not known yet."""
     for place, several in groupby(rows, key=lambda row: row[0].place):
         theirs = list(several)
         items = [item for item, _ in theirs]

@@ -47,10 +47,8 @@ def solve_dop853(
     scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL, forward: Forward = mujoco.mj_forward
 ) -> Reference:
     """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
-
     Raises ValueError for times that do not ascend, and for a scene with an obstacle that `find_obstacle` names;
-    RuntimeError if the solver gives up.
-    """
+    RuntimeError if the solver gives up."""
     obstacle = find_obstacle(scene)
     if obstacle is not None:
         raise ValueError(f"a reference solution needs a scene without {obstacle}")
@@ -100,11 +98,9 @@ def solve(
     atol: float = ATOL,
     method: Method = "DOP853",
 ) -> NDArray[np.float64]:
-    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`.
-
-    Raises ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
-    number, or the method gives up.
-    """
+    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`. Raises
+    ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
+    number, or the method gives up."""
     times = np.asarray(times_s, dtype=np.float64)
     span = (start_s, float(times.max(initial=start_s)))
     if not (isfinite(span[1]) and span[0] < span[1] and times[0] >= start_s and np.all(np.diff(times) > 0)):

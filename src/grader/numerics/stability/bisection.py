@@ -45,11 +45,9 @@ class Window:
 
 @dataclass(frozen=True)
 class Threshold:
-    """The lowest stable/unstable bracket found, with the conditions under which it holds.
-
-    `low` is stable and `high` unstable, both simulated; both are None unless `result` is BRACKET. `reason` explains
-    `result` in words. `windows` narrower than `scan_step_s` may be missed. `simulations` is the number of runs.
-    """
+    """The lowest stable/unstable bracket found, with the conditions under which it holds. `low` is stable and `high`
+    unstable, both simulated; both are None unless `result` is BRACKET. `reason` explains `result` in words. `windows`
+    narrower than `scan_step_s` may be missed. `simulations` is the number of runs."""
 
     low: Trial | None
     high: Trial | None
@@ -112,11 +110,9 @@ def find_threshold(
     criterion: Criterion = Criterion.ANY_WARNING,
     scan_step_s: float | None = None,
 ) -> Threshold:
-    """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`.
-
-    Scans the range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the
-    limit. Raises ValueError for an empty range, and for a width or step that is not positive and finite.
-    """
+    """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`. Scans the
+    range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the limit.
+    Raises ValueError for an empty range, and for a width or step that is not positive and finite."""
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
     if scan_step_s is not None and not scan_step_s > 0:

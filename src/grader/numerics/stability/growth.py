@@ -11,11 +11,9 @@ from grader.numerics.scene import Scene, Vector
 from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum, find_least_accelerated
 
 CLEAR_GROWTH = 1.05
-"""Spectral radius above which a run without a warning may be called unstable.
-
-Source: the lesson's servo between its linear stability limit, 19.983 ms, and its limit within 300 s, 20.009 ms, has a
-spectral radius below 1.01 and counts as stable.
-"""
+"""Spectral radius above which a run without a warning may be called unstable. Source: the lesson's servo between its
+linear stability limit, 19.983 ms, and its limit within 300 s, 20.009 ms, has a spectral radius below 1.01 and counts as
+stable."""
 
 CERTAINTY = 2.0
 """Factor, in the logarithm of growth, by which numerical growth must exceed what would raise a warning within the run,
@@ -39,10 +37,8 @@ class Growth:
 
 def measure_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: int, motion: float) -> Growth:
     """Measure the growth of small motions about the scene's equilibrium over `steps`, from `motion` [rad/s2, m/s2].
-
     Does not count growth that could not have raised a warning within these steps, nor that of an equilibrium which is
-    unstable in the exact motion. Raises mujoco.FatalError for a model that MuJoCo cannot linearise.
-    """
+    unstable in the exact motion. Raises mujoco.FatalError for a model that MuJoCo cannot linearise."""
     resting = find_least_accelerated(scene)
     moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
     radius = float(moduli[0])

@@ -120,10 +120,8 @@ def find_spectral_limit(
     scene: Scene, *, low_s: float, high_s: float, integrator: int | None = None, width_s: float = 1e-9
 ) -> float | None:
     """The linear stability limit [s]: the lowest timestep at which the spectral radius at the equilibrium passes 1.
-
-    Returns None if it does not pass 1 between `low_s` and `high_s`, and `low_s` if it exceeds 1 there.
-    Raises ValueError if there is no equilibrium, or the range is empty.
-    """
+    Returns None if it does not pass 1 between `low_s` and `high_s`, and `low_s` if it exceeds 1 there. Raises
+    ValueError if there is no equilibrium, or the range is empty."""
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
     resting = find_equilibrium(scene)

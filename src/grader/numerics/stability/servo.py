@@ -9,10 +9,8 @@ import numpy as np
 @dataclass(frozen=True)
 class Servo:
     """A servo: inertia I [kg m2], gains kp [N m/rad] and kv [N m s/rad], stiffness m g L [N m/rad] of gravity at rest.
-
-    Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises
-    ValueError unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0).
-    """
+    Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises ValueError
+    unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0)."""
 
     inertia: float
     kp: float

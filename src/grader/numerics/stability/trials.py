@@ -20,10 +20,8 @@ STEPS_EXTENDED = 64
 
 DECAYED = 1e-10
 """A run in which the motion of every joint decays to this share of the first is stable; linear growth is not checked.
-
 Source: the lesson's damper leaves 1e-14 after 3 s. MuJoCo rejects a start beyond 1e10, so that less than 1 rad/s2 or
-m/s2 remains in any case.
-"""
+m/s2 remains in any case."""
 
 
 class Criterion(StrEnum):

@@ -40,11 +40,9 @@ class Selection:
 
 @dataclass(frozen=True)
 class Launch:
-    """A verified launch. `subject` is None where the platform does not say who comes.
-
-    `link_id` is empty, and `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads
-    to, if it says so itself.
-    """
+    """A verified launch. `subject` is None where the platform does not say who comes. `link_id` is empty, and
+    `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads to, if it says so
+    itself."""
 
     platform: Platform
     deployment_id: str

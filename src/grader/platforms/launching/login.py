@@ -25,11 +25,9 @@ STORAGE = "lti_storage_target"
 
 @dataclass(frozen=True)
 class Login:
-    """A login in progress. `state` finds it again; `key` proves that the same browser comes back.
-
-    `address` is where the platform signs the launch. `storage` names the platform's frame that keeps the key for
-    browsers that keep no cookies of ours; empty where it has none.
-    """
+    """A login in progress. `state` finds it again; `key` proves that the same browser comes back. `address` is where
+    the platform signs the launch. `storage` names the platform's frame that keeps the key for browsers that keep no
+    cookies of ours; empty where it has none."""
 
     platform: Platform
     state: str

@@ -190,11 +190,9 @@ def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced:
 
 
 def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bool:
-    """Whether another score may still arrive and replace this one, where the platform shows this one.
-
-    `tried` is in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing
-    replaces this score if its tries all came after those of others, and it was not `sent` before them.
-    """
+    """Whether another score may still arrive and replace this one, where the platform shows this one. `tried` is in the
+    order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing replaces this score if
+    its tries all came after those of others, and it was not `sent` before them."""
     same = [replace(one, activity=score.activity) == score for one in tried]
     if all(same):
         return False

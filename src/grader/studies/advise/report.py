@@ -48,10 +48,8 @@ CURE = "start it in motion with --key, --qpos, --qvel, --ctrl or --perturb, or g
 @dataclass(frozen=True)
 class Start:
     """The start of the run: a keyframe by name or index, parts of the state that replace its own, and a perturbation.
-
     Without a keyframe it is keyframe 0 if there is one, else qpos0. `perturb` [rad/s, m/s] adds to every velocity a
-    number drawn from [-perturb, perturb] with a fixed seed.
-    """
+    number drawn from [-perturb, perturb] with a fixed seed."""
 
     key: int | str | None = None
     qpos: Values | None = None
@@ -227,11 +225,9 @@ def find_energy_loss(scene: Scene) -> str | None:
 
 
 def find_binding_stiffness(scene: Scene, candidates: Sequence[Candidate]) -> str | None:
-    """Return why a timestep of the range is unstable under implicitfast, or None.
-
-    Reads the linear stability limit at the equilibrium of a scene without constraints first, then the warnings of the
-    measured runs. Instability at the shortest timestep belongs to the equilibrium or the motion, and does not count.
-    """
+    """Return why a timestep of the range is unstable under implicitfast, or None. Reads the linear stability limit at
+    the equilibrium of a scene without constraints first, then the warnings of the measured runs. Instability at the
+    shortest timestep belongs to the equilibrium or the motion, and does not count."""
     constrained = any(need.needed and need.part == "constraints" for need in scene.needs)
     if not (constrained or scene.model.nhistory) and find_equilibrium(scene) is not None:
         low_s, high_s = LIMIT_SPAN_S

@@ -62,12 +62,9 @@ Say = Callable[[str], object]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measured setting.
-
-    `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu` is the CPU time per
-    simulated second of the one run, which the rest of the machine may disturb; `warning` names the first warning and
-    its time.
-    """
+    """A measured setting. `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu`
+    is the CPU time per simulated second of the one run, which the rest of the machine may disturb; `warning` names the
+    first warning and its time."""
 
     integrator: Integrator
     timestep_s: float
@@ -322,11 +319,9 @@ class _Survey:
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
 
     def reference(self, times_s: Vector) -> Rollout | Reference:
-        """Returns the reference solution; `doubt` becomes its distance to the second-best solution.
-
-        Smooth scenes use DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the
-        difference estimates the remaining error of a first-order method.
-        """
+        """Returns the reference solution; `doubt` becomes its distance to the second-best solution. Smooth scenes use
+        DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the difference estimates
+        the remaining error of a first-order method."""
         solve = self.solve if find_obstacle(self.meter.scene) is None else self.step
         best: Rollout | Reference | None = None
         for finer in solve(times_s):

@@ -84,11 +84,9 @@ def select_kind(records: Records, kind: type[KindT]) -> dict[KindT, Record]:
 
 @dataclass(frozen=True)
 class Study:
-    """`plan(quick)` lists what to measure, in order; the other functions only evaluate records.
-
-    `draw` makes the figures, by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that
-    changing them does not discard what was measured.
-    """
+    """`plan(quick)` lists what to measure, in order; the other functions only evaluate records. `draw` makes the
+    figures, by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that changing them does
+    not discard what was measured."""
 
     name: str
     plan: Callable[[bool], Sequence[Measurement]]
@@ -96,11 +94,9 @@ class Study:
     draw: Mapping[str, Callable[[Records, Record], Figure]]
 
     def run(self, out: Path, quick: bool) -> None:
-        """Run the study; interrupted and started again with the same `out`, it resumes.
-
-        Writes `<name>.jsonl` (each measurement as it is finished), `<name>.json` (machine, versions, summary),
-        `<name>.csv` and each picture as SVG and PNG.
-        """
+        """Run the study; interrupted and started again with the same `out`, it resumes. Writes `<name>.jsonl` (each
+        measurement as it is finished), `<name>.json` (machine, versions, summary), `<name>.csv` and each picture as SVG
+        and PNG."""
         prepare()
         console = Console(stderr=True)
         out.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,6 @@
-"""Styles, scripts and fonts under an address that names their content, so that browsers keep them for good.
-
-The address holds one digest of the whole folder: modules import each other, and the style sheet its fonts, by relative
-addresses.
-"""
+"""Styles, scripts and fonts under an address that names their content, so that browsers keep them for good. The address
+holds one digest of the whole folder: modules import each other, and the style sheet its fonts, by relative
+addresses."""
 
 import hashlib
 from functools import cache

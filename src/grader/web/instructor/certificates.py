@@ -28,11 +28,9 @@ class _Keyed:
 
 
 def certificate_rows(library: Library, *, with_luck: bool = False) -> list[dict[str, Any]]:
-    """A row for every question with an answer key, and for every exercise.
-
-    Those of a quiz are derived again when its content changes. The chance of luck at an exercise takes seconds: it is
-    computed `with_luck` alone, and told again as long as the quiz stays the same.
-    """
+    """A row for every question with an answer key, and for every exercise. Those of a quiz are derived again when its
+    content changes. The chance of luck at an exercise takes seconds: it is computed `with_luck` alone, and told again
+    as long as the quiz stays the same."""
     return [row for quiz in library.quizzes for row in rows_of(_Keyed(library.digest(quiz), quiz, library), with_luck)]
 
 

@@ -1,8 +1,6 @@
-"""`/instructor/lti`: learning platforms, and their courses that are linked with ours. It needs no script.
-
-Every instructor sees the courses of platforms that are linked with the own course, or ask to be. Instructors of the
-course `default` also administer the platforms.
-"""
+"""`/instructor/lti`: learning platforms, and their courses that are linked with ours. It needs no script. Every
+instructor sees the courses of platforms that are linked with the own course, or ask to be. Instructors of the course
+`default` also administer the platforms."""
 
 from typing import Any
 

@@ -1,8 +1,6 @@
-"""`/instructor/learners/{id}/lessons/...`: a lesson or an exercise as one learner sees it now. Nothing can be sent.
-
-The policy decides for the learner, not for the instructor who looks. Answers that are under review without a name are
-left out. Every look is written into the audit log.
-"""
+"""`/instructor/learners/{id}/lessons/...`: a lesson or an exercise as one learner sees it now. Nothing can be sent. The
+policy decides for the learner, not for the instructor who looks. Answers that are under review without a name are left
+out. Every look is written into the audit log."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,9 +1,6 @@
 """`/session` begins a session on loopback, `/signin` exchanges a single-use code for one, `/join` a course's code.
-
-`/signout` ends it.
-
-A GET changes nothing and stores nothing: mail programs and link scanners open links on their own.
-"""
+`/signout` ends it. A GET changes nothing and stores nothing: mail programs and link scanners open links on their
+own."""
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response

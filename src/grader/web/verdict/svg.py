@@ -172,11 +172,9 @@ def text_width(said: str) -> float:
 
 
 def steps(lines: Sequence[Sequence[Point]]) -> str:
-    """The data of a path through the points of each line.
-
-    Each point is given relative to the one before it, in whole tenths, so that no rounding errors accumulate.
-    Compressed, the plots of a page take 60 % of the bytes that absolute coordinates take.
-    """
+    """The data of a path through the points of each line. Each point is given relative to the one before it, in whole
+    tenths, so that no rounding errors accumulate. Compressed, the plots of a page take 60 % of the bytes that absolute
+    coordinates take."""
     at, told = (0, 0), []
     for line in lines:
         distances = []

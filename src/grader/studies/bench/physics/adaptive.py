@@ -1,8 +1,6 @@
 """Adaptive solvers at the same error: SciPy's LSODA, DOP853 and Radau over mj_forward, beside the five integrators.
-
 Costs are counted in evaluations of the forward dynamics, which do not depend on the machine or its load, and timed in
-turns with MuJoCo's defaults. One scene is stiff and rich in contacts.
-"""
+turns with MuJoCo's defaults. One scene is stiff and rich in contacts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass

@@ -1,8 +1,6 @@
-"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake.
-
-A peer's `run` integrates a scene with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape
-(len(times), nq), in MuJoCo's coordinates. Pinocchio and Drake run where the extra `peers` is installed.
-"""
+"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake. A peer's `run` integrates a scene
+with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape (len(times), nq), in MuJoCo's
+coordinates. Pinocchio and Drake run where the extra `peers` is installed."""
 
 import logging
 from collections.abc import Callable
