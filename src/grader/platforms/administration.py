@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
@@ -13,9 +13,12 @@ from grader.errors import Unprocessable
 from grader.platforms import roster
 from grader.platforms.launching.addresses import is_of_platform, origin_of
 from grader.platforms.launching.registration import LIFETIME, PURPOSE
-from grader.platforms.roster import Authorized, Pulled
+from grader.platforms.roster import Pulled
 from grader.store import platforms, tickets
 from grader.store.engine.database import Database
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
 
 URLS = ("login_url", "token_url", "keys_url")
 
@@ -44,20 +47,13 @@ def registration_link(session: Session, origin: str) -> str:
 
 
 def platforms_of(session: Session) -> list[dict[str, Any]]:
-    """Every platform with its deployments, as command line, page and API show them."""
+    """Lists every platform with its deployments, as command line, page and API show them."""
     return [platform_view(session, row) for row in platforms.all_platforms(session)]
 
 
 def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
-    """A platform with its deployments."""
-    return {
-        "id": row.id,
-        "name": row.name,
-        "issuer": row.issuer,
-        "client_id": row.client_id,
-        "login_url": row.login_url,
-        "token_url": row.token_url,
-        "keys_url": row.keys_url,
+    """Returns a platform with its deployments."""
+    return {name: getattr(row, name) for name in ("id", "name", "issuer", "client_id", *URLS)} | {
         "origins": list(platforms.view(row).origins),
         "approved": row.approved_at is not None,
         "deployments": [
@@ -83,7 +79,7 @@ def contexts_of(session: Session, course: str | None = None) -> list[dict[str, A
     ]
 
 
-async def pull_roster(database: Database, authorized: Authorized, by: Identity | None, context_id: int) -> Pulled:
+async def pull_roster(database: Database, authorized: "AccessTokens", by: Identity | None, context_id: int) -> Pulled:
     """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor. Raises
     NotFound, Conflict, Unprocessable."""
 

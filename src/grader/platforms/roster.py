@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
@@ -23,19 +23,13 @@ from grader.platforms.launching.fetching import Answer
 from grader.platforms.launching.launch import name_in
 from grader.store.platforms import ID, Context
 
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
+
 MEDIA_TYPE = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
 PAGES_MAX = 200
 MEMBERS_MAX = 20_000
 NEXT = re.compile(r'<([^<>]*)>[^,<]*;\s*rel="?next"?', re.IGNORECASE)
-
-
-class Authorized(Protocol):
-    """Sends requests with an access token of the platform. `lms.access_tokens.AccessTokens` is one."""
-
-    async def request(
-        self, platform: Platform, scopes: Sequence[str], method: str, url: str, *, headers: Mapping[str, str]
-    ) -> Answer:
-        """Sends one request with a token for the scopes, and reads the response."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +40,7 @@ class Pulled:
     removed: int
 
 
-async def pull(authorized: Authorized, platform: Platform, url: str) -> list[Person]:
+async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list[Person]:
     """The active members of a platform's course, page by page. Raises Unprocessable if the platform does not tell."""
     people, following, asked = dict[str, Person](), url, set[str]()
     while following:
@@ -61,7 +55,7 @@ async def pull(authorized: Authorized, platform: Platform, url: str) -> list[Per
     return list(people.values())
 
 
-async def answered(authorized: Authorized, platform: Platform, url: str) -> Answer:
+async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> Answer:
     """One page of the roster. Raises Unprocessable."""
     try:
         answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})
@@ -99,13 +93,9 @@ def person_of(member: Mapping[str, Any], issuer: str) -> Person:
     """A member as the platform describes them."""
     roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
     role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
-    return Person(issuer, member["user_id"], name_in(member), role, email_in(member))
-
-
-def email_in(member: Mapping[str, Any]) -> str | None:
-    """The member's address, if the platform tells one that can be one."""
     email = member.get("email")
-    return email if isinstance(email, str) and is_email(email) else None
+    is_known = isinstance(email, str) and is_email(email)
+    return Person(issuer, member["user_id"], name_in(member), role, email if is_known else None)
 
 
 def source_of(session: Session, context_id: int) -> Context:

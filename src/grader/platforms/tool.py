@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from grader.platforms.keys import ToolKeys
@@ -10,7 +10,9 @@ from grader.platforms.launching import claims as words
 from grader.platforms.launching.fetching import PlatformKeys, Requester
 from grader.platforms.launching.login import keys_url, launch_url, login_url
 from grader.platforms.launching.registration import DESCRIPTION, NAME
-from grader.platforms.roster import Authorized
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
 
 NEEDED = ("joserfc", "httpx2")
 MISSING = "LTI is not installed here. Its packages come with: pip install mujoco-grader[lti]"
@@ -23,7 +25,7 @@ class Tool:
     keys: ToolKeys
     platform_keys: PlatformKeys
     requester: Requester
-    authorized: Authorized
+    authorized: "AccessTokens"
 
 
 def is_installed() -> bool:

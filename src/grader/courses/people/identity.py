@@ -168,18 +168,11 @@ def issue(
     """
     credential_id, secret = secrets.token_hex(8), secrets.token_hex(32)
     credential = Credential(
-        id=credential_id,
-        kind=kind.value,
-        secret_hash=_hash(secret),
-        member=member.id,
-        user=member.name,
-        role=member.role,
-        course=member.course,
-        scopes=None if scopes is None else " ".join(sorted(scopes)),
-        created_by=None if by is None else by.user,
-        platform=platform,
+        id=credential_id, kind=kind.value, secret_hash=_hash(secret), member=member.id, user=member.name,
+        role=member.role, course=member.course, scopes=None if scopes is None else " ".join(sorted(scopes)),
+        created_by=None if by is None else by.user, platform=platform,
         expires_at=None if lifetime is None else now() + lifetime,
-    )
+    )  # fmt: skip
     credentials.add(session, credential)
     return f"{kind.value}_{credential_id}_{secret}"
 

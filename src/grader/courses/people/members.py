@@ -127,10 +127,8 @@ def give_role(
         raise Forbidden(STUDENTS_ALONE)
     member.role = role.value
     credentials.revoke_all(session, member.id, now())
-    record(
-        session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, member=member.id,
-        role=role.value,
-    )  # fmt: skip
+    changed = {"member": member.id, "role": role.value}
+    record(session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, **changed)
 
 
 def checked_person(role: str) -> Role:

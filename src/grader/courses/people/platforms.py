@@ -65,10 +65,7 @@ def add(session: Session, by: Identity | None, given: Registration, deployment_i
             raise Unprocessable(f"The {field} of a platform has 1 to {ID} printable characters.")
     if platforms.registered(session, given.issuer, given.client_id):
         raise Conflict("This issuer is registered with this client id already: remove that platform first.")
-    row = PlatformRow(
-        name=name, issuer=given.issuer, client_id=given.client_id, login_url=given.login_url, token_url=given.token_url,
-        keys_url=given.keys_url, token_audience=given.token_audience, origins=json.dumps(given.origins),
-    )  # fmt: skip
+    row = PlatformRow(**vars(given) | {"name": name, "origins": json.dumps(given.origins)})
     session.add(row)
     session.flush()
     if deployment_id:

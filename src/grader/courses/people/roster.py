@@ -194,12 +194,6 @@ def external_in(namespace: str, external_id: str, note: Note) -> External | None
 
 def write_roster(entries: Iterable[Entry]) -> Iterator[str]:
     """The lines of a roster in our own form, which `read_roster` reads back."""
-    return lines(chain([COLUMNS], map(cells_of, entries)))
-
-
-def cells_of(entry: Entry) -> list[str]:
-    """A person as a row of our own form."""
-    external = entry.external or External("", "")
-    return [
-        guarded(cell) for cell in (entry.name, entry.email or "", entry.role.value, external.namespace, external.id)
-    ]
+    everybody = ((entry, entry.external or External("", "")) for entry in entries)
+    rows = ((entry.name, entry.email or "", entry.role.value, as_.namespace, as_.id) for entry, as_ in everybody)
+    return lines(chain([COLUMNS], ([guarded(cell) for cell in row] for row in rows)))

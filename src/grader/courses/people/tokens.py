@@ -96,14 +96,8 @@ def revoke_all(session: Session, user: str, course: str | None = None) -> int:
 
 def shown(credential: Credential) -> dict[str, Any]:
     """A token or a link, without its secret."""
-    return {
-        "id": credential.id,
+    names = ("id", "member", "role", "created_at", "created_by", "expires_at", "last_used_at")
+    return {name: getattr(credential, name) for name in names} | {
         "name": credential.user,
-        "member": credential.member,
-        "role": credential.role,
         "scopes": None if credential.scopes is None else credential.scopes.split(),
-        "created_at": credential.created_at,
-        "created_by": credential.created_by,
-        "expires_at": credential.expires_at,
-        "last_used_at": credential.last_used_at,
     }

@@ -1,7 +1,7 @@
 """Regrades: which submissions, who started and cancelled them, and the difference that they make for each learner."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Literal
@@ -69,13 +69,8 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
         regrades.add(session, regrade, chosen)
         for lane in sorted({item["place"] % LANES for item in chosen}):
             jobs.put(session, jobs.REGRADE, f"{regrade.id}:{lane}", share=regrade.id)
-        detail: dict[str, Any] = {
-            "quiz": quiz.id,
-            "question": wanted.question,
-            "dry_run": wanted.dry_run,
-            "submissions": len(chosen),
-        }
-        record(session, who, who.course, Action.REGRADED, regrade.id, **detail)
+        asked: dict[str, Any] = {"quiz": quiz.id, "question": wanted.question, "dry_run": wanted.dry_run}
+        record(session, who, who.course, Action.REGRADED, regrade.id, **asked, submissions=len(chosen))
     return regrade
 
 
@@ -177,18 +172,16 @@ def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict
             "before": before,
             "after": after,
             "difference": (after or 0.0) - (before or 0.0) if is_done else None,
-            "submissions": [submission_view(item) for item in items],
+            "submissions": [
+                {
+                    "submission_id": item.submission_id,
+                    "outcome": item.outcome,
+                    "old": points_view(item.old_status, item.old_points),
+                    "new": points_view(item.new_status, item.new_points),
+                }
+                for item in items
+            ],
         }
-
-
-def submission_view(item: RegradeItem) -> dict[str, Any]:
-    """One submission of a regrade as plain JSON."""
-    return {
-        "submission_id": item.submission_id,
-        "outcome": item.outcome,
-        "old": points_view(item.old_status, item.old_points),
-        "new": points_view(item.new_status, item.new_points),
-    }
 
 
 def points_view(status: str | None, points: float | None) -> dict[str, Any] | None:
@@ -198,7 +191,4 @@ def points_view(status: str | None, points: float | None) -> dict[str, Any] | No
 
 def page_of(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
     """The differences of at most `limit` learners after a place; with `changed` those alone whose verdicts differ."""
-    rows: Sequence[tuple[RegradeItem, str | None]] = regrades.learners(
-        session, regrade_id, after, limit, "changed" if changed else None
-    )
-    return list(differences(rows))
+    return list(differences(regrades.learners(session, regrade_id, after, limit, "changed" if changed else None)))

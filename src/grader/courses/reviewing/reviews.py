@@ -29,9 +29,8 @@ def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None
     """The submissions that wait. A search by name finds nothing in anonymous quizzes."""
     if wanted.user is None:
         return Queue(wanted, desk.averaged, second_for)
-    return Queue(
-        wanted, desk.averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
-    )
+    quizzes = {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
+    return Queue(wanted, desk.averaged, second_for, quizzes)
 
 
 def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:
@@ -150,16 +149,8 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
             desk.database, desk.library, session, submission, verdict, cause="rubric", reviewer=review.name
         )
         review.points = verdict.points
-        record(
-            session,
-            who,
-            submission.course,
-            Action.RECOMPUTED,
-            submission.id,
-            unsigned=FOLLOWING,
-            before=earlier.points,
-            after=verdict.points,
-        )
+        changed = {"before": earlier.points, "after": verdict.points}
+        record(session, who, submission.course, Action.RECOMPUTED, submission.id, unsigned=FOLLOWING, **changed)
     if review.second_ticked is not None:
         kept = {item.id for item in rubric_of(question)}.intersection(json.loads(review.second_ticked))
         review.second_points = rubric_points(items_of(question, kept), question.points)

@@ -6,7 +6,6 @@ import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
 
 from sqlalchemy.orm import Session
 
@@ -105,16 +104,12 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     if body is None or row is None or row.approved_at is None:
         raise Unauthorized("This launch was used already, or is too old. Start it again from your learning platform.")
     if not hmac.compare_digest(body["key"], tickets.hash_of(key)):
-        return unbound(platforms.view(row), body)
+        fields: dict[str, str] = body["fields"]
+        again = {name: value for name, value in fields.items() if name != STORAGE}
+        return Unbound(platforms.view(row), again, fields.get(STORAGE, ""))
     if tickets.take(session, PURPOSE, state) is None:
         raise Unauthorized("This launch was used already. Start it again from your learning platform.")
     return Answered(platforms.view(row), body["nonce"])
-
-
-def unbound(platform: Platform, body: Mapping[str, Any]) -> Unbound:
-    """The login as it is told to a browser that has not proved itself."""
-    fields = {name: value for name, value in body["fields"].items() if name != STORAGE}
-    return Unbound(platform, fields, body["fields"].get(STORAGE, ""))
 
 
 def name_of(state: str) -> str:

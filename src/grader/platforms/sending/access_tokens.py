@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlencode
 
 from grader.domain.platform import Platform
@@ -24,11 +24,8 @@ DEFAULT_S = 300.0
 KEPT_MAX = 1000
 
 
-class Sign(Protocol):
-    """Signs claims with the tool's key: RS256, as a compact JWT."""
-
-    def __call__(self, claims: dict[str, Any]) -> str:
-        """The JWT."""
+Sign = Callable[[dict[str, Any]], str]
+"""Signs claims with the tool's key: RS256, as a compact JWT."""
 
 
 class NoToken(Exception):

@@ -7,10 +7,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import timedelta
 from http import HTTPStatus
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
-from grader.domain.platform import Platform
+from grader.domain.platform import ScoreTarget
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Dead, Failed, Later
@@ -35,38 +35,6 @@ BUSY_S = 1.0
 """Pause while another sender looks it up [s]."""
 
 NEXT = re.compile(r'<([^>]*)>\s*;[^,]*\brel="?next"?', re.IGNORECASE)
-
-
-class Target(Protocol):
-    """Where the score of one learner goes: from the launch of a resource link. Empty texts and None say the same."""
-
-    @property
-    def platform(self) -> Platform:
-        """The platform's registration."""
-
-    @property
-    def line_item_url(self) -> str | None:
-        """The line item that the platform has declared for the resource link, if it has."""
-
-    @property
-    def line_items_url(self) -> str | None:
-        """The line items service of the context."""
-
-    @property
-    def scopes(self) -> Collection[str]:
-        """The scopes that the launch granted."""
-
-    @property
-    def lti_user_id(self) -> str:
-        """The learner's `sub` at the platform."""
-
-    @property
-    def resource_link_id(self) -> str | None:
-        """The resource link, if the learner came by one."""
-
-    @property
-    def resource_id(self) -> str:
-        """What we call the quiz or question: the `resourceId` of its line item."""
 
 
 class CallFailed(Exception):
@@ -100,11 +68,11 @@ class LineItems:
     tokens: AccessTokens
     lease: timedelta = LEASE
 
-    def place_of(self, target: Target) -> Place:
+    def place_of(self, target: ScoreTarget) -> Place:
         """The row that holds the line item of a target."""
-        return Place(target.line_items_url or "", target.resource_id)
+        return Place(target.line_items_url, target.resource_id)
 
-    async def url_of(self, target: Target, label: str, maximum: float) -> str:
+    async def url_of(self, target: ScoreTarget, label: str, maximum: float) -> str:
         """The URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
         if target.line_item_url:
             return target.line_item_url
@@ -125,14 +93,14 @@ class LineItems:
                 line_items.keep(session, place, url)
         return url
 
-    def forget(self, target: Target) -> None:
+    def forget(self, target: ScoreTarget) -> None:
         """Forgets the line item of a target, so that the next score looks it up again."""
         with self.database.write() as session:
             line_items.forget(session, self.place_of(target))
 
-    async def _found(self, target: Target) -> str | None:
+    async def _found(self, target: ScoreTarget) -> str | None:
         """The line item with our resource id, if there is one: platforms may ignore the filter."""
-        url: str | None = with_path(target.line_items_url or "", "", resource_id=target.resource_id)
+        url: str | None = with_path(target.line_items_url, "", resource_id=target.resource_id)
         for _ in range(PAGES_MAX):
             if url is None:
                 return None
@@ -144,19 +112,19 @@ class LineItems:
             url = next_page(response, url)
         return None
 
-    async def _created(self, target: Target, label: str, maximum: float) -> str:
+    async def _created(self, target: ScoreTarget, label: str, maximum: float) -> str:
         if LINE_ITEM not in target.scopes:
             raise Failed(Dead("The platform has no line item for this, and lets us create none."))
         item: dict[str, Any] = {"label": label, "scoreMaximum": maximum, "resourceId": target.resource_id}
         if target.resource_link_id:
             item["resourceLinkId"] = target.resource_link_id
-        url = target.line_items_url or ""
+        url = target.line_items_url
         headers = {"Content-Type": MEDIA, "Accept": MEDIA}
         response = await self._call(target, "POST", url, headers, json.dumps(item).encode())
         return url_in(response.json(), url)
 
     async def _call(
-        self, target: Target, method: str, url: str, headers: dict[str, str], body: bytes | None = None
+        self, target: ScoreTarget, method: str, url: str, headers: dict[str, str], body: bytes | None = None
     ) -> Response:
         response = await self.tokens.request(
             target.platform, wanted(target.scopes), method, url, headers=headers, body=body

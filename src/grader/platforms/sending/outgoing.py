@@ -116,10 +116,7 @@ class Outgoing:
         return found
 
     def _request(self, method: str, url: str, headers: Mapping[str, str] | None, body: bytes | None) -> httpx2.Request:
-        sent = {"Accept-Encoding": "identity", "User-Agent": "mujoco-grader", "Connection": "close"} | dict(
-            headers or {}
-        )
-        return httpx2.Request(method, url, headers=sent, content=body)
+        return httpx2.Request(method, url, headers=HEADERS | dict(headers or {}), content=body)
 
     async def _first_of(
         self, addresses: list[Address], endpoint: Endpoint, request: httpx2.Request, reads: bool

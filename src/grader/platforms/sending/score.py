@@ -4,7 +4,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Protocol, Self
+from typing import Any, Self
+
+from grader.store.tables import Result
 
 FULLY_GRADED, PENDING_MANUAL = "FullyGraded", "PendingManual"
 
@@ -15,22 +17,6 @@ SAME = 0.01
 """Points by which a platform's copy may differ: gradebooks round to hundredths."""
 
 CANVAS = "https://canvas.instructure.com/lti/submission"
-
-
-class Counted(Protocol):
-    """What counts for a learner at a question: a result."""
-
-    @property
-    def points(self) -> float:
-        """Points that count."""
-
-    @property
-    def max_points(self) -> float:
-        """Points that the question is worth."""
-
-    @property
-    def is_final(self) -> bool:
-        """Whether no grading is to come."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +85,7 @@ def number(given: Any) -> float | None:
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 
 
-def score_of(results: Mapping[str, Counted], worth: Mapping[str, float], question: str) -> Score | None:
+def score_of(results: Mapping[str, Result], worth: Mapping[str, float], question: str) -> Score | None:
     """The score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
     question, and `worth` the points of the quiz's questions. None if there is nothing to score."""
     if question:

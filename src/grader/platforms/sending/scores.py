@@ -20,9 +20,10 @@ from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, Role
 from grader.courses.rules.policy import Shown
 from grader.domain.addresses import RefusedURL
+from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
-from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, Target, wanted, with_path
+from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, wanted, with_path
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, score_of
@@ -47,8 +48,7 @@ SECOND = timedelta(seconds=1)
 LibraryNow = Callable[[Session, str, str], Library]
 """The content of (course, quiz) as servers use it now."""
 
-
-ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
+FindTarget = Callable[[Session, str, str, str, str], ScoreTarget | None]
 """Where the score of (course, learner, quiz, question) goes, or with an empty question that of the whole quiz."""
 
 
@@ -57,7 +57,7 @@ class Prepared:
     """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
     `is_contested` if another score of ours may still arrive and replace the one that the platform shows."""
 
-    target: Target
+    target: ScoreTarget
     score: Score
     label: str
     timestamp: datetime
@@ -72,7 +72,7 @@ class Scores:
     """The sender of scores."""
 
     current_library: LibraryNow
-    score_target: ScoreTarget
+    score_target: FindTarget
     tokens: AccessTokens
     line_items: LineItems
     clock: Callable[[], datetime] = now
@@ -89,7 +89,8 @@ class Scores:
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
             return Unneeded()
         asked = [row.question] if row.question else [*theirs]
-        if (held := withheld(read_access_of(session, library, row), row.quiz, asked, self.clock())) is not None:
+        access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
+        if (held := withheld(access, row.quiz, asked, self.clock())) is not None:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
@@ -160,12 +161,12 @@ class Scores:
         return self.reply_to(response)
 
     async def _call(
-        self, target: Target, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
+        self, target: ScoreTarget, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
     ) -> Response:
         scopes = wanted(target.scopes)
         return await self.tokens.request(target.platform, scopes, method, url, headers=headers, body=body)
 
-    def _gone(self, target: Target, response: Response) -> Reply:
+    def _gone(self, target: ScoreTarget, response: Response) -> Reply:
         """A line item that we found ourselves is looked up anew at the next try, which a person decides on."""
         if not target.line_item_url:
             self.line_items.forget(target)
@@ -249,11 +250,6 @@ def is_no_student(session: Session, row: Delivery) -> bool:
     """Whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
     member = session.get(Member, row.learner)
     return member is None or member.role != Role.STUDENT
-
-
-def read_access_of(session: Session, library: Library, row: Delivery) -> LearnerAccess:
-    """Where the learner stands."""
-    return read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
 
 
 def withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
