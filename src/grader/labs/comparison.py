@@ -56,14 +56,9 @@ def _drift_to_json(run: Drift) -> dict[str, Any]:
 
 
 def run_integrators(
-    lab: IntegratorsLab,
-    xml: str,
-    *,
-    model: str | None = None,
-    key: int | str | None = None,
-    timestep: float | None = None,
-    seconds: float | None = None,
-) -> IntegratorsRun:
+    lab: IntegratorsLab, xml: str, *, model: str | None = None, key: int | str | None = None,
+    timestep: float | None = None, seconds: float | None = None,
+) -> IntegratorsRun:  # fmt: skip
     """Run the scene `xml` (of `model`, the lab's own where not named) under all five integrators.
 
     Energy is read as the lesson reads it: `data.energy` after each step. `key` is a keyframe's name or index, "" for

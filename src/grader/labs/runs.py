@@ -213,15 +213,9 @@ def _copy_value(value: Value) -> Value:
 
 
 def run_lab(
-    config: LabConfig,
-    xml: str,
-    controls: Mapping[str, Wish] | None = None,
-    events: Sequence[Event] = (),
-    seconds: float | None = None,
-    *,
-    variant: Variant = SAME,
-    where: str = "lab",
-) -> LabRun:
+    config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
+    seconds: float | None = None, *, variant: Variant = SAME, where: str = "lab",
+) -> LabRun:  # fmt: skip
     """Run a lab from its start with these control values and button presses (time [s], label).
 
     Order: the keyframe, every control's value, `setup`, the controls with `init` once more. `controller` runs before

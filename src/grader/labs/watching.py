@@ -28,12 +28,9 @@ TIMESTEP = "model.opt.timestep"
 
 
 def watch_lab(
-    config: LabConfig,
-    xml: str,
-    controls: Mapping[str, Wish] | None = None,
-    events: Sequence[Event] = (),
+    config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
     seconds: float | None = None,
-) -> LabRun:
+) -> LabRun:  # fmt: skip
     """Run a lab as `run_lab` does, with its `limit`; where MuJoCo warned early, with more frames around the warning.
     Raises what `run_lab` raises."""
     run = run_lab(config, xml, controls, events, seconds)

@@ -58,18 +58,10 @@ class Rollout(NamedTuple):
 
 
 def simulate(
-    scene: Scene,
-    *,
-    seconds: float | None = None,
-    steps: int | None = None,
-    timestep_s: float | None = None,
-    integrator: int | None = None,
-    every: int = 1,
-    at_s: Sequence[float] | Vector | None = None,
-    controller: Controller | None = None,
-    stepper: Stepper | None = None,
-    skip: bool = True,
-) -> Rollout:
+    scene: Scene, *, seconds: float | None = None, steps: int | None = None, timestep_s: float | None = None,
+    integrator: int | None = None, every: int = 1, at_s: Sequence[float] | Vector | None = None,
+    controller: Controller | None = None, stepper: Stepper | None = None, skip: bool = True,
+) -> Rollout:  # fmt: skip
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
     Keeps the states of every `every`-th step and of the last, or of the steps nearest to the times `at_s` [s after the

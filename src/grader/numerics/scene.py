@@ -74,15 +74,9 @@ class Scene:
         return replace(self, model=model, needs=proofs.prove_needs(model), digest="", _stock=WorkspacePool(model))
 
     def at(
-        self,
-        *,
-        key: int | str | None = None,
-        qpos: Values | None = None,
-        qvel: Values | None = None,
-        act: Values | None = None,
-        ctrl: Values | None = None,
-        time_s: float | None = None,
-    ) -> "Scene":
+        self, *, key: int | str | None = None, qpos: Values | None = None, qvel: Values | None = None,
+        act: Values | None = None, ctrl: Values | None = None, time_s: float | None = None,
+    ) -> "Scene":  # fmt: skip
         """Returns the same model from another start; the given parts replace those of keyframe `key`, or of this start.
         Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length."""
         with self.borrow() as workspace:

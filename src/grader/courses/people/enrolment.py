@@ -42,15 +42,9 @@ class _Plan:
 
 
 def enrol(
-    database: Database,
-    session: Session,
-    by: Identity | None,
-    course: str,
-    entries: Sequence[Entry],
-    *,
-    file: str,
+    database: Database, session: Session, by: Identity | None, course: str, entries: Sequence[Entry], *, file: str,
     dry_run: bool = False,
-) -> Enrolled:
+) -> Enrolled:  # fmt: skip
     """Makes the people on a roster members, and gives those who are members the roster's name, role and address.
 
     `by` is None for the command line. An instructor without restriction enters anybody, and brings back whom they had

@@ -12,14 +12,9 @@ from grader.store.upkeep import erasure
 
 
 def erase_learner(
-    database: Database,
-    session: Session,
-    *,
-    user: str | None = None,
-    member_id: str | None = None,
-    course: str | None = None,
-    by: Identity | None = None,
-) -> str:
+    database: Database, session: Session, *, user: str | None = None, member_id: str | None = None,
+    course: str | None = None, by: Identity | None = None,
+) -> str:  # fmt: skip
     """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name. It
     cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer of the
     learner waits for the grader."""

@@ -150,15 +150,9 @@ class Recalled:
 
 
 def issue(
-    session: Session,
-    kind: Kind,
-    member: Member,
-    lifetime: timedelta | None = None,
-    *,
-    scopes: frozenset[Scope] | None = None,
-    by: Identity | None = None,
-    platform: int | None = None,
-) -> str:
+    session: Session, kind: Kind, member: Member, lifetime: timedelta | None = None, *,
+    scopes: frozenset[Scope] | None = None, by: Identity | None = None, platform: int | None = None,
+) -> str:  # fmt: skip
     """Stores a new credential of the member, valid for `lifetime` or until it is revoked. Returns its text.
 
     It has the member's role, and is of no use as soon as they have another.

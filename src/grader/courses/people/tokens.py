@@ -27,15 +27,9 @@ DAYS_MAX = 3650
 
 
 def create_token(
-    session: Session,
-    user: str,
-    role: Role | str,
-    course: str | None = None,
-    *,
-    scopes: Iterable[str] | None = None,
-    lifetime: timedelta | None = None,
-    by: Identity | None = None,
-) -> str:
+    session: Session, user: str, role: Role | str, course: str | None = None, *,
+    scopes: Iterable[str] | None = None, lifetime: timedelta | None = None, by: Identity | None = None,
+) -> str:  # fmt: skip
     """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict. Without
     `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token creates
     tokens of students alone, within its own scopes and its own time."""

@@ -31,14 +31,9 @@ class Blinded:
 
 
 def blinded(
-    desk: Desk,
-    session: Session,
-    who: Identity,
-    rows: Sequence[Submission],
-    verdicts: Mapping[str, Any],
-    *,
+    desk: Desk, session: Session, who: Identity, rows: Sequence[Submission], verdicts: Mapping[str, Any], *,
     always: bool = False,
-) -> Blinded:
+) -> Blinded:  # fmt: skip
     """What an instructor may see of submissions whose newest verdicts are given; learners see their own as they are.
     With `always`, answers that a person marks bear their pseudonyms also after the last decision."""
     if not who.is_instructor:

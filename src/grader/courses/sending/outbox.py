@@ -57,15 +57,9 @@ def release_all(database: Database) -> None:
 
 
 def send_scores(
-    database: Database,
-    session: Session,
-    course: str,
-    quiz: str,
-    question: str = ALL,
-    *,
-    learner: str | None = None,
-    by: str = COMMAND_LINE,
-) -> None:
+    database: Database, session: Session, course: str, quiz: str, question: str = ALL, *,
+    learner: str | None = None, by: str = COMMAND_LINE,
+) -> None:  # fmt: skip
     """Makes the scores of a quiz, or of one question, go to the learners' platforms from now on. Safe to repeat: call
     it whenever a learner comes in by a link with a line item. What the `learner` has by then is sent too."""
     made = outbox.add_scores(session, course, quiz, question, by)

@@ -89,15 +89,9 @@ def find_obstacle(scene: Scene) -> str | None:
 
 
 def solve(
-    rate: Callable[[float, Vector], Values],
-    start: Vector,
-    times_s: Values,
-    *,
-    start_s: float = 0.0,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-    method: Method = "DOP853",
-) -> NDArray[np.float64]:
+    rate: Callable[[float, Vector], Values], start: Vector, times_s: Values, *, start_s: float = 0.0,
+    rtol: float = RTOL, atol: float = ATOL, method: Method = "DOP853",
+) -> NDArray[np.float64]:  # fmt: skip
     """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`. Raises
     ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
     number, or the method gives up."""

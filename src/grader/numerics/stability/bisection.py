@@ -100,16 +100,9 @@ class _Search:
 
 
 def find_threshold(
-    scene: Scene,
-    *,
-    low_s: float,
-    high_s: float,
-    horizon_s: float = 3.0,
-    integrator: int | None = None,
-    width_s: float = 1e-6,
-    criterion: Criterion = Criterion.ANY_WARNING,
-    scan_step_s: float | None = None,
-) -> Threshold:
+    scene: Scene, *, low_s: float, high_s: float, horizon_s: float = 3.0, integrator: int | None = None,
+    width_s: float = 1e-6, criterion: Criterion = Criterion.ANY_WARNING, scan_step_s: float | None = None,
+) -> Threshold:  # fmt: skip
     """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`. Scans the
     range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the limit.
     Raises ValueError for an empty range, and for a width or step that is not positive and finite."""

@@ -68,14 +68,9 @@ class BracketCheck:
 
 
 def check_bracket(
-    scene: Scene,
-    low_s: float,
-    high_s: float,
-    horizon_s: float = 3.0,
-    *,
-    integrator: int | None = None,
+    scene: Scene, low_s: float, high_s: float, horizon_s: float = 3.0, *, integrator: int | None = None,
     criterion: Criterion = Criterion.ANY_WARNING,
-) -> BracketCheck:
+) -> BracketCheck:  # fmt: skip
     """Simulate both ends of a claimed bracket. Raises ValueError if `low_s` is not below `high_s`."""
     if 0 < high_s <= low_s < inf:
         raise ValueError(f"a bracket must ascend: {low_s} s is not below {high_s} s")
@@ -84,13 +79,9 @@ def check_bracket(
 
 
 def try_timestep(
-    scene: Scene,
-    timestep_s: float,
-    horizon_s: float,
-    *,
-    integrator: int | None = None,
+    scene: Scene, timestep_s: float, horizon_s: float, *, integrator: int | None = None,
     criterion: Criterion = Criterion.ANY_WARNING,
-) -> Trial:
+) -> Trial:  # fmt: skip
     """Run the scene from its start for `horizon_s` (rounded to whole steps) at `timestep_s`."""
     if not (isfinite(timestep_s) and timestep_s > 0):
         return Trial(timestep_s, Stability.UNDECIDED, "the timestep is not a positive number of seconds")

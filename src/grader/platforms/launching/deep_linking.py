@@ -48,14 +48,9 @@ class Choice:
 
 
 def response(
-    sign: Callable[[dict[str, Any]], str],
-    platform: Platform,
-    deployment_id: str,
-    selection: Selection,
-    *,
-    choices: Iterable[Choice],
-    launch_url: str,
-) -> str:
+    sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: Selection, *,
+    choices: Iterable[Choice], launch_url: str,
+) -> str:  # fmt: skip
     """The signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
     now = int(time.time())
     items = [content_item(choice, launch_url, with_line_item=selection.takes_line_items) for choice in choices]

@@ -50,15 +50,9 @@ class AccessTokens:
     _kept: dict[Key, tuple[float, str]] = field(default_factory=dict)
 
     async def request(
-        self,
-        platform: Platform,
-        scopes: Collection[str],
-        method: str,
-        url: str,
-        *,
-        headers: Mapping[str, str],
+        self, platform: Platform, scopes: Collection[str], method: str, url: str, *, headers: Mapping[str, str],
         body: bytes | None = None,
-    ) -> Response:
+    ) -> Response:  # fmt: skip
         """Sends a request with a token for these scopes, which is renewed once after a 401. Raises NoToken, RefusedURL,
         Unreachable."""
         key = (platform.issuer, platform.client_id, tuple(sorted(scopes)))

@@ -84,14 +84,9 @@ class Outgoing:
     body_max: int = field(default=BODY_MAX)
 
     async def request(
-        self,
-        method: str,
-        url: str,
-        *,
-        headers: Mapping[str, str] | None = None,
-        body: bytes | None = None,
+        self, method: str, url: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None,
         reads: bool = True,
-    ) -> Response:
+    ) -> Response:  # fmt: skip
         """Sends one request; without `reads` only the status and headers of the answer are read. Raises RefusedURL for
         a URL that is not allowed, and Unreachable."""
         endpoint = endpoint_of(url, self.private_hosts)

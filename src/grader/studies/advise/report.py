@@ -128,15 +128,9 @@ class Advice:
 
 
 def advise(
-    model: str | Path,
-    quantity: str | None = None,
-    tol: float | None = None,
-    seconds: float | None = None,
-    *,
-    start: Start | None = None,
-    budget_s: float = BUDGET_S,
-    progress: Say = lambda _: None,
-) -> Advice:
+    model: str | Path, quantity: str | None = None, tol: float | None = None, seconds: float | None = None, *,
+    start: Start | None = None, budget_s: float = BUDGET_S, progress: Say = lambda _: None,
+) -> Advice:  # fmt: skip
     """Measure a model and choose integrator and timestep.
 
     `model` is MJCF text or the path of a file; `quantity` an expression of the labs, by default all positions; `tol`

@@ -107,16 +107,10 @@ class OutOfTime(RuntimeError):
 
 
 def select(
-    scene: Scene,
-    *,
-    tolerance: float,
-    seconds: float,
-    quantity: Quantity | None = None,
-    integrators: Sequence[Integrator] = PREFERENCE,
-    timesteps_s: Sequence[float] = TIMESTEPS_S,
-    budget_s: float = inf,
-    progress: Say = lambda _: None,
-) -> Selection:
+    scene: Scene, *, tolerance: float, seconds: float, quantity: Quantity | None = None,
+    integrators: Sequence[Integrator] = PREFERENCE, timesteps_s: Sequence[float] = TIMESTEPS_S,
+    budget_s: float = inf, progress: Say = lambda _: None,
+) -> Selection:  # fmt: skip
     """Measure candidates over `seconds` and choose the cheapest that meets `tolerance`.
 
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
@@ -259,15 +253,9 @@ class _Survey:
     each integrator, the largest first; `measured` what was found."""
 
     def __init__(
-        self,
-        meter: _Meter,
-        tolerance: float,
-        offered: Mapping[Integrator, Sequence[float]],
-        *,
-        until: float,
-        progress: Say,
-        pool: ThreadPoolExecutor,
-    ) -> None:
+        self, meter: _Meter, tolerance: float, offered: Mapping[Integrator, Sequence[float]], *, until: float,
+        progress: Say, pool: ThreadPoolExecutor,
+    ) -> None:  # fmt: skip
         self.meter, self.tolerance, self.offered = meter, tolerance, offered
         self.until, self.progress, self.pool = until, progress, pool
         self.measured: dict[Setting, Candidate] = {}

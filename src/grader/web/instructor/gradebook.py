@@ -151,13 +151,9 @@ def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
 
 @router.get("/instructor/learners/{learner}")
 def story(
-    request: Request,
-    learner: str,
-    services: AppServices,
-    who: Instructor,
-    *,
+    request: Request, learner: str, services: AppServices, who: Instructor, *,
     before: Annotated[str, Query(max_length=32)] = "",
-) -> Response:
+) -> Response:  # fmt: skip
     """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
     Unauthorized, Forbidden, NotFound."""
     with services.database.read() as session:

@@ -51,14 +51,9 @@ def start(request: Request, services: AppServices, who: Instructor, form: Form) 
 
 @router.get(f"{PAGE}/{{regrade_id}}")
 def show(
-    request: Request,
-    regrade_id: str,
-    services: AppServices,
-    who: Instructor,
-    after: Annotated[int, Query(ge=0, lt=10**9)] = 0,
-    *,
-    changed: bool = True,
-) -> Response:
+    request: Request, regrade_id: str, services: AppServices, who: Instructor,
+    after: Annotated[int, Query(ge=0, lt=10**9)] = 0, *, changed: bool = True,
+) -> Response:  # fmt: skip
     """How far a regrade is, and its differences, of `changed` verdicts or of all. Raises NotFound."""
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)

@@ -53,15 +53,9 @@ class Refused(Exception):
 
 @router.post("/quizzes/{quiz_id}/{question_id}")
 async def hand_in(
-    quiz_id: str,
-    question_id: str,
-    *,
-    request: Request,
-    services: AppServices,
-    visitor: Visitor,
-    form: Form,
+    quiz_id: str, question_id: str, *, request: Request, services: AppServices, visitor: Visitor, form: Form,
     sent: FormFields,
-) -> Response:
+) -> Response:  # fmt: skip
     """Takes an answer, and redirects to where it is shown. Raises NotFound, and Conflict before the quiz opens."""
     fields = answer_fields(sent)
     sender = await run_in_threadpool(sender_of, services, visitor, form.get("learner", ""))

@@ -42,13 +42,9 @@ class Run:
     that moves alike and is stepped in place of the scene's own."""
 
     def __init__(
-        self,
-        scene: Scene,
-        integrator: str = "Euler",
-        bits: int = 0,
-        chunk: int = CHUNK,
+        self, scene: Scene, integrator: str = "Euler", bits: int = 0, chunk: int = CHUNK,
         bare: mujoco.MjModel | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.start, self.chunk = scene.start_vector, chunk
         self.model = copy.copy(bare or scene.model)
         self.model.opt.timestep, self.model.opt.integrator = TIMESTEP_S, BY_NAME[integrator].code
