@@ -284,7 +284,7 @@ def test_the_service_page_tells_workers_and_the_queue(site: Site, tina: httpx.Cl
     assert "No worker is running : scripts wait until one is started." in told
     assert "Scripts to grade 0 0 –" in told
     assert browser(site, "ann").post("/instructor/service/deliveries/1/replay").status_code == 403
-    assert browser(site, "ann").post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
+    assert tina.post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
 
 
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:

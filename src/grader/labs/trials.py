@@ -1,6 +1,7 @@
 """Checks a lab when content is loaded: its programs are compiled, and it is tried."""
 
 from collections.abc import Callable
+from functools import partial
 from time import thread_time
 from typing import Any
 
@@ -32,12 +33,8 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
     runs: list[LabRun] = []
 
     def try_run(*settings: Any, setting: str = "") -> list[Fault]:
-        return _try(
-            lambda: runs.append(run_lab(config, xml, *settings, where=where)),
-            where,
-            refused=".seconds",
-            setting=setting,
-        )
+        run = partial(run_lab, config, xml, *settings, where=where)
+        return _try(lambda: runs.append(run()), where, refused=".seconds", setting=setting)
 
     last = thread_time() + CPU_S_MAX
     whole = try_run()

@@ -56,17 +56,9 @@ def load(root: Path) -> Library:
         _load_quiz(loading, name)
     if loading.faults:
         raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(loading.faults)}.values()))
-    return Library(
-        root=root,
-        quizzes=MappingProxyType(loading.quizzes),
-        files=MappingProxyType(loading.files),
-        models=MappingProxyType(loading.models),
-        starters=MappingProxyType(loading.starters),
-        texts=MappingProxyType(loading.texts),
-        digests=MappingProxyType(loading.digests),
-        sources=MappingProxyType(loading.sources),
-        warnings=tuple(sorted(loading.warnings)),
-    )
+    parts = ("quizzes", "files", "models", "starters", "texts", "digests", "sources")
+    frozen: dict[str, Any] = {name: MappingProxyType(getattr(loading, name)) for name in parts}
+    return Library(root, **frozen, warnings=tuple(sorted(loading.warnings)))
 
 
 def load_files(files: Mapping[str, str]) -> Library:

@@ -84,16 +84,11 @@ def count_elements(root: ET.Element) -> int:
 def _explain_run(job: str) -> str | None:
     """Compiles a model in a process with limits; returns what stopped it, or None. Raises RuntimeError where the
     process itself cannot work here."""
+    command = [sys.executable, "-I", "-c", PROGRAM]
     environment = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "disable"}
     try:
         ended = subprocess.run(  # noqa: S603 - our own program
-            [sys.executable, "-I", "-c", PROGRAM],
-            input=job,
-            capture_output=True,
-            text=True,
-            timeout=WALL_S_MAX,
-            env=environment,
-            check=False,
+            command, input=job, capture_output=True, text=True, timeout=WALL_S_MAX, env=environment, check=False
         )
     except subprocess.TimeoutExpired:
         return f"is not compiled within {WALL_S_MAX} s: {CURE}"

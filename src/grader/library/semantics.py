@@ -36,11 +36,8 @@ def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> 
     for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
             bare = PurePosixPath(name).stem
-            cure = (
-                f"write {bare!r}, without folder and .xml"
-                if bare in models
-                else f"take one of {', '.join(sorted(models))}"
-            )
+            others = f"take one of {', '.join(sorted(models))}"
+            cure = f"write {bare!r}, without folder and .xml" if bare in models else others
             yield Fault(file, at, f"there is no models/{name}.xml: {cure}")
 
 

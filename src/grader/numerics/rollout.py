@@ -146,13 +146,6 @@ def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], adva
         wanted, rows = wanted[:kept], rows[:kept].copy()  # which frees the others
     rows.setflags(write=False)
     diverged = done < target
-    return Rollout(
-        wanted,
-        rows,
-        workspace.columns,
-        workspace.timestep_s,
-        workspace.integrator,
-        done,
-        done if diverged else None,
-        find_first_warning(workspace) if diverged else None,
-    )
+    warning = find_first_warning(workspace) if diverged else None
+    setting = (workspace.columns, workspace.timestep_s, workspace.integrator)
+    return Rollout(wanted, rows, *setting, done, done if diverged else None, warning)

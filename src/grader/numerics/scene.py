@@ -152,14 +152,8 @@ class Scene:
         return index
 
     def _count(self, kind: mjtObj) -> int:
-        sizes = {
-            mjtObj.mjOBJ_KEY: self.model.nkey,
-            mjtObj.mjOBJ_JOINT: self.model.njnt,
-            mjtObj.mjOBJ_ACTUATOR: self.model.nu,
-            mjtObj.mjOBJ_BODY: self.model.nbody,
-            mjtObj.mjOBJ_SITE: self.model.nsite,
-        }
-        return int(sizes[kind])
+        sizes = {"KEY": "nkey", "JOINT": "njnt", "ACTUATOR": "nu", "BODY": "nbody", "SITE": "nsite"}
+        return int(getattr(self.model, sizes[kind.name.removeprefix("mjOBJ_")]))
 
     def find_qpos(self, joint: int | str) -> slice:
         """Returns the slice of qpos with the coordinates of a joint."""

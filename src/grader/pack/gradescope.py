@@ -79,18 +79,14 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     asked = {key: value for key, value in raw["questions"][place].items() if key not in LEFT_OUT}
     reduced: dict[str, Any] = {key: raw[key] for key in KEPT if key in raw}
     reduced["questions"] = [{**asked, "id": question.id}]
-    texts = {path: text for path, text in sources.items() if is_needed(path, reduced)}
+    named = json.dumps(reduced)
+    texts = {path: text for path, text in sources.items() if path.startswith(MODELS) or json.dumps(path) in named}
     texts[file] = json.dumps(reduced, ensure_ascii=False, indent=2)
     files = [Packed(path, text.encode(), mode_of(path)) for path, text in texts.items()]
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)
         load(Path(folder, "content"))  # what was left out must not be missed
     return [replace(one, path=f"content/{one.path}") for one in files]
-
-
-def is_needed(path: str, reduced: dict[str, Any]) -> bool:
-    """Whether a file is a model, which scripts may read, or one that the exercise names."""
-    return path.startswith(MODELS) or json.dumps(path) in json.dumps(reduced)
 
 
 def mode_of(path: str) -> int:

@@ -4,7 +4,6 @@ the format `text`, so that nothing that a script prints is rendered as HTML, Mar
 import json
 from typing import Any
 
-from grader.domain.policy import Policy
 from grader.domain.verdict import POINT_DIGITS, Status
 from grader.errors import JailFault
 from grader.reports.graded import Graded
@@ -27,7 +26,7 @@ def results_json(graded: Graded) -> str:
 
 def document(graded: Graded) -> dict[str, Any]:
     """The document as plain JSON."""
-    verdict, visibility = graded.verdict, visibility_of(graded.quiz.policy)
+    verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.policy.feedback]
     words = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
     shown_now = visibility == VISIBLE
     return {
@@ -50,11 +49,6 @@ def document(graded: Graded) -> dict[str, Any]:
     }
 
 
-def visibility_of(policy: Policy) -> str:
-    """When Gradescope shows the tests."""
-    return VISIBILITY[policy.feedback]
-
-
 def tests(graded: Graded) -> list[dict[str, Any]]:
     """A test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
@@ -73,12 +67,9 @@ def passed(graded: Graded) -> bool | None:
 def scored(name: str, output: str, is_passed: bool | None, points: float, max_points: float) -> dict[str, Any]:
     """A test with points; an undecided one has none yet, and one without points is a check."""
     test = check(name, output, is_passed)
-    return test if is_passed is None or not max_points else {**test, **worth(points, max_points)}
-
-
-def worth(points: float, max_points: float) -> dict[str, float]:
-    """The points of a test, to as many digits as their sum has."""
-    return {"score": round(points, POINT_DIGITS), "max_score": round(max_points, POINT_DIGITS)}
+    if is_passed is None or not max_points:
+        return test
+    return test | {"score": round(points, POINT_DIGITS), "max_score": round(max_points, POINT_DIGITS)}
 
 
 def check(name: str, output: str, is_passed: bool | None) -> dict[str, Any]:

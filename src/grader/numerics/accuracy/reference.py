@@ -57,14 +57,8 @@ def solve_dop853(
         workspace.option.timestep = TIMESTEP_S
         data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
         start = np.concatenate([data.qpos, data.qvel, data.act])
-        values = solve(
-            build_rate(workspace, forward),
-            start,
-            np.asarray(times_s) + data.time,
-            start_s=data.time,
-            rtol=rtol,
-            atol=atol,
-        )
+        times = np.asarray(times_s) + data.time
+        values = solve(build_rate(workspace, forward), start, times, start_s=data.time, rtol=rtol, atol=atol)
         qpos = values[:, :nq].copy()
         for row in qpos:
             mujoco.mj_normalizeQuat(workspace.model, row)

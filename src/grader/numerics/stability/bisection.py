@@ -116,19 +116,11 @@ def find_threshold(
     grid = [float(h) for h in np.linspace(low_s, high_s, points + 1)]
     bracket, result, reason = _find_lowest_edge(search, grid, width_s)
     low, high = (search.trials[h] for h in bracket) if bracket else (None, None)
+    windows = _find_windows(search, grid, bracket[1], width_s) if bracket else ()
     return Threshold(
-        low=low,
-        high=high,
-        windows=_find_windows(search, grid, bracket[1], width_s) if bracket else (),
-        result=result,
-        reason=reason,
-        horizon_s=horizon_s,
-        criterion=criterion,
-        start=scene.start,
-        integrator=integrator,
-        scan_step_s=(high_s - low_s) / points,
-        simulations=len(search.trials),
-    )
+        low, high, windows, result, reason, horizon_s, criterion, scene.start, integrator,
+        scan_step_s=(high_s - low_s) / points, simulations=len(search.trials),
+    )  # fmt: skip
 
 
 def _predict_limit(search: _Search, low_s: float, high_s: float) -> float | None:

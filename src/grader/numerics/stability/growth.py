@@ -47,9 +47,8 @@ def measure_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: i
     clause = f", but small motions grow {radius:.6g} times a step"
     if not _is_noticeable(radius, steps, motion):
         return Growth(False, clause)
-    numerical = moduli[_compute_logs(moduli) > CERTAINTY * _compute_exact_growth(resting, timestep_s, integrator)].max(
-        initial=0.0
-    )
+    exact = _compute_exact_growth(resting, timestep_s, integrator)
+    numerical = moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=0.0)
     if not _is_noticeable(float(numerical), steps, motion):
         return Growth(False, f"{clause}, as in the exact motion")
     return Growth(True, f"{clause}: large ones are bounded")

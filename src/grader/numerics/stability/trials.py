@@ -112,10 +112,8 @@ def _classify_run(scene: Scene, workspace: Workspace, steps: int, criterion: Cri
     if steps < STEPS_MIN:
         more = STEPS_EXTENDED - max(steps, 1)
         if advance(workspace, more) < more:
-            return (
-                Stability.UNDECIDED,
-                f"no warning in the {steps} steps of the horizon, too few to decide: later ones warn",
-            )
+            few = f"no warning in the {steps} steps of the horizon, too few to decide"
+            return Stability.UNDECIDED, f"{few}: later ones warn"
     silent = f"no warning within {steps} steps"
     timestep_s = float(workspace.option.timestep)
     motion = _measure_motion(*first, timestep_s)

@@ -130,15 +130,8 @@ def select(
     with ThreadPoolExecutor(CORES) as pool:
         able = [integrator for integrator in integrators if find_refusal(scene.model, integrator) is None]
         offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
-        survey = _Survey(
-            _Meter(scene, seconds, quantity),
-            tolerance,
-            offered,
-            until=time.monotonic() + budget_s,
-            progress=progress,
-            pool=pool,
-        )
-        return survey.select()
+        meter, until = _Meter(scene, seconds, quantity), time.monotonic() + budget_s
+        return _Survey(meter, tolerance, offered, until=until, progress=progress, pool=pool).select()
 
 
 def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float] = TIMESTEPS_S) -> None:
@@ -285,10 +278,8 @@ class _Survey:
         except RuntimeError as error:
             return _cannot_tell(str(error))
         if not self.doubt <= REFERENCE_SHARE * self.tolerance:
-            why = (
-                f"the reference itself is uncertain by {self.doubt:.2g}, too much for a tolerance of {self.tolerance:g}"
-            )
-            return _cannot_tell(why, self.doubt)
+            much = f"too much for a tolerance of {self.tolerance:g}"
+            return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
         self.take(runs, reference)
         self.refine(reference)
         return self.choose(own)
@@ -423,18 +414,14 @@ class _Survey:
                 reason += f"; the best, {describe_setting(least)}, has an error of {least.error:.2g}"
         else:
             margin = self.tolerance / best.error if best.error else inf
-            reason = (
-                f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {best.cost:g}"
-            )
-            reason += " evaluations a second"
-            if lucky := [
-                describe_setting(c) for c in candidates if c.cost < best.cost and self.passes(c) and self.by_accident(c)
-            ]:
+            cost = f"{best.cost:g} evaluations a second"
+            reason = f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {cost}"
+            cheaper = [c for c in candidates if c.cost < best.cost]
+            if lucky := [describe_setting(c) for c in cheaper if self.passes(c) and self.by_accident(c)]:
                 reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
         told = self.doubt / REFERENCE_SHARE
-        return Selection(
-            best, margin, reason + late, self.doubt, candidates, find_front(candidates), self.measured[own], told
-        )
+        front = find_front(candidates)
+        return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own], told)
 
 
 def _rank(candidate: Candidate) -> tuple[float, int]:

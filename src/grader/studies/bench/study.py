@@ -32,6 +32,11 @@ UNRELATED = {"__init__", "floors", "lines", "loops"}
 NOT_MEASURING = ("draw", "summarise", "rows")
 """How the names of functions begin that only evaluate records."""
 
+COLOURS = {
+    "Euler": "#4477aa", "RK4": "#ee6677", "implicit": "#228833", "implicitfast": "#ccbb44", "discrete": "#aa3377",
+}  # fmt: skip
+"""Of the integrators. Source: Paul Tol's bright scheme, which colour-blind readers can tell apart."""
+
 LOOK: Any = {
     "font.size": 9,
     "axes.grid": True,
@@ -100,15 +105,10 @@ class Study:
         prepare()
         console = Console(stderr=True)
         out.mkdir(parents=True, exist_ok=True)
-        journal = Journal(
-            out / f"{self.name}.jsonl", compute_digest(read_versions(), compute_code_digest(self.name), quick)
-        )
-        summary: Record = {
-            "benchmark": self.name,
-            "quick": quick,
-            "machine": describe_machine(),
-            "versions": read_versions(),
-        }
+        context = compute_digest(read_versions(), compute_code_digest(self.name), quick)
+        journal = Journal(out / f"{self.name}.jsonl", context)
+        summary: Record = {"benchmark": self.name, "quick": quick}
+        summary |= {"machine": describe_machine(), "versions": read_versions()}
         try:
             records = carry_out(self.name, self.plan(quick), journal, console, quick)
         except KeyboardInterrupt:

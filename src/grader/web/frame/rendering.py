@@ -1,6 +1,7 @@
 """Rendering of the templates, with the headers that every page has."""
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,11 @@ from jinja2 import ChoiceLoader, FileSystemLoader, FunctionLoader
 
 from grader.courses.rules.policy import spoken
 from grader.gate.services import services_in
+from grader.questions import installed_kinds, template_of
 from grader.store import platforms
 from grader.web.frame.assets import static
 from grader.web.text import numbers
 from grader.web.text.prose import cached_prose
-from grader.web.text.question_templates import load_template
 from grader.web.verdict import card
 
 ROOM = Path(__file__).parents[1]
@@ -44,16 +45,30 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "private, no-cache",
 }
+PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
+
+
+def load_kind_template(name: str) -> tuple[str, str, Callable[[], bool]] | None:
+    """Loads the template of a kind of question, `kinds/KIND.html`, which lies beside the kind's code: its text, its
+    path, and whether the text is current, for Jinja2's FunctionLoader."""
+    found = re.fullmatch(r"kinds/(.+)\.html", name)
+    kind = installed_kinds().get(found[1]) if found else None
+    if kind is None:
+        return None
+    path = template_of(kind)
+    return path.read_text(encoding="utf-8"), str(path), lambda: True
+
 
 templates = Jinja2Templates(directory=ROOM / "templates")
-templates.env.loader = ChoiceLoader([FileSystemLoader(ROOM / "templates"), FunctionLoader(load_template)])
+templates.env.loader = ChoiceLoader([FileSystemLoader(ROOM / "templates"), FunctionLoader(load_kind_template)])
 templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "fraction": numbers.fraction,
     "lines_linked": card.lines_linked,
     "number": numbers.number,
-    "plain": numbers.field_text,
+    "plain": "{:.12g}".format,
     "points": numbers.points,
     "prose": cached_prose,
     "spoken": spoken,

@@ -186,12 +186,12 @@ def parts_of(
 ) -> list[dict[str, Any]]:
     """The answers by question, in the order of the content; questions that it has lost come last. None stands for an
     answer that bears a pseudonym for its reviewers."""
-    order = [(quiz.id, one.id) for quiz in library.quizzes.values() for one in quiz.questions]
-    titles, questions = titles_of(library), questions_of(library)
-    places = {at: place for place, at in enumerate(order)}
+    titles = titles_of(library)
+    questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
+    places = {at: place for place, at in enumerate(questions)}
 
     def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
-        return places.get(one[:2], len(order)), one[0], one[1]
+        return places.get(one[:2], len(places)), one[0], one[1]
 
     return [
         {
@@ -202,7 +202,7 @@ def parts_of(
             "answers": [
                 (
                     answer,
-                    told_answer(questions.get((at[1], at[2])), answer),
+                    show_answer(questions.get((at[1], at[2])), answer),
                     told_in(library, at[1], answer, is_newest=place == 0),
                 )
                 for place, answer in enumerate(answers)
@@ -215,12 +215,7 @@ def parts_of(
     ]
 
 
-def questions_of(library: Library) -> dict[tuple[str, str], Question]:
-    """All questions, by (quiz, question)."""
-    return {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
-
-
-def told_answer(question: Question | None, given: Given) -> str:
+def show_answer(question: Question | None, given: Given) -> str:
     """An answer in words; as it was typed where the content has lost the question."""
     return given.text if question is None else kind_of(question).show(question, given.answer)
 

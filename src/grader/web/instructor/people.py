@@ -21,9 +21,8 @@ from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
 from grader.store.tables import ROW_ID_MAX, Credential, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
-from grader.web.frame.rendering import page
+from grader.web.frame.rendering import PRIVATE, page
 from grader.web.learner.pages import sign_in_page
-from grader.web.platform.frames import PRIVATE
 
 PAGE = "/instructor/people"
 ROWS = 50
@@ -88,7 +87,7 @@ def shown(
         "is_open": services.sessions.anonymous,
         **SUBJECTS,
     }
-    return page(request, "people.html", status, PRIVATE, who=who, **(SUBJECTS | context | more))
+    return page(request, "people.html", status, PRIVATE, who=who, **(context | more))
 
 
 def is_invitation(link: Credential) -> bool:

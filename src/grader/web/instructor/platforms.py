@@ -16,8 +16,9 @@ from grader.gate.services import AppServices, Services
 from grader.platforms import administration
 from grader.platforms.tool import MISSING, addresses
 from grader.web.frame.inputs import Form, Instructor, RowId, Visitor
-from grader.web.frame.rendering import page
-from grader.web.platform.frames import PRIVATE, LtiTool
+from grader.web.frame.rendering import PRIVATE, page
+from grader.web.learner.pages import sign_in_page
+from grader.web.platform.frames import LtiTool
 
 PAGE = "/instructor/lti"
 
@@ -28,7 +29,7 @@ router = APIRouter(include_in_schema=False)
 def show(request: Request, services: AppServices, who: Visitor) -> Response:
     """The platforms and their courses; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
+        return sign_in_page(request, services, who)
     return shown(request, services, who)
 
 
@@ -88,24 +89,16 @@ def registration(request: Request, services: AppServices, who: Instructor, _tool
 @router.post(f"{PAGE}/contexts/{{context_id}}/link")
 def link(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
-
-    def change(session: Session) -> None:
-        rules.of_course(session, who, context_id)
-        rules.link(session, who, context_id, who.course)
-
-    services.sessions.writing(change)
+    services.sessions.writing(
+        lambda session: rules.link(session, who, rules.of_course(session, who, context_id).id, who.course)
+    )
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
 def unlink(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
-
-    def change(session: Session) -> None:
-        rules.of_course(session, who, context_id)
-        rules.unlink(session, who, context_id)
-
-    services.sessions.writing(change)
+    services.sessions.writing(lambda session: rules.unlink(session, who, rules.of_course(session, who, context_id).id))
     return RedirectResponse(PAGE, 303)
 
 

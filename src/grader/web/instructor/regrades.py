@@ -17,6 +17,7 @@ from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
+from grader.web.learner.pages import sign_in_page
 from grader.web.text.questions import titles_of
 
 PAGE = "/instructor/regrades"
@@ -35,7 +36,7 @@ router = APIRouter(include_in_schema=False)
 def list_page(request: Request, services: AppServices, who: Visitor) -> Response:
     """The form that starts a regrade, and the newest ones; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
+        return sign_in_page(request, services, who)
     return with_list(request, services, who)
 
 
@@ -98,18 +99,14 @@ def with_list(request: Request, services: Services, who: Identity, status: int =
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
     library = services.library_for(who)
     quizzes = [quiz for quiz in library.quizzes.values() if quiz.questions]
-    return page(
-        request,
-        "regrades.html",
-        status,
-        who=who,
-        quizzes=quizzes,
-        scopes=SCOPES,
-        words=WORDS,
-        titles=titles_of(library),
-        regrades=listed,
-        **more,
-    )
+    shown: dict[str, Any] = {
+        "quizzes": quizzes,
+        "scopes": SCOPES,
+        "words": WORDS,
+        "titles": titles_of(library),
+        "regrades": listed,
+    }
+    return page(request, "regrades.html", status, who=who, **shown, **more)
 
 
 def wanted(form: dict[str, str]) -> Wanted:

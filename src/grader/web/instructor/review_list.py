@@ -123,15 +123,8 @@ def show(
             record(session, who, who.course, Action.LOOKED_UP, chosen.user)
     quizzes = [page_of(desk.library, one) for one in desk.library.quizzes.values() if one.questions]
     following = rows[ROWS - 1].id if len(rows) > ROWS else None
-    shown: dict[str, Any] = {
-        "quizzes": quizzes,
-        "lists": LISTS,
-        "chosen": chosen,
-        "following": following,
-        "said": said,
-        "last": last,
-    }
-    return page(request, "review.html", who=who, rows=rows[:ROWS], **shown)
+    shown: dict[str, Any] = {"quizzes": quizzes, "lists": LISTS, "chosen": chosen, "following": following}
+    return page(request, "review.html", who=who, rows=rows[:ROWS], said=said, last=last, **shown)
 
 
 def rows_of(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:

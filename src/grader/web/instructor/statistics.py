@@ -7,11 +7,9 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from markupsafe import Markup
 
-from grader.courses.people.identity import Identity
-from grader.courses.reporting.quiz_statistics import QuizStatistics
 from grader.courses.rules.statistics import Cluster, Estimate, QuestionStatistics
-from grader.gate.services import AppServices, Services
-from grader.questions import CountedNumber, Question, Quiz, kind_of
+from grader.gate.services import AppServices
+from grader.questions import CountedNumber, Question, kind_of
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.statistics_plots import bar, estimates_plot
@@ -58,12 +56,13 @@ def statistics(
     """The statistics of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
     if who is None or not who.is_instructor:
         return sign_in_page(request, services, who)
-    quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
+    library = services.library_for(who)
+    quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "statistics.html", who=who, quizzes=[])
-    chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
-    found = statistics_of(services, who, chosen)
-    titles = {view["id"]: view["short"] for view in page_of(services.library_for(who), chosen)["questions"]}
+    chosen = library.quiz(quiz) if quiz else quizzes[0]
+    found = services.statistics.compute(services.statistics.version(library, chosen.id, who))
+    titles = {view["id"]: view["short"] for view in page_of(library, chosen)["questions"]}
     by_id = {one.id: one for one in chosen.questions}
     context: dict[str, Any] = {
         "quizzes": quizzes,
@@ -74,11 +73,6 @@ def statistics(
         "silent": [titles[one] for one in titles if one not in {each.question for each in found.questions}],
     }
     return page(request, "statistics.html", who=who, **context)
-
-
-def statistics_of(services: Services, who: Identity, quiz: Quiz) -> QuizStatistics:
-    """The statistics of a quiz as this instructor may see them."""
-    return services.statistics.compute(services.statistics.version(services.library_for(who), quiz.id, who))
 
 
 def shown(one: QuestionStatistics, question: Question, title: str) -> Shown:

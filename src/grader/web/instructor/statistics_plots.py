@@ -6,8 +6,7 @@ from markupsafe import Markup
 
 from grader.courses.rules.statistics import Estimate, QuestionStatistics
 from grader.web.text.numbers import NARROW, number
-from grader.web.verdict.plots import Sketch
-from grader.web.verdict.svg import Axis, Drawing, short
+from grader.web.verdict.svg import Axis, Drawing, Sketch, short
 
 ROW, FOOT, SIDE = 40.0, 30.0, 8.0
 """Height of a question, of the axis under all of them, and room beside the axis."""

@@ -71,14 +71,8 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
         alive, scripts = services.monitor.workers_alive(session), jobs.read_state(session)[jobs.GRADE]
     tasks = [*tasks_of(library, today), *stuck_tasks(library, stuck, marks), *platform_tasks(asked)]
     refused = services.content.of(who.course).refused
-    shown: dict[str, Any] = {
-        "has_learners": has_learners,
-        "tasks": tasks,
-        "today": today,
-        "alive": alive,
-        "scripts": scripts,
-    }
-    return page(request, "today.html", who=who, faults=library.warnings, refused=refused, **shown)
+    shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
+    return page(request, "today.html", who=who, has_learners=has_learners, tasks=tasks, refused=refused, **shown)
 
 
 def tasks_of(library: Library, today: Today) -> list[Task]:
@@ -97,7 +91,7 @@ def task_of(titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence
     total, address = sum(one.answers for one in waiting), f"{REVIEW}?{Chosen(which).query}"
     lines = tuple(
         Line(
-            f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}",
+            title_at(titles, one),
             f"{one.answers}, the oldest for {ago(one.since)}",
             f"{REVIEW}?{Chosen(which, one.quiz, one.question).query}",
         )
@@ -130,8 +124,8 @@ def stuck_tasks(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, st
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
-def title_at(titles: Mapping[tuple[str, str], str], one: Stuck) -> str:
-    """The title of the question at which a learner is stuck."""
+def title_at(titles: Mapping[tuple[str, str], str], one: Stuck | Waits) -> str:
+    """Names the quiz, and the question by its title."""
     return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
 
 
@@ -162,12 +156,8 @@ def waiting_platforms(session: Session, who: Identity) -> list[str]:
     contexts = administration.contexts_of(session, who.course)
     asked = [f"{one['title']} asks for a link" for one in contexts if not one["course"]]
     platforms = administration.platforms_of(session) if who.course == DEFAULT_COURSE else []
-    return asked + [f"{one['name']} waits for approval" for one in platforms if not is_approved(one)]
-
-
-def is_approved(platform: Mapping[str, Any]) -> bool:
-    """Whether neither a platform nor one of its deployments waits."""
-    return platform["approved"] and all(one["approved"] for one in platform["deployments"])
+    pending = [one for one in platforms if not all(each["approved"] for each in (one, *one["deployments"]))]
+    return asked + [f"{one['name']} waits for approval" for one in pending]
 
 
 def platform_tasks(asked: Sequence[str]) -> Iterable[Task]:

@@ -27,8 +27,8 @@ from grader.platforms.launching.registration import register
 from grader.store import platforms, tickets
 from grader.store.platforms import Context
 from grader.store.tables import Member
-from grader.web.frame.rendering import POLICY, page, security_policy
-from grader.web.platform.frames import PRIVATE, LtiTool, framed_page, in_plain_words, pairs_of, start_in
+from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
+from grader.web.platform.frames import LtiTool, framed_page, in_plain_words, pairs_of, start_in
 from grader.web.text.questions import page_of
 
 router = APIRouter(include_in_schema=False)

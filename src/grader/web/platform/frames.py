@@ -13,10 +13,9 @@ from grader.domain.platform import Platform
 from grader.errors import CallerError, Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.platforms.tool import MISSING, Tool
-from grader.web.frame.rendering import POLICY, page, security_policy
+from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
 
 FIELDS_MAX = 60
-PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
 REFUSALS = (Unauthorized, Forbidden, NotFound, Conflict, Unprocessable)
 STATUS: dict[type[CallerError], int] = {Unauthorized: 401, Forbidden: 403, NotFound: 404, Conflict: 409}
 ANYWHERE = {POLICY: security_policy(["*"])}

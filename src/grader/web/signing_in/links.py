@@ -19,12 +19,9 @@ from grader.errors import Forbidden, Unauthorized
 from grader.gate.services import AppServices
 from grader.store.courses import course_with_code
 from grader.web.frame.inputs import Form, Visitor
-from grader.web.frame.rendering import page
+from grader.web.frame.rendering import PRIVATE, page
 
 router = APIRouter(include_in_schema=False)
-
-PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
-"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
 
 
 @router.post("/session")

@@ -50,11 +50,6 @@ def plain(value: float, digits: int) -> str:
     return f"{rounded:.0f}" if rounded == int(rounded) else repr(rounded)
 
 
-def field_text(value: float) -> str:
-    """A number as a number field holds it."""
-    return f"{value:.12g}"
-
-
 def power(exponent: int) -> str:
     """An exponent in superscript figures."""
     return str(exponent).translate(SUPERSCRIPTS)

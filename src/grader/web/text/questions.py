@@ -12,7 +12,6 @@ from grader.questions import Question, Quiz, kind_of, question_view
 from grader.web.text.lab_box import lab_box
 from grader.web.text.numbers import NARROW, unbroken
 from grader.web.text.prose import cached_prose
-from grader.web.text.question_templates import template_name
 
 DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s,;:=+-])++$")
 SHORT = 44
@@ -51,7 +50,7 @@ def card_of(quiz_id: str, question: Question, starter: str | None) -> dict[str, 
         "path": f"/quizzes/{quiz_id}/{question.id}",
         "file": f"{question.id.replace('-', '_')}.py",
         "is_script": kind.is_script,
-        "template": template_name(question.kind),
+        "template": f"kinds/{question.kind}.html",
     }
 
 

@@ -1,12 +1,12 @@
 """Line plots with direct labels: error against timestep with its order, error against time, and charts of any kind."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 from grader.web.text.numbers import capital, number, quantity, unbroken
 from grader.web.verdict.evidence import Chart, ChartAxis, Difference, Order
-from grader.web.verdict.svg import Axis, Drawing, Point, text_width
+from grader.web.verdict.svg import Axis, Drawing, Point, Sketch, text_width
 
 HEIGHT, TOP, FOOT, LEFT = 250.0, 24.0, 44.0, 46.0
 RIGHT = 12.0
@@ -18,8 +18,6 @@ INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
 STYLES = ("implicitfast", "Euler", "discrete", "implicit", "RK4")
 """Colours and dashes of lines that are not an integrator's."""
 
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
-
 
 def frame(
     width: float, xs: tuple[float, float], ys: tuple[float, float], log: tuple[bool, bool]
@@ -29,7 +27,7 @@ def frame(
     return Drawing(width, HEIGHT), across, Axis(*ys, HEIGHT - FOOT, TOP, log[1])
 
 
-def order_plot(order: Order) -> Plot | None:
+def order_plot(order: Order) -> Sketch | None:
     """Error against timestep with the measured slope, beside what a step of the expected order would give."""
     found = [(h, e) for h, e in zip(order.timestep_ms, order.error, strict=False) if e is not None and e > 0 and h > 0]
     if len(found) < 2:
@@ -44,13 +42,8 @@ def order_plot(order: Order) -> Plot | None:
         title = f"Halve the timestep and your error falls by a factor of {factor}; it should be {expected}"
     caption = "The largest error against the exact motion, over the timestep; both axes are logarithmic."
     rows = tuple((quantity(h, "ms"), number(e, 3)) for h, e in found)
-    return (
-        "order",
-        title,
-        caption,
-        (("Timestep", "Your error"), *rows),
-        lambda width: draw_order(order, found, measured, width),
-    )
+    table = (("Timestep", "Your error"), *rows)
+    return Sketch("order", title, caption, table, lambda width: draw_order(order, found, measured, width))
 
 
 def draw_order(order: Order, found: Sequence[Point], measured: str, width: float) -> Drawing:
@@ -97,7 +90,7 @@ def height_at(start: Point, end: Point, x: float) -> float:
     return start[1] + share * (end[1] - start[1])
 
 
-def difference_plot(difference: Difference, name: str) -> Plot | None:
+def difference_plot(difference: Difference, name: str) -> Sketch | None:
     """The distance from MuJoCo's RK4 over time, with the tolerance as a band; None if it is zero everywhere."""
     lines = {"velocities": difference.qvel, "positions": difference.qpos}
     found = {
@@ -115,13 +108,8 @@ def difference_plot(difference: Difference, name: str) -> Plot | None:
         (label, number(max(v for _, v in points), 3), number(difference.tolerance)) for label, points in found.items()
     )
     head = ("Of the", "Largest difference", "Counts as right up to")
-    return (
-        f"difference-{difference.case}",
-        title,
-        caption,
-        (head, *rows),
-        lambda width: draw_difference(difference, found, width),
-    )
+    name = f"difference-{difference.case}"
+    return Sketch(name, title, caption, (head, *rows), lambda width: draw_difference(difference, found, width))
 
 
 def draw_difference(difference: Difference, found: dict[str, list[Point]], width: float) -> Drawing:
@@ -147,7 +135,7 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
     return picture
 
 
-def chart_plot(chart: Chart, name: str, index: int) -> Plot | None:
+def chart_plot(chart: Chart, name: str, index: int) -> Sketch | None:
     """A chart that a kind of exercise asks for; None if it holds no number."""
     lines = [(one.label, finite(one.x, one.y, chart)) for one in chart.series[:LINES_MAX]]
     lines = [(label, points) for label, points in lines if points]
@@ -157,7 +145,7 @@ def chart_plot(chart: Chart, name: str, index: int) -> Plot | None:
     caption = f"{chart.y.label or 'Value'} against {chart.x.label or 'x'}."
     rows = [(label, *(f"{number(p[0])}: {number(p[1])}" for p in (points[0], points[-1]))) for label, points in lines]
     table = (("Line", "First point", "Last point"), *rows)
-    return f"chart-{index}", title, caption, table, lambda width: draw_chart(chart, lines, width)
+    return Sketch(f"chart-{index}", title, caption, table, lambda width: draw_chart(chart, lines, width))
 
 
 def finite(xs: Sequence[float | None], ys: Sequence[float | None], chart: Chart) -> list[Point]:

@@ -1,11 +1,11 @@
 """The motion at both ends of each claimed bracket: capped axes, and a cross where a run ends."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 from grader.web.text.numbers import quantity
 from grader.web.verdict.evidence import Run
-from grader.web.verdict.svg import Axis, Drawing
+from grader.web.verdict.svg import Axis, Drawing, Sketch
 
 PANEL, GAP = 118.0, 30.0
 LEFT, TITLE, BELOW = 34.0, 46.0, 30.0
@@ -22,11 +22,9 @@ SETTLED = 0.02
 NEARLY = 0.9
 """A motion that settles later than this part of the run has not settled."""
 
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
 
-
-def motion_plot(runs: Sequence[Run], integrators: Mapping[str, str]) -> Plot:
-    """The runs of all visible cases. Returns name, title, caption, table and how to draw it at a width."""
+def motion_plot(runs: Sequence[Run], integrators: Mapping[str, str]) -> Sketch:
+    """Plots the runs of all visible cases."""
     rows = [list(some) for _, some in groupby(runs, key=lambda run: run.case)]
     table = tuple(
         (integrators.get(run.case, run.case), run.end, quantity(run.timestep_ms, "ms"), fate(run)) for run in runs
@@ -36,7 +34,7 @@ def motion_plot(runs: Sequence[Run], integrators: Mapping[str, str]) -> Plot:
     )
     head = ("Integrator", "End of your bracket", "Timestep", "What the run does")
     title = "What the judge's runs did at both ends of your bracket"
-    return "motion", title, caption, (head, *table), lambda width: draw(rows[:ROWS_MAX], integrators, width)
+    return Sketch("motion", title, caption, (head, *table), lambda width: draw(rows[:ROWS_MAX], integrators, width))
 
 
 def fate(run: Run) -> str:

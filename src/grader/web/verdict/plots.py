@@ -12,7 +12,7 @@ from grader.web.verdict import evidence as read
 from grader.web.verdict.line_plots import chart_plot, difference_plot, order_plot
 from grader.web.verdict.motion_plot import motion_plot
 from grader.web.verdict.stability_map import stability_map
-from grader.web.verdict.svg import Drawing
+from grader.web.verdict.svg import Drawing, Sketch
 
 WIDTHS = {"wide-plot": 734.0, "narrow-plot": 308.0}
 BORDER, HEAD = 12, 36
@@ -27,18 +27,7 @@ class Figure:
     title: str
     caption: str
     pictures: Markup
-    table: tuple[tuple[str, ...], ...] = ()
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """A plot before it is drawn at each width."""
-
-    name: str
-    title: str
-    caption: str
-    table: tuple[tuple[str, ...], ...]
-    draw: Any
+    table: Sequence[tuple[str, ...]] = ()
 
 
 def figures_of(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> list[Figure]:
@@ -60,19 +49,19 @@ def sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator
     limits = {one.case: one for one in read.several(evidence, "limits", read.Limit)}
     for claims in grouped(read.several(evidence, "claims", read.Claim)):
         name = titles.get(claims[0].case, claims[0].case).rpartition(", ")[0]
-        yield Sketch(*stability_map(claims, limits, runs, name))
+        yield stability_map(claims, limits, runs, name)
     named = {one.case: one.integrator for one in read.several(evidence, "claims", read.Claim)}
     if runs:
-        yield Sketch(*motion_plot(runs, named))
+        yield motion_plot(runs, named)
     order = read.one(evidence, "order", read.Order)
     if order is not None and (plot := order_plot(order)) is not None:
-        yield Sketch(*plot)
+        yield plot
     for difference in read.several(evidence, "differences", read.Difference):
         if (plot := difference_plot(difference, titles.get(difference.case, difference.case))) is not None:
-            yield Sketch(*plot)
+            yield plot
     for index, chart in enumerate(read.several(evidence, "charts", read.Chart)):
         if (plot := chart_plot(chart, titles.get(chart.case, chart.case), index)) is not None:
-            yield Sketch(*plot)
+            yield plot
 
 
 def grouped(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:
@@ -82,7 +71,7 @@ def grouped(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:
 
 def standalone(sketch: Sketch, styles: str) -> str:
     """The wide plot as a file of its own, in light colours, with the title above it."""
-    picture: Drawing = sketch.draw(WIDTHS["wide-plot"])
+    picture = sketch.draw(WIDTHS["wide-plot"])
     text = picture.svg("wide-plot", sketch.title)
     width, height = picture.width + 2 * BORDER, picture.height + HEAD + BORDER
     corner = f'x="{-BORDER}" y="{-HEAD}"'

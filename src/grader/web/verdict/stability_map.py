@@ -1,11 +1,11 @@
 """The stability map: each integrator's stable and growing timesteps, its limit, and the learner's claim upon it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from grader.web.text.numbers import number, quantity
 from grader.web.verdict.evidence import Claim, Limit, Run
-from grader.web.verdict.svg import Axis, Drawing, text_width
+from grader.web.verdict.svg import Axis, Drawing, Sketch, text_width
 
 ROW, BAR, MAGNIFIED = 66.0, 18.0, 40.0
 TOP, FOOT = 28.0, 40.0
@@ -23,8 +23,6 @@ BAND_PX = 16.0
 
 CLOSE = 0.02
 """Where a claim lies this near to the spring's limit, relative to it, the title says so."""
-
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
 
 
 @dataclass(frozen=True)
@@ -44,15 +42,15 @@ class Row:
         return None if low is None or high is None else (not low and high)
 
 
-def stability_map(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: Sequence[Run], case: str) -> Plot:
-    """The map of one case. Returns name, title, caption, table and how to draw it at a width."""
+def stability_map(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: Sequence[Run], case: str) -> Sketch:
+    """Plots the map of one case."""
     rows = [row_of(claim, limits.get(claim.case), runs) for claim in claims]
     spring = next((row.limit.spring_ms for row in rows if row.limit), None)
     known = any(row.limit for row in rows)
     zones = "tinted is stable, hatched grows" if known else "what the runs at the ends of your brackets show"
     caption = f"{f'{case}: {zones}' if case else zones.capitalize()}. The bold bar is your claim."
     name = f"map-{claims[0].case.rpartition('.')[0] or 'all'}"
-    return name, title_of(rows, spring), caption, table_of(rows), lambda width: draw(rows, spring, width)
+    return Sketch(name, title_of(rows, spring), caption, table_of(rows), lambda width: draw(rows, spring, width))
 
 
 def near(row: Row) -> bool:
@@ -143,7 +141,7 @@ def table_of(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
 
 
 def within_words(row: Row) -> str:
-    """The limit within the horizon, in words."""
+    """Words the limit within the horizon."""
     if row.limit is None:
         return ""
     return "none" if row.limit.within_ms is None else quantity(row.limit.within_ms, "ms")
@@ -159,11 +157,8 @@ def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
     bottom = TOP + ROW * len(rows) - 6
     if spring is not None and low < spring < high:
         x = axis.at(spring)
-        words = (
-            f"spring alone: {quantity(spring, 'ms')}"
-            if width < NARROW
-            else f"2/ω = {quantity(spring, 'ms')}: the spring alone"
-        )
+        limit = quantity(spring, "ms")
+        words = f"spring alone: {limit}" if width < NARROW else f"2/ω = {limit}: the spring alone"
         picture.line("reference", x, TOP - 8, x, bottom)
         picture.text(words, x, TOP - 14, anchor="middle")
     for index, row in enumerate(rows):
@@ -251,13 +246,8 @@ def draw_claim(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
         return
     low, high = row.claim.search_ms
     if claim[1] < low or claim[0] > high:
-        picture.text(
-            f"{words}, off the axis",
-            axis.start if claim[1] < low else axis.end,
-            below,
-            "name",
-            "start" if claim[1] < low else "end",
-        )
+        x, anchor = (axis.start, "start") if claim[1] < low else (axis.end, "end")
+        picture.text(f"{words}, off the axis", x, below, "name", anchor)
         return
     left, right = axis.at(max(claim[0], low)), axis.at(min(claim[1], high))
     wide = max(right - left, SLIVER_PX)

@@ -1,7 +1,7 @@
 """A drawing as SVG text: axes, lines and labels. Everything that is written into it is escaped."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
@@ -80,10 +80,6 @@ class Drawing:
     height: float
     parts: list[str] = field(default_factory=list)
 
-    def add(self, element: str) -> None:
-        """Adds an element that is SVG already."""
-        self.parts.append(element)
-
     def line(self, kind: str, x1: float, y1: float, x2: float, y2: float) -> None:
         """A straight line of a class."""
         self.path(kind, [(x1, y1), (x2, y2)])
@@ -95,12 +91,12 @@ class Drawing:
     def paths(self, kind: str, lines: Sequence[Sequence[Point]]) -> None:
         """Lines of a class as one element."""
         if lines:
-            self.add(f'<path class="{kind}" d="{steps(lines)}"/>')
+            self.parts.append(f'<path class="{kind}" d="{steps(lines)}"/>')
 
     def box(self, kind: str, x: float, y: float, width: float, height: float) -> None:
         """A filled rectangle of a class."""
         if width > 0 and height > 0:
-            self.add(
+            self.parts.append(
                 f'<rect class="{kind}" x="{short(x)}" y="{short(y)}" width="{short(width)}" height="{short(height)}"/>'
             )
 
@@ -117,11 +113,11 @@ class Drawing:
 
     def dot(self, kind: str, x: float, y: float) -> None:
         """A measured point."""
-        self.add(f'<circle class="dot {kind}" cx="{short(x)}" cy="{short(y)}" r="3.5"/>')
+        self.parts.append(f'<circle class="dot {kind}" cx="{short(x)}" cy="{short(y)}" r="3.5"/>')
 
     def cross(self, x: float, y: float) -> None:
         """The mark where a run ends."""
-        self.add(f'<path class="cross" d="M{short(x - 4)} {short(y - 4)}l8 8m0 -8l-8 8"/>')
+        self.parts.append(f'<path class="cross" d="M{short(x - 4)} {short(y - 4)}l8 8m0 -8l-8 8"/>')
 
     def text(self, said: str, x: float, y: float, kind: str = "", anchor: str = "start") -> None:
         """A label, kept within the picture by its estimated width."""
@@ -134,13 +130,13 @@ class Drawing:
             x = min(max(x, room / 2), self.width - room / 2)
         where = "" if anchor == "start" else f' text-anchor="{anchor}"'
         named = f' class="{kind}"' if kind else ""
-        self.add(f'<text{named} x="{short(x)}" y="{short(y)}"{where}>{escape(said)}</text>')
+        self.parts.append(f'<text{named} x="{short(x)}" y="{short(y)}"{where}>{escape(said)}</text>')
 
     def clipped(self, x: float, y: float, width: float, height: float, inner: "Drawing") -> None:
         """Adds what another drawing holds, cut off at a frame."""
         frame = f'x="{short(x)}" y="{short(y)}" width="{short(width)}" height="{short(height)}"'
         view = f'viewBox="{short(x)} {short(y)} {short(width)} {short(height)}"'
-        self.add(f"<svg {frame} {view}>{''.join(inner.parts)}</svg>")
+        self.parts.append(f"<svg {frame} {view}>{''.join(inner.parts)}</svg>")
 
     def x_axis(self, axis: Axis, y: float, unit: str, about: int = 5) -> None:
         """Ticks with labels under a line at height `y`; the last one carries the unit."""
@@ -159,11 +155,23 @@ class Drawing:
             self.line("grid", left, y, right, y)
             self.text(axis.label(tick), left - 6, y + 4, anchor="end")
 
-    def svg(self, kind: str, described: str, *, hidden: bool = False) -> str:
-        """The whole picture; a `hidden` one repeats another for a narrower page."""
-        label = 'aria-hidden="true"' if hidden else f'role="img" aria-label="{escape(described)}"'
+    def svg(self, kind: str, described: str) -> str:
+        """Writes the whole picture."""
+        label = f'role="img" aria-label="{escape(described)}"'
         box = f"0 0 {short(self.width)} {short(self.height)}"
         return f'<svg class="plot {kind}" viewBox="{box}" {label}>{"".join(self.parts)}</svg>'
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A plot before it is drawn at each width: `name` is the part of its address for the download, `table` says the
+    same in words, a row of headings first."""
+
+    name: str
+    title: str
+    caption: str
+    table: Sequence[tuple[str, ...]]
+    draw: Callable[[float], Drawing]
 
 
 def text_width(said: str) -> float:

@@ -105,18 +105,10 @@ class Ray(Measurement):
         for radius in radii:
             z = rect(radius, radians(self.angle))
             scene = build_held_joint(z)
-            by_step = compute_spectral_radius(
-                scene.at(qpos=[0.0]), timestep_s=1.0, integrator=BY_NAME[self.integrator].code
-            )
-            points.append(
-                {
-                    "radius": radius,
-                    "inside": radius < end,
-                    "closed": compute_growth(self.integrator, z),
-                    "spectral": by_step,
-                    "grows": grows(scene, self.integrator),
-                }
-            )
+            code = BY_NAME[self.integrator].code
+            by_step = compute_spectral_radius(scene.at(qpos=[0.0]), timestep_s=1.0, integrator=code)
+            found = {"closed": compute_growth(self.integrator, z), "spectral": by_step}
+            points.append({"radius": radius, "inside": radius < end, **found, "grows": grows(scene, self.integrator)})
         return {"limit": end if isfinite(end) else None, "points": points}
 
     def rows(self, record: Record) -> list[Record]:

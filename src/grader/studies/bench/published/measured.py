@@ -108,6 +108,11 @@ def setting(best: Results | None) -> str:
     return f"{best['integrator']} {milliseconds(best['timestep_s'])} (x{best['ratio']:.3g})" if best else "-"
 
 
+def fitted(fit: Results | None) -> str:
+    """`3.98 (3.95 to 4.01)`, or a dash where no order was fitted."""
+    return "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
+
+
 def trade(point: Results) -> str:
     """Error and cost of one setting with its interval, or that it warned."""
     error = "warned" if point["error"] is None else f"{point['error']:.1e}"
@@ -176,11 +181,8 @@ def procedure(results: Results) -> Iterator[tuple[str, ...]]:
 def orders(results: Results) -> Iterator[tuple[str, ...]]:
     """Fitted orders with their 95 % intervals."""
     for name, scene in results["precision"]["scenes"].items():
-        fits = (
-            fit and "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit)
-            for fit in scene["orders"].values()
-        )
-        yield describe_scene(name), f"{scene['reference']['own_error']:.0e}", *(fit or "-" for fit in fits)
+        fits = map(fitted, scene["orders"].values())
+        yield describe_scene(name), f"{scene['reference']['own_error']:.0e}", *fits
 
 
 @table("scene", "peer", *SHOWN_ERRORS)
@@ -188,11 +190,8 @@ def peers(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the cost of each peer over that of MuJoCo's cheapest setting within four errors."""
     for name, scene in results["precision"]["scenes"].items():
         for peer, ratios in scene["peers"].items():
-            yield (
-                describe_scene(name),
-                peer,
-                *(ratio(ratios[error], scene["cheapest"][error]) for error in SHOWN_ERRORS),
-            )
+            costs = (ratio(ratios[error], scene["cheapest"][error]) for error in SHOWN_ERRORS)
+            yield describe_scene(name), peer, *costs
 
 
 @table(
@@ -305,8 +304,7 @@ def pile(results: Results) -> Iterator[tuple[str, ...]]:
     """Error against timestep where many stiff contacts open and close."""
     scene = results["adaptive"]["scenes"]["pile"]
     for kind, errors in scene["errors"].items():
-        fit = scene["orders"][kind]
-        order = "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
+        order = fitted(scene["orders"][kind])
         yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
 
 
@@ -350,11 +348,8 @@ def summary(results: Results) -> Iterator[tuple[str, ...]]:
     skipped = {name: scene["savings"] for name, scene in results["skip"]["scenes"].items()}
     for name, scene in results["precision"]["scenes"].items():
         apart = [f"{skipped[name][stage]['ratio']:.2f}" for stage in (TIMER, IN_C, SKIPPING)] if name in skipped else []
-        yield (
-            describe_scene(name),
-            *(setting(scene["cheapest"][error]) for error in SHOWN_ERRORS),
-            " x ".join(apart) or "-",
-        )
+        cheapest = (setting(scene["cheapest"][error]) for error in SHOWN_ERRORS)
+        yield describe_scene(name), *cheapest, " x ".join(apart) or "-"
 
 
 def main(

@@ -119,9 +119,8 @@ class Judging(Measurement):
         """CPU time [s]; every submission draws its cases anew."""
         source, count = read_right_answer(self.exercise), 3 if quick else 15
         verdicts = [open_clients()[0].graded(self.exercise, f"{source}\n# {number}\n") for number in range(count)]
-        return {"submissions": count} | compute_percentiles(
-            [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
-        )
+        times = [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
+        return {"submissions": count} | compute_percentiles(times)
 
 
 @dataclass(frozen=True)
@@ -134,12 +133,10 @@ class Overhead(Measurement):
         models, (rounds, bursts) = Settings().content / "models", (10, 1) if quick else (40, 3)
         runtime = cell.find_runtime()
         importing = f"import sys; sys.path += {list(map(str, runtime.packages))!r}; import mujoco, numpy"
+        single_use = cell.build_cell_command(runtime, models, cell.INSIDE, control=0)[:-2]
         commands = {
             "new interpreter": [str(runtime.executable), *cell.ISOLATED, "-c", importing],
-            "single-use bubblewrap": [
-                *cell.build_cell_command(runtime, models, cell.INSIDE, control=0)[:-2],
-                importing,
-            ],
+            "single-use bubblewrap": [*single_use, importing],
         }
         times: dict[str, list[float]] = {name: [] for name in ("jail, idle", "jail, in a burst", *commands)}
         rates = []

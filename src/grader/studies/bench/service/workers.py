@@ -60,15 +60,9 @@ class Workers(Measurement):
         runs = []
         for n in WORKER_COUNTS:
             rates, costs = zip(*(burst[n] for burst in bursts), strict=True)
-            runs.append(
-                {
-                    "workers": n,
-                    "per_second": float(np.median(rates)),
-                    "ratio": float(np.median([burst[n][0] / burst[1][0] for burst in bursts])),
-                    "cores": float(np.median(np.multiply(rates, costs))),
-                    "cpu_s": float(np.median(costs)),
-                }
-            )
+            ratios = [burst[n][0] / burst[1][0] for burst in bursts]
+            found = {"per_second": rates, "ratio": ratios, "cores": np.multiply(rates, costs), "cpu_s": costs}
+            runs.append({"workers": n} | {name: float(np.median(values)) for name, values in found.items()})
         return {"machine_cores": os.cpu_count() or 1, "runs": runs}
 
     def rows(self, record: Record) -> list[Record]:
