@@ -37,23 +37,11 @@ def advise(
     from grader.studies.advise.report import advise as measure
 
     named = read_settings().content / "models" / f"{model}.xml"
-    start = Start(
-        int(key) if key is not None and key.isdecimal() else key,
-        parse_numbers(qpos, "--qpos"),
-        parse_numbers(qvel, "--qvel"),
-        parse_numbers(ctrl, "--ctrl"),
-        perturb,
-    )
+    state = (parse_numbers(qpos, "--qpos"), parse_numbers(qvel, "--qvel"), parse_numbers(ctrl, "--ctrl"))
+    start = Start(int(key) if key is not None and key.isdecimal() else key, *state, perturb)
     with Console(stderr=True).status("compiling the model") as status:
-        advice = measure(
-            named if named.is_file() else Path(model),
-            quantity,
-            tol,
-            seconds,
-            start=start,
-            budget_s=budget,
-            progress=status.update,
-        )
+        place = named if named.is_file() else Path(model)
+        advice = measure(place, quantity, tol, seconds, start=start, budget_s=budget, progress=status.update)
     print(advice)
     if advice.choice is None:
         sys.exit(1)

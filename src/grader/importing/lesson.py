@@ -69,7 +69,8 @@ def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
         elif block.words and (kind := kind_of_fence(block.words[0])) is not None:
             reading.add_question(block, kind)
     asks = bool(reading.quizzes)
-    reading.finish(_title(markdown) or name)
+    heading = next((found[1] for line in NEWLINE.split(markdown) if (found := TITLE.match(line))), name)
+    reading.finish(heading)
     if not reading.quizzes and not reading.lab_faults and not reading.faults and not reading.remarks:
         reading.fault(1, "no quiz or lab block here: begin one with ```quiz or ```lab simlab")
     if reading.faults or (reading.lab_faults and not asks):
@@ -100,11 +101,6 @@ def blocks(markdown: str) -> Iterator[Block]:
 def kind_of_fence(word: str) -> AnyKind | None:
     """The kind of question whose blocks begin with a word, if there is one."""
     return next((kind for kind in installed_kinds().values() if word in kind.fences), None)
-
-
-def _title(markdown: str) -> str | None:
-    """The lesson's first heading."""
-    return next((found[1] for line in NEWLINE.split(markdown) if (found := TITLE.match(line))), None)
 
 
 class _Reading:

@@ -114,8 +114,9 @@ def _load_quiz(loading: _Loading, file: str) -> None:
         )
     _keep(loading, parsed.quiz, file, raw)
     starters = _starters(loading, parsed.quiz)
+    models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
     loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
-    loading.sources[quiz_id] = {file: text, **_model_files(loading.models), **starters, **named}
+    loading.sources[quiz_id] = {file: text, **models, **starters, **named}
 
 
 def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
@@ -144,11 +145,6 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     for key, part in named_parts(raw):
         loading.warnings.extend(prose_warnings(part, file, key))
     loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))
-
-
-def _model_files(models: Mapping[str, str]) -> dict[str, str]:
-    """The models by their path."""
-    return {f"models/{name}.xml": xml for name, xml in models.items()}
 
 
 def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:

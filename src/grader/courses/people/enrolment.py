@@ -114,20 +114,11 @@ def changes_of(member: Member, entry: Entry) -> dict[str, Any]:
 def create(session: Session, course: str, entries: Sequence[Entry]) -> None:
     """Makes members. Raises Conflict if another request has just made one of them."""
     for entry in entries:
-        theirs = (
-            {} if entry.external is None else {"namespace": entry.external.namespace, "external_id": entry.external.id}
-        )
-        session.add(
-            Member(
-                id=new_member_id(),
-                course=course,
-                name=entry.name,
-                account=entry.key,
-                role=entry.role.value,
-                email=entry.email or None,
-                **theirs,
-            )
-        )
+        member = Member(id=new_member_id(), course=course, name=entry.name, account=entry.key, role=entry.role.value)
+        member.email = entry.email or None
+        if entry.external is not None:
+            member.namespace, member.external_id = entry.external.namespace, entry.external.id
+        session.add(member)
     try:
         session.flush()
     except IntegrityError as error:

@@ -52,17 +52,11 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     with database.read() as session:
         chosen = choose(session, who.course, quiz, questions, wanted.scope)
     regrade = Regrade(
-        id=new_id(),
-        course=who.course,
-        quiz=quiz.id,
-        question=wanted.question,
+        id=new_id(), course=who.course, quiz=quiz.id, question=wanted.question,
         scope=json.dumps(wanted.scope if isinstance(wanted.scope, str) else {"submission_ids": wanted.scope}),
-        dry_run=wanted.dry_run,
-        content_digest=library.digest(quiz.id),
-        status=QUEUED if chosen else DONE,
-        created_by=who.user,
-        finished_at=None if chosen else now(),
-    )
+        dry_run=wanted.dry_run, content_digest=library.digest(quiz.id), status=QUEUED if chosen else DONE,
+        created_by=who.user, finished_at=None if chosen else now(),
+    )  # fmt: skip
     with database.write() as session:
         database.lock(session, f"regrades\n{who.course}")
         refuse_more(session, regrade)

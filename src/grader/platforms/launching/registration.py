@@ -95,15 +95,10 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
     family = label(about.get("product_family_code")) if isinstance(about, dict) else ""
     audience = configuration.get("authorization_server")
     return Registration(
-        name=f"{family} {urlsplit(issuer).hostname}".strip(),
-        issuer=issuer,
-        client_id="",
-        login_url=login,
-        token_url=token,
-        keys_url=keys,
-        token_audience=audience if isinstance(audience, str) else "",
+        name=f"{family} {urlsplit(issuer).hostname}".strip(), issuer=issuer, client_id="", login_url=login,
+        token_url=token, keys_url=keys, token_audience=audience if isinstance(audience, str) else "",
         origins=tuple(dict.fromkeys((origin_of(issuer), origin_of(login)))),
-    )
+    )  # fmt: skip
 
 
 async def exchanged(

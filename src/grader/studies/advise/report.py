@@ -150,7 +150,8 @@ def advise(
             budget_s=budget_s,
             progress=progress,
         )
-        return Advice(found, describe_steps(scene, found), list_skips(scene))
+        skips = (f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)
+        return Advice(found, describe_steps(scene, found), tuple(skips))
     except QuantityStill as error:
         raise Unprocessable(f"{error}: {CURE}") from error
     except (ValueError, RuntimeError, LabError) as error:
@@ -233,8 +234,3 @@ def find_binding_stiffness(scene: Scene, candidates: Sequence[Candidate]) -> str
     if warned is None or warned.timestep_s == min(c.timestep_s for c in own):
         return None
     return f"{describe_setting(warned)} warned: {warned.warning}"
-
-
-def list_skips(scene: Scene) -> tuple[str, ...]:
-    """Parts of the engine that the scene provably does not need, each with the reason."""
-    return tuple(f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)

@@ -3,6 +3,7 @@ holds one digest of the whole folder: modules import each other, and the style s
 addresses."""
 
 import hashlib
+import re
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from starlette.types import Scope
 
 FOLDER = Path(__file__).parents[1] / "static"
 DIGEST_LENGTH = 12
+DIGEST = re.compile(rf"[0-9a-f]{{{DIGEST_LENGTH}}}")
 FOR_GOOD = "public, max-age=31536000, immutable"
 
 _files = StaticFiles(directory=FOLDER)
@@ -35,13 +37,9 @@ async def static_file(path: str, scope: Scope) -> Response:
     served now lets browsers keep the file; any other address is asked for again."""
     first, _, rest = path.partition("/")
     is_current = first == digest()
-    if rest and (is_current or _is_digest(first)):
+    if rest and (is_current or DIGEST.fullmatch(first)):
         path = rest
     response = await _files.get_response(path, scope)
     caching = FOR_GOOD if is_current else "no-cache"
     response.headers.update({"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})
     return response
-
-
-def _is_digest(text: str) -> bool:
-    return len(text) == DIGEST_LENGTH and set(text) <= set("0123456789abcdef")

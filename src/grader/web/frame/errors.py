@@ -55,7 +55,8 @@ class ErrorPages:
 
     async def send(self, message: Message) -> None:
         """Sends one part."""
-        if message["type"] == "http.response.start" and is_problem(message):
+        is_start = message["type"] == "http.response.start"
+        if is_start and Headers(raw=message["headers"]).get("content-type", "").startswith(PROBLEM):
             self._start = message
         elif self._start is None:
             await self._send(message)
@@ -73,11 +74,6 @@ class ErrorPages:
         headers["Cache-Control"] = "no-store"
         await self._send({**start, "headers": headers.raw})
         await self._send({"type": "http.response.body", "body": body})
-
-
-def is_problem(start: Message) -> bool:
-    """Whether a response that starts like this is a problem document."""
-    return Headers(raw=start["headers"]).get("content-type", "").startswith(PROBLEM)
 
 
 def error_page(status: int, problem: bytes) -> bytes:

@@ -171,18 +171,10 @@ def row_of(
     decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
     told = told_of(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
     return Row(
-        one.id,
-        learner,
-        one.quiz,
-        titles.get((one.quiz, one.question), one.question),
-        excerpt(one),
-        day(one.created_at),
-        span((now() - one.created_at).total_seconds()),
-        told,
-        (verdict["points"], verdict["max_points"]) if decided else None,
-        *held,
-        one.status == NEEDS_REVIEW,
-    )
+        one.id, learner, one.quiz, titles.get((one.quiz, one.question), one.question), excerpt(one),
+        day(one.created_at), span((now() - one.created_at).total_seconds()), told,
+        (verdict["points"], verdict["max_points"]) if decided else None, *held, one.status == NEEDS_REVIEW,
+    )  # fmt: skip
 
 
 def excerpt(one: Submission) -> str:

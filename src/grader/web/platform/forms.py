@@ -28,16 +28,14 @@ from grader.store import platforms, tickets
 from grader.store.platforms import Context
 from grader.store.tables import Member
 from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
-from grader.web.platform.frames import LtiTool, framed_page, in_plain_words, pairs_of, start_in
+from grader.web.platform.frames import LtiTool, Pairs, PlainWords, framed_page, start_in
 from grader.web.text.questions import page_of
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False, route_class=PlainWords)
 
 COURSE, CHOICE, TAB = "lti-course", "lti-choice", "lti-tab"
 LIFETIME = timedelta(hours=1)
 STALE = "This form was sent already, or is too old. Start again from your learning platform."
-
-Pairs = list[tuple[str, str]]
 
 
 def used(session: Session, purpose: str, pairs: Pairs) -> dict[str, Any]:
@@ -63,15 +61,8 @@ def course_page(request: Request, services: Services, launch: Launch, context: C
 
 
 @router.post("/course")
-@in_plain_words
-async def link_course(request: Request, services: AppServices) -> Response:
+def link_course(request: Request, services: AppServices, pairs: Pairs) -> Response:
     """Links the platform's course with a new course, or asks the instructors of an existing one."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(course_linked, request, services, pairs)
-
-
-def course_linked(request: Request, services: Services, pairs: Pairs) -> Response:
-    """As `link_course`, with the form's fields."""
     course = dict(pairs).get("course", "").strip()
     with services.database.write() as session:
         body = used(session, COURSE, pairs)
@@ -98,15 +89,8 @@ def choose_page(request: Request, services: Services, library: Library, launch: 
 
 
 @router.post("/choose")
-@in_plain_words
-async def choose(request: Request, tool: LtiTool, services: AppServices) -> Response:
+def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Signs what the instructor chose, and lets the browser carry it to the platform."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(chosen, request, tool, services, pairs)
-
-
-def chosen(request: Request, tool: LtiTool, services: Services, pairs: Pairs) -> Response:
-    """As `choose`, with the form's fields."""
     with services.database.write() as session:
         body = used(session, CHOICE, pairs)
         platform = platform_with(session, body["platform"])
@@ -138,15 +122,8 @@ def open_page(request: Request, services: Services, platform: Platform, arrival:
 
 
 @router.post("/open")
-@in_plain_words
-async def open_tab(request: Request, services: AppServices) -> Response:
+def open_tab(request: Request, services: AppServices, pairs: Pairs) -> Response:
     """Opens a session in the new tab, and leads to the work."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(opened_tab, request, services, pairs)
-
-
-def opened_tab(request: Request, services: Services, pairs: Pairs) -> Response:
-    """As `open_tab`, with the form's fields."""
     with services.database.write() as session:
         body = used(session, TAB, pairs)
         member = session.get(Member, body["member"])
@@ -166,15 +143,12 @@ def entered(request: Request, services: Services, member: Member, platform_id: i
 
 
 @router.get("/register")
-@in_plain_words
-async def show_registration(
+def show_registration(
     request: Request, _tool: LtiTool, services: AppServices, token: str = "", openid_configuration: str = "",
     registration_token: str = "",
 ) -> Response:  # fmt: skip
     """Asks a platform's administrator, who came with a registration link, before anything is registered."""
-    known = await run_in_threadpool(
-        services.sessions.reading, lambda session: tickets.peek(session, REGISTRATION, token) is not None
-    )
+    known = services.sessions.reading(lambda session: tickets.peek(session, REGISTRATION, token) is not None)
     origin = origin_of(openid_configuration)
     if not known or not origin:
         raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
@@ -184,10 +158,9 @@ async def show_registration(
 
 
 @router.post("/register")
-@in_plain_words
-async def do_register(request: Request, tool: LtiTool, services: AppServices) -> Response:
+async def do_register(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Registers this tool at the platform, and the platform here, where it waits for approval."""
-    form = dict(await pairs_of(request))
+    form = dict(pairs)
     used_up = await run_in_threadpool(
         services.sessions.writing, lambda session: tickets.take(session, REGISTRATION, form.get("token", ""))
     )

@@ -1,12 +1,12 @@
 """What pages in a learning platform's frame have in common: cookies, security policy, and plain words for a refusal."""
 
-from collections.abc import Awaitable, Callable
-from functools import wraps
+from collections.abc import Callable, Coroutine
 from typing import Annotated, Any
 from urllib.parse import parse_qsl
 
 from fastapi import Depends, Request
 from fastapi.responses import Response
+from fastapi.routing import APIRoute
 
 from grader.courses.people.sign_in import BrowserSession
 from grader.domain.platform import Platform
@@ -41,20 +41,25 @@ async def pairs_of(request: Request) -> list[tuple[str, str]]:
         raise Unprocessable(f"At most {FIELDS_MAX} parameters are taken.") from error
 
 
-Handler = Callable[..., Awaitable[Response]]
+Pairs = Annotated[list[tuple[str, str]], Depends(pairs_of)]
 
 
-def in_plain_words(handler: Handler) -> Handler:
-    """Shows the reader of a frame a refusal as a page. The handler's first parameter is the request."""
+class PlainWords(APIRoute):
+    """A route that shows the reader of a frame a refusal as a page."""
 
-    @wraps(handler)
-    async def handled(request: Request, *args: Any, **kwargs: Any) -> Response:
-        try:
-            return await handler(request, *args, **kwargs)
-        except REFUSALS as error:
-            return refusal(request, error)
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Returns the handler of a request."""
+        handle = super().get_route_handler()
 
-    return handled
+        async def handle_refusals(request: Request) -> Response:
+            try:
+                return await handle(request)
+            except REFUSALS as error:
+                if str(error) == MISSING:  # as programs are told it
+                    raise
+                return refusal(request, error)
+
+        return handle_refusals
 
 
 def refusal(request: Request, error: CallerError) -> Response:
@@ -71,12 +76,8 @@ def framed_page(
     return page(request, template, 200, headers, **context)
 
 
-def is_framed(request: Request) -> bool:
-    """Whether the browser shows the response in a frame, as far as it says so."""
-    return request.headers.get("sec-fetch-dest") != "document"
-
-
 def start_in(request: Request, services: Services, response: Response, opened: BrowserSession) -> Response:
     """The response, with the cookie of a session in the frame or tab that it is shown in."""
-    response.headers.append("Set-Cookie", services.sessions.set_cookie(opened, framed=is_framed(request)))
+    framed = request.headers.get("sec-fetch-dest") != "document"  # as far as the browser says so
+    response.headers.append("Set-Cookie", services.sessions.set_cookie(opened, framed=framed))
     return response

@@ -20,10 +20,10 @@ from grader.platforms.tool import canvas_configuration
 from grader.questions import kind_of
 from grader.web.platform.forms import choose_page, course_page, entered, open_page
 from grader.web.platform.forms import router as forms
-from grader.web.platform.frames import LtiTool, framed_page, in_plain_words, pairs_of
+from grader.web.platform.frames import LtiTool, Pairs, PlainWords, framed_page
 
 router = APIRouter(include_in_schema=False, prefix="/lti")
-router.include_router(forms)
+launches = APIRouter(include_in_schema=False, route_class=PlainWords)
 log = structlog.get_logger()
 
 PUBLIC = {"Cache-Control": "public, max-age=300", "X-Content-Type-Options": "nosniff"}
@@ -46,13 +46,12 @@ def for_canvas(request: Request, tool: LtiTool, services: AppServices) -> Respon
     return JSONResponse(canvas_configuration(services.origin_of(request)), headers=PUBLIC)
 
 
-@router.get("/login")
-@router.post("/login")
-@in_plain_words
-async def begin(request: Request, _tool: LtiTool, services: AppServices) -> Response:
+@launches.get("/login")
+@launches.post("/login")
+def begin(request: Request, _tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Begins a login, and sends the browser to the platform, which knows who its user is."""
-    fields, origin = logins.fields_in(await pairs_of(request)), services.origin_of(request)
-    begun = await run_in_threadpool(services.sessions.writing, lambda session: logins.begin(session, fields, origin))
+    fields, origin = logins.fields_in(pairs), services.origin_of(request)
+    begun = services.sessions.writing(lambda session: logins.begin(session, fields, origin))
     if begun.storage:
         response: Response = framed_page(
             request, "lti_storage.html", begun.platform, origin=origin_of(begun.platform.login_url),
@@ -64,11 +63,10 @@ async def begin(request: Request, _tool: LtiTool, services: AppServices) -> Resp
     return response
 
 
-@router.post("/launch")
-@in_plain_words
-async def launch(request: Request, tool: LtiTool, services: AppServices) -> Response:
+@launches.post("/launch")
+async def launch(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Verifies a launch, and opens the quiz or question that it leads to, in a session of the linked course."""
-    form = form_in(await pairs_of(request))
+    form = form_in(pairs)
     if "error" in form:
         log.info("a platform refused a login", error=form["error"][:100])
         raise Unauthorized("Your learning platform did not sign you in. Sign in there, then open this link again.")
@@ -159,3 +157,7 @@ def key_cookie(services: Services, login: Login) -> str:
     """The `Set-Cookie` header that binds a login to its browser."""
     attributes = services.sessions.attributes(int(logins.LIFETIME.total_seconds()), framed=True)
     return f"{cookie_name(services, login.state)}={login.key}; {attributes}"
+
+
+router.include_router(forms)
+router.include_router(launches)

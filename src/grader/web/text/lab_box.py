@@ -73,11 +73,6 @@ def shown_at_first(lab: LabConfig) -> tuple[str, ...]:
 def drawn_slider(slider: Slider) -> dict[str, Any]:
     """Where a slider stands between its ends, from 0 to 1, and whether the stability limit has its place under it."""
     low, high, value = slider.min, slider.max, slider.value
-    if is_logarithmic(low, high):
+    if low > 0 and high / low >= LOG_RATIO:
         low, high, value = log(low), log(high), log(value)
     return {"position": round((value - low) / (high - low), 6), "has_limit": slider.set == TIMESTEP}
-
-
-def is_logarithmic(low: float, high: float) -> bool:
-    """Whether a slider between these ends is logarithmic."""
-    return low > 0 and high / low >= LOG_RATIO

@@ -130,26 +130,16 @@ def card_of(given: Given) -> Card | None:
     diagnosis = verdict.get("diagnosis") or ""
     said = capital(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
     return Card(
-        given,
-        given.told,
-        f"{points(verdict['points'])} of {count(verdict['max_points'], 'point')}" if given.is_decided else "",
-        said,
-        unbroken(verdict.get("read_as") or ""),
-        columns,
-        tuple(row for row in rows if not row.passed),
-        tuple(row for row in rows if row.passed),
-        tuple(notes_of(columns, rows, said)),
-        tuple(cells),
-        excerpt_of(given.text, diagnosis),
-        read.one(evidence, "tableau", read.Tableau),
+        given, given.told,
+        f"{points(verdict['points'])} of {count(verdict['max_points'], 'point')}" if given.is_decided else "", said,
+        unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
+        tuple(row for row in rows if row.passed), tuple(notes_of(columns, rows, said)), tuple(cells),
+        excerpt_of(given.text, diagnosis), read.one(evidence, "tableau", read.Tableau),
         tuple(read.several(evidence, "values", read.Value)),
         cached_prose(verdict["explain"]) if verdict.get("explain") else Markup(),
-        (verdict.get("stdout") or "").rstrip(),
-        (verdict.get("stderr") or "").rstrip(),
-        tuple(facts_of(verdict)),
-        evidence,
-        titles,
-    )
+        (verdict.get("stdout") or "").rstrip(), (verdict.get("stderr") or "").rstrip(), tuple(facts_of(verdict)),
+        evidence, titles,
+    )  # fmt: skip
 
 
 def count(value: float, noun: str) -> str:

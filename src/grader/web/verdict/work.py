@@ -59,11 +59,6 @@ class Given:
         return self.verdict is not None and self.verdict["status"] != Status.NEEDS_REVIEW
 
     @property
-    def awaits_a_person(self) -> bool:
-        """Whether the page says that an instructor decides."""
-        return self.verdict is not None and self.told is STATUSES[Status.NEEDS_REVIEW]
-
-    @property
     def text(self) -> str:
         """The answer as it was typed: a script's source, a text, or an option's index."""
         answer = self.answer
@@ -91,7 +86,7 @@ class Place:
     @property
     def waits(self) -> bool:
         """Whether a person has to decide: no points yet are no lost points."""
-        return self.given is not None and self.given.awaits_a_person
+        return self.told is STATUSES[Status.NEEDS_REVIEW]
 
     @property
     def earlier_counts(self) -> bool:
@@ -144,15 +139,9 @@ def place_of(
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]
     return Place(
-        given,
-        None if counts is None else counts["points"],
-        question.points,
-        progress["notice"],
-        decision.may_answer,
-        given is not None and decision.why_no_lab is None,
-        decision.due,
-        progress["attempts_left"],
-    )
+        given, None if counts is None else counts["points"], question.points, progress["notice"], decision.may_answer,
+        given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
+    )  # fmt: skip
 
 
 def attempts_of(session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str) -> list[Given]:
