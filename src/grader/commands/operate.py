@@ -80,12 +80,12 @@ def export(
     data: Data = None,
 ) -> None:
     """Write all that is held of one learner, as JSON and scripts, to a zip file or a folder, and print its path."""
-    from grader.courses.people.export import export_learner, name_of, write_export
+    from grader.courses.people.export import export_learner, name_file, write_export
 
     require_one(user, member_id)
     with begin_transaction(data) as session:
         files = export_learner(session, user=user, member_id=member_id, course=course)
-        place = Path(name_of(files)) if out is None else out
+        place = Path(name_file(files)) if out is None else out
         write_export(files, place)
     print(place)
 

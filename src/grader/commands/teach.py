@@ -40,7 +40,7 @@ def extend(
 
 
 def parse_extension(due: str | None, until: str | None, attempts: int) -> "Extension":
-    """The extension that the options describe. Raises Unprocessable."""
+    """Returns the extension that the options describe. Raises Unprocessable."""
     from pydantic import ValidationError
 
     from grader.domain.policy import Extension
@@ -120,17 +120,17 @@ def import_roster(
 
 
 def read_entries(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
-    """The name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
+    """Returns the name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
     from grader.courses.people import oneroster, roster
 
     if file.is_dir():
         users, enrollments = (
-            roster.decoded(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
+            roster.decode(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
         )
         return oneroster.USERS, oneroster.read_files(users, enrollments, namespace, course_class)
     if file.suffix == ".zip":
         return oneroster.USERS, oneroster.read_zip(file.read_bytes(), namespace, course_class)
-    return roster.FILE, roster.read_roster(roster.decoded(roster.FILE, file.read_bytes()), namespace)
+    return roster.FILE, roster.read_roster(roster.decode(roster.FILE, file.read_bytes()), namespace)
 
 
 @roster.command("export")
@@ -143,7 +143,7 @@ def export_roster(
 ) -> None:
     """Write the members of a course as CSV, or as a OneRoster zip file."""
     from grader.courses.people import oneroster, roster
-    from grader.courses.people.enrolment import roster_of, roster_with_ids
+    from grader.courses.people.enrolment import list_roster, list_roster_with_ids
     from grader.courses.people.identity import DEFAULT_COURSE
 
     name = course or DEFAULT_COURSE
@@ -151,9 +151,9 @@ def export_roster(
         raise Unprocessable("Name the zip file with --out.")
     with open_database(data) as database, database.read() as session:
         if form == "csv":
-            written = "".join(roster.write_roster(roster_of(session, name))).encode()
+            written = "".join(roster.write_roster(list_roster(session, name))).encode()
         else:
-            written = oneroster.write_zip(roster_with_ids(session, name, namespace), name)
+            written = oneroster.write_zip(list_roster_with_ids(session, name, namespace), name)
     if out is None:
         sys.stdout.buffer.write(written)
     else:

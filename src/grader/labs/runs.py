@@ -181,7 +181,7 @@ class LabSimulation:
         self.record.rows.append([self._value(i, run) for i, run in enumerate(self.shown)])
 
     def _value(self, index: int, run: Run) -> Value:
-        """What is shown; undefined where it cannot be computed, which does not end the run."""
+        """Says what is shown; undefined where it cannot be computed, which does not end the run."""
         try:
             return _copy_value(run())
         except LabError as error:
@@ -248,7 +248,7 @@ def build_lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Wish] | 
 
 
 def _choose_duration(config: LabConfig, seconds: float | None) -> float:
-    """How long the lab runs [s]."""
+    """Says how long the lab runs [s]."""
     if seconds is not None:
         if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
             raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
@@ -257,8 +257,8 @@ def _choose_duration(config: LabConfig, seconds: float | None) -> float:
 
 
 def choose_length_s(config: LabConfig) -> float:
-    """How long the lab runs where the caller does not say [s]. Its `seconds`, else `stopAt`, else the widest plot, else
-    10 s with something to read or to set, and 3 s without."""
+    """Says how long the lab runs where the caller does not say [s]. Its `seconds`, else `stopAt`, else the widest plot,
+    else 10 s with something to read or to set, and 3 s without."""
     if config.seconds is not None:
         return config.seconds
     if isinstance(config.stopAt, float | int):

@@ -56,7 +56,7 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
 
 
 def _find_never_shown(runs: list[LabRun]) -> list[Fault]:
-    """What is shown in the lab and cannot be computed in any frame of any run."""
+    """Says what is shown in the lab and cannot be computed in any frame of any run."""
     first, *others = runs
     return [
         Fault("", error.key, error.why)

@@ -148,6 +148,6 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
 
 
 def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:
-    """The starters of a quiz, by path."""
+    """Returns the starters of a quiz, by path."""
     wanted = {kind_of(question).starter(question) for question in quiz.questions}
     return {name: text for name, text in loading.starters.items() if name in wanted}

@@ -65,7 +65,7 @@ def _explain(xml: str, attached: tuple[tuple[str, str], ...]) -> str | None:
 
 
 def is_as_written(element: ET.Element) -> bool:
-    """Whether an element makes a model no larger than its text shows."""
+    """Says whether an element makes a model no larger than its text shows."""
     return not (element.tag in UNBOUNDED or SIZING & element.attrib.keys() or "muscle" in element.attrib.values())
 
 

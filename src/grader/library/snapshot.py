@@ -26,26 +26,26 @@ class Library:
     warnings: tuple[Fault, ...] = ()
 
     def quiz(self, quiz_id: str) -> Quiz:
-        """The quiz of this id. Raises NotFound."""
+        """Returns the quiz of this id. Raises NotFound."""
         try:
             return self.quizzes[quiz_id]
         except KeyError:
             raise NotFound(f"There is no quiz {quiz_id!r}.") from None
 
     def question(self, quiz_id: str, question_id: str) -> Question:
-        """One question of a quiz. Raises NotFound."""
+        """Returns one question of a quiz. Raises NotFound."""
         for question in self.quiz(quiz_id).questions:
             if question.id == question_id:
                 return question
         raise NotFound(f"There is no question {question_id!r} in quiz {quiz_id!r}.")
 
     def file(self, quiz_id: str) -> str:
-        """The path of a quiz file, relative to the root. Raises NotFound."""
+        """Returns the path of a quiz file, relative to the root. Raises NotFound."""
         self.quiz(quiz_id)
         return self.files[quiz_id]
 
     def model_xml(self, name: str) -> str:
-        """The MJCF text of models/<name>.xml. Raises NotFound."""
+        """Returns the MJCF text of models/<name>.xml. Raises NotFound."""
         try:
             return self.models[name]
         except KeyError:
@@ -59,7 +59,7 @@ class Library:
             raise NotFound(f"No exercise names the file {path!r}.") from None
 
     def starter(self, question: Question) -> str | None:
-        """The script that a learner starts from, or None."""
+        """Returns the script that a learner starts from, or None."""
         path = kind_of(question).starter(question)
         return None if path is None else self.starters[path]
 

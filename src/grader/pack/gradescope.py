@@ -62,7 +62,7 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
 
 
 def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
-    """The scripts that Gradescope calls, and what this exercise says to them."""
+    """Returns the scripts that Gradescope calls, and what this exercise says to them."""
     values = {"QUIZ": quiz, "QUESTION": question, "GRADER_ALLOW_T2": str(allow_t2).lower()}
     said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
     found = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
@@ -70,7 +70,7 @@ def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
 
 
 def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
-    """A content folder with this question alone, and the models, which scripts may read. No other question, no
+    """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
     explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
     sources = library.sources[quiz]

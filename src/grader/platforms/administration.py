@@ -24,8 +24,8 @@ URLS = ("login_url", "token_url", "keys_url")
 
 
 def registration_of(given: Mapping[str, Any]) -> Registration:
-    """A registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are those
-    that may show our pages in a frame: of the issuer and the login if none is given."""
+    """Returns a registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are
+    those that may show our pages in a frame: of the issuer and the login if none is given."""
     texts = {
         name: str(given.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
     }
@@ -42,7 +42,7 @@ def registration_of(given: Mapping[str, Any]) -> Registration:
 
 
 def registration_link(session: Session, origin: str) -> str:
-    """A single-use address to type into a platform that knows dynamic registration."""
+    """Returns a single-use address to type into a platform that knows dynamic registration."""
     return f"{origin}/lti/register?token={tickets.issue(session, PURPOSE, {}, LIFETIME)}"
 
 
@@ -64,7 +64,7 @@ def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any
 
 
 def contexts_of(session: Session, course: str | None = None) -> list[dict[str, Any]]:
-    """The platforms' courses: those of a course here, and those that ask for it; or all."""
+    """Returns the platforms' courses: those of a course here, and those that ask for it; or all."""
     return [
         {
             "id": context.id,
@@ -86,7 +86,7 @@ async def pull_roster(database: Database, authorized: "AccessTokens", by: Identi
     def source() -> tuple[platforms.Context, platforms.PlatformRow]:
         with database.read() as session:
             if by is not None:
-                rules.of_course(session, by, context_id)
+                rules.get_own_context(session, by, context_id)
             context = roster.source_of(session, context_id)
             row = platforms.get(session, context.platform)
             assert row is not None  # a foreign key

@@ -56,7 +56,7 @@ async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list
 
 
 async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> Answer:
-    """One page of the roster. Raises Unprocessable."""
+    """Returns one page of the roster. Raises Unprocessable."""
     try:
         answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})
     except Exception as error:  # whatever the other side, or the way to it, does wrong
@@ -67,14 +67,14 @@ async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> 
 
 
 def next_in(headers: Mapping[str, str]) -> str:
-    """The address of the next page; empty after the last one."""
+    """Returns the address of the next page; empty after the last one."""
     links = next((value for name, value in headers.items() if name.lower() == "link"), "")
     found = NEXT.search(links)
     return found[1] if found and is_of_platform(found[1]) else ""
 
 
 def persons_in(body: bytes, issuer: str) -> list[Person]:
-    """The active members on one page. Raises Unprocessable."""
+    """Returns the active members on one page. Raises Unprocessable."""
     try:
         listed = json.loads(body)["members"]
         active = [one for one in listed if one.get("status", "Active") == "Active" and is_known(one)]
@@ -84,13 +84,13 @@ def persons_in(body: bytes, issuer: str) -> list[Person]:
 
 
 def is_known(member: Mapping[str, Any]) -> bool:
-    """Whether the platform says who this is."""
+    """Says whether the platform says who this is."""
     subject = member.get("user_id")
     return isinstance(subject, str) and 1 <= len(subject) <= ID and subject.isprintable()
 
 
 def person_of(member: Mapping[str, Any], issuer: str) -> Person:
-    """A member as the platform describes them."""
+    """Returns a member as the platform describes them."""
     roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
     role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
     email = member.get("email")
@@ -99,8 +99,8 @@ def person_of(member: Mapping[str, Any], issuer: str) -> Person:
 
 
 def source_of(session: Session, context_id: int) -> Context:
-    """The platform's course whose roster can be pulled. Raises NotFound, Conflict."""
-    context = rules.context_with(session, context_id)
+    """Returns the platform's course whose roster can be pulled. Raises NotFound, Conflict."""
+    context = rules.get_context(session, context_id)
     if context.course is None:
         raise Conflict("This course of a platform is not linked with a course here.")
     if not context.members_url:

@@ -29,12 +29,12 @@ class Tool:
 
 
 def is_installed() -> bool:
-    """Whether the packages of the extra `lti` are here."""
+    """Says whether the packages of the extra `lti` are here."""
     return all(find_spec(name) is not None for name in NEEDED)
 
 
 def addresses(origin: str) -> dict[str, str]:
-    """What a platform's administrator types in, by what it is called in LTI."""
+    """Says what a platform's administrator types in, by what it is called in LTI."""
     return {
         "login_url": login_url(origin),
         "launch_url": launch_url(origin),

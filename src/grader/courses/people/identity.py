@@ -99,7 +99,7 @@ class Identity:
             raise Forbidden(f"This needs a token with {wanted}; yours has: {', '.join(sorted(self.scopes))}.")
 
     def may_see(self, learner: str, course: str) -> bool:
-        """Whether this identity may see a submission in `course` of the learner with this id."""
+        """Says whether this identity may see a submission in `course` of the learner with this id."""
         return self.course == course and (self.is_instructor or self.id == learner)
 
 
@@ -117,7 +117,7 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
 
 
 def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
-    """The kind and the text of the credential that a request carries; an empty text if it carries none."""
+    """Returns the kind and the text of the credential that a request carries; an empty text if it carries none."""
     if authorization is not None:
         scheme, _, token = authorization.partition(" ")
         return Kind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
@@ -133,7 +133,7 @@ class Recalled:
         self._kept: dict[str, tuple[float, Identity]] = {}
 
     def get(self, authorization: str | None, cookies: Mapping[str, str]) -> Identity | None:
-        """The identity, if it was put lately."""
+        """Returns the identity, if it was put lately."""
         until, identity = self._kept.get(self._key(authorization, cookies), (0.0, None))
         return identity if self._clock() < until else None
 
@@ -172,7 +172,7 @@ def issue(
 
 
 def find(session: Session, kind: Kind, presented: str) -> Credential | None:
-    """The credential with this text; None if it is unknown, revoked or expired."""
+    """Returns the credential with this text; None if it is unknown, revoked or expired."""
     prefix, _, rest = presented.partition("_")
     credential_id, _, secret = rest.partition("_")
     if prefix != kind.value or not credential_id.isalnum() or not credential_id.isascii():
@@ -184,13 +184,13 @@ def find(session: Session, kind: Kind, presented: str) -> Credential | None:
 
 
 def still_holds(session: Session, who: Identity) -> bool:
-    """Whether the credential that was presented has not ended meanwhile."""
+    """Says whether the credential that was presented has not ended meanwhile."""
     kind = Kind.SESSION if who.by_cookie else Kind.TOKEN
     return credentials.find(session, who.credential, kind.value, now()) is not None
 
 
 def identity_of(credential: Credential) -> Identity:
-    """The identity that a credential proves."""
+    """Returns the identity that a credential proves."""
     by_cookie = credential.kind == Kind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
     return Identity(
@@ -207,19 +207,19 @@ def checked_name(what: str, name: str) -> str:
 
 
 def visible_part(name: str) -> str:
-    """The name without characters that cannot be seen, which other systems may send."""
+    """Returns the name without characters that cannot be seen, which other systems may send."""
     return "".join(filter(str.isprintable, INVISIBLE.sub("", name)))
 
 
 def checked_role(role: str) -> Role:
-    """The role of this name. Raises Unprocessable if there is none."""
+    """Returns the role of this name. Raises Unprocessable if there is none."""
     if role not in set(Role):
         raise Unprocessable(f"The role is one of {', '.join(Role)}, not {role!r}.")
     return Role(role)
 
 
 def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
-    """The scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
+    """Returns the scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
     chosen = set(names)
     if not chosen or not chosen <= set(Scope):
         raise Unprocessable(f"The scopes are {', '.join(Scope)}.")
@@ -227,5 +227,5 @@ def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
 
 
 def _hash(secret: str) -> str:
-    """The sha256 of a secret. 256 random bits need no slow or salted hash."""
+    """Returns the sha256 of a secret. 256 random bits need no slow or salted hash."""
     return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()

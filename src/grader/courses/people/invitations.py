@@ -66,7 +66,7 @@ def invite_member(session: Session, by: Identity | None, member: Member) -> Invi
 
 
 def pending(session: Session, course: str) -> Sequence[Credential]:
-    """The links of a course that were neither used nor revoked, newest first."""
+    """Returns the links of a course that were neither used nor revoked, newest first."""
     return credentials.alive_in(session, course, Kind.SIGN_IN, now())
 
 

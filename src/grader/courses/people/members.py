@@ -25,7 +25,7 @@ STUDENTS_ALONE = "A restricted token and a service reach students alone: this ta
 
 
 def is_restricted(by: Identity | None) -> bool:
-    """Whether the caller reaches students alone: a token with scopes, or a service. `None` is the command line."""
+    """Says whether the caller reaches students alone: a token with scopes, or a service. `None` is the command line."""
     return by is not None and (by.scopes is not None or not by.is_instructor)
 
 
@@ -42,9 +42,9 @@ def require_credential(session: Session, by: Identity | None) -> None:
 
 
 def named(session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None) -> Member:
-    """The member of this name that an instructor or operator made; made now, with the role, at the first call. Members
-    who chose their name themselves are never found by it. One who was removed is a member again. Raises Unprocessable,
-    and Forbidden where `by` may not act on them."""
+    """Returns the member of this name that an instructor or operator made; made now, with the role, at the first call.
+    Members who chose their name themselves are never found by it. One who was removed is a member again. Raises
+    Unprocessable, and Forbidden where `by` may not act on them."""
     name = checked_name("user", name)
     course = checked_name("course", DEFAULT_COURSE if course is None else course)
     if is_restricted(by):
@@ -56,7 +56,7 @@ def named(session: Session, name: str, role: Role, course: str | None = None, *,
 
 
 def other_roles(some: Sequence[Member]) -> str:
-    """Why these members get no link and no token for another role than theirs."""
+    """Says why these members get no link and no token for another role than theirs."""
     each = ", ".join(f"{one.name} ({one.role})" for one in some)
     return (
         f"In the course already with another role: {each}. Links and tokens change no role. Ask for the role that they "
@@ -71,7 +71,7 @@ def known(session: Session, name: str, course: str) -> bool:
 
 
 def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
-    """The member with this account; made now with the name and role at the first call."""
+    """Returns the member with this account; made now with the name and role at the first call."""
     if found := people.with_account(session, course, account):
         found.removed_at = None
         return found
@@ -132,7 +132,7 @@ def give_role(
 
 
 def checked_person(role: str) -> Role:
-    """The role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
+    """Returns the role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
     checked = checked_role(role)
     if checked is Role.SERVICE:
         raise Unprocessable("A service uses a token, not a link: grader token create --role service.")
@@ -140,7 +140,7 @@ def checked_person(role: str) -> Role:
 
 
 def other(session: Session, by: Identity, member_id: str) -> Member:
-    """A member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
+    """Returns a member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
     member = people.get(session, member_id, by.course)
     if member is None:
         raise NotFound("There is no such member.")

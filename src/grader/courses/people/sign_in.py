@@ -59,7 +59,7 @@ def start_anonymous_session(session: Session) -> BrowserSession:
 
 
 def identity_behind(session: Session, code: str) -> Identity | None:
-    """Who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
+    """Says who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
     credential = find(session, Kind.SIGN_IN, code)
     return None if credential is None else identity_of(credential)
 
@@ -83,7 +83,7 @@ def create_return_code(session: Session, who: Identity) -> str:
 
 
 def is_only_in_browser(session: Session, who: Identity) -> bool:
-    """Whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
+    """Says whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
     return session.get_one(Member, who.id).account is None
 
 

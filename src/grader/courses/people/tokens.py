@@ -61,7 +61,7 @@ def require_within(
 
 
 def tokens(session: Session, course: str) -> Sequence[Credential]:
-    """The tokens of a course that were not revoked and have not expired, newest first."""
+    """Returns the tokens of a course that were not revoked and have not expired, newest first."""
     return credentials.alive_in(session, course, Kind.TOKEN, now())
 
 
@@ -89,7 +89,7 @@ def revoke_all(session: Session, user: str, course: str | None = None) -> int:
 
 
 def shown(credential: Credential) -> dict[str, Any]:
-    """A token or a link, without its secret."""
+    """Returns a token or a link, without its secret."""
     names = ("id", "member", "role", "created_at", "created_by", "expires_at", "last_used_at")
     return {name: getattr(credential, name) for name in names} | {
         "name": credential.user,

@@ -68,8 +68,8 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     return regrade
 
 
-def wanted_of(tried: Regrade) -> Wanted:
-    """What a dry run has tried, to be applied."""
+def restore_wanted(tried: Regrade) -> Wanted:
+    """Says what a dry run has tried, to be applied."""
     scope: Any = json.loads(tried.scope)
     chosen = tuple(scope["submission_ids"]) if isinstance(scope, dict) else scope
     return Wanted(tried.quiz, tried.question, chosen, dry_run=False)
@@ -97,7 +97,7 @@ def cancel(session: Session, who: Identity, regrade_id: str) -> Regrade:
 
 
 def get(session: Session, regrade_id: str, course: str) -> Regrade:
-    """The regrade. Raises NotFound."""
+    """Returns the regrade. Raises NotFound."""
     found = regrades.find(session, regrade_id, course) if regrade_id.isalnum() else None
     if found is None:
         raise NotFound("There is no such regrade.")
@@ -107,11 +107,11 @@ def get(session: Session, regrade_id: str, course: str) -> Regrade:
 def choose(
     session: Session, course: str, quiz: Quiz, questions: list[str], scope: Scope | tuple[str, ...]
 ) -> list[dict[str, Any]]:
-    """The submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
+    """Returns the submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
     rows = regrades.candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
     extended = {row.learner: extensions.extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
-    chosen = [within(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
+    chosen = [select_rows(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
     places = enumerate(filter(None, chosen), 1)
     items = [
         {"place": place, "submission_id": row.id, "learner": row.learner, "question": row.question}
@@ -123,8 +123,10 @@ def choose(
     return [item | {"number": number} for number, item in enumerate(items, 1)]
 
 
-def within(rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, extension: Extension | None) -> list[Any]:
-    """Which of a learner's submissions at a question are in the scope; the best one with late multipliers."""
+def select_rows(
+    rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, extension: Extension | None
+) -> list[Any]:
+    """Says which of a learner's submissions at a question are in the scope; the best one with late multipliers."""
     if scope not in ("latest", "best"):
         return rows
     used = [row for row in rows if row.uses_attempt]
@@ -136,7 +138,7 @@ def within(rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, exte
 
 
 def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
-    """A regrade as plain JSON; `counts` are its items by outcome."""
+    """Returns a regrade as plain JSON; `counts` are its items by outcome."""
     names = (
         "id", "quiz", "question", "dry_run", "status", "reason", "content_digest", "created_by", "created_at",
         "finished_at",
@@ -149,10 +151,10 @@ def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
     }
 
 
-def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
-    """What the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their numbers.
-    `before` and `after` are the points that count, by the policy and the learner's extension; None where nothing does,
-    or where it is not known yet."""
+def compare_points(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
+    """Says what the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their
+    numbers. `before` and `after` are the points that count, by the policy and the learner's extension; None where
+    nothing does, or where it is not known yet."""
     for place, several in groupby(rows, key=lambda row: row[0].place):
         theirs = list(several)
         items = [item for item, _ in theirs]
@@ -170,19 +172,19 @@ def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict
                 {
                     "submission_id": item.submission_id,
                     "outcome": item.outcome,
-                    "old": points_view(item.old_status, item.old_points),
-                    "new": points_view(item.new_status, item.new_points),
+                    "old": view_points(item.old_status, item.old_points),
+                    "new": view_points(item.new_status, item.new_points),
                 }
                 for item in items
             ],
         }
 
 
-def points_view(status: str | None, points: float | None) -> dict[str, Any] | None:
-    """A verdict in short."""
+def view_points(status: str | None, points: float | None) -> dict[str, Any] | None:
+    """Returns a verdict in short."""
     return None if status is None else {"status": status, "points": points}
 
 
-def page_of(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
+def read_page(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
     """The differences of at most `limit` learners after a place; with `changed` those alone whose verdicts differ."""
-    return list(differences(regrades.learners(session, regrade_id, after, limit, "changed" if changed else None)))
+    return list(compare_points(regrades.learners(session, regrade_id, after, limit, "changed" if changed else None)))

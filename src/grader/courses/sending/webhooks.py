@@ -50,7 +50,7 @@ def create(
 
 
 def get(session: Session, webhook_id: str, course: str) -> Destination:
-    """The webhook. Raises NotFound."""
+    """Returns the webhook. Raises NotFound."""
     found = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
     if found is None or found.kind != WEBHOOK:
         raise NotFound("There is no such webhook.")

@@ -62,7 +62,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
 
 
 def recorded(session: Session, context: Context, launch: Launch) -> ResourceLink:
-    """The launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
+    """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
     link = platforms.resource_link(session, context.id, launch.link_id)
     if launch.quiz is not None and (link.quiz, link.question) != (launch.quiz, launch.question):
         link.quiz, link.question = launch.quiz, launch.question

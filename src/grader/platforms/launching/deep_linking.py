@@ -51,7 +51,7 @@ def response(
     sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: Selection, *,
     choices: Iterable[Choice], launch_url: str,
 ) -> str:  # fmt: skip
-    """The signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
+    """Returns the signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
     now = int(time.time())
     items = [content_item(choice, launch_url, with_line_item=selection.takes_line_items) for choice in choices]
     claims: dict[str, Any] = {
@@ -71,7 +71,7 @@ def response(
 
 
 def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> dict[str, Any]:
-    """A link, with its column of the gradebook and its dates."""
+    """Returns a link, with its column of the gradebook and its dates."""
     item: dict[str, Any] = {
         "type": "ltiResourceLink",
         "title": choice.title,
@@ -91,6 +91,6 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
 
 
 def span(start: datetime | None, end: datetime | None) -> dict[str, str]:
-    """The dates that are given, as ISO 8601."""
+    """Returns the dates that are given, as ISO 8601."""
     given = {"startDateTime": start, "endDateTime": end}
     return {name: moment.isoformat() for name, moment in given.items() if moment is not None}

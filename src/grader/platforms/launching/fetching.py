@@ -67,8 +67,8 @@ class PlatformKeys:
         self._sets: dict[str, KeySet] = {}
 
     async def key(self, url: str, kid: str) -> dict[str, Any]:
-        """The public JWK with this `kid` at an address. Asks once more for an unknown `kid`, which is how keys are
-        rotated, and then rests for `COOL_DOWN_S`. Raises Unauthorized."""
+        """Returns the public JWK with this `kid` at an address. Asks once more for an unknown `kid`, which is how keys
+        are rotated, and then rests for `COOL_DOWN_S`. Raises Unauthorized."""
         held = self._held(url)
         async with held.turn:
             if self._clock() - held.fetched_at >= FRESH_S:
@@ -106,7 +106,7 @@ class PlatformKeys:
 
 
 def keys_in(body: bytes) -> dict[str, dict[str, Any]]:
-    """The RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
+    """Returns the RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
     try:
         listed = json.loads(body)["keys"][:KEYS_MAX]
         usable = [one for one in listed if one["kty"] == "RSA" and one.get("use", "sig") == "sig"]

@@ -60,7 +60,7 @@ class Launch:
 
 
 def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> Launch:
-    """The launch that verified claims describe. `origin` is where this tool is reached. Raises Unauthorized."""
+    """Returns the launch that verified claims describe. `origin` is where this tool is reached. Raises Unauthorized."""
     if claims.get(f"{words.CLAIM}version") != words.VERSION:
         raise Unauthorized(f"The launch is not of LTI {words.VERSION}.")
     message = claims.get(f"{words.CLAIM}message_type")
@@ -86,7 +86,7 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
 
 
 def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
+    """Returns a claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
     found = claims.get(name)
     if found is not None and not isinstance(found, dict):
         raise Unauthorized(f"The launch's claim {name} is no object.")
@@ -94,7 +94,7 @@ def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def identifier(claims: Mapping[str, Any], name: str) -> str:
-    """An identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
+    """Returns an identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
     found = claims.get(name)
     if not isinstance(found, str) or not 1 <= len(found) <= ID or not found.isprintable():
         short = name.removeprefix(words.CLAIM)
@@ -103,18 +103,18 @@ def identifier(claims: Mapping[str, Any], name: str) -> str:
 
 
 def label(text: object) -> str:
-    """A text as it may be shown: printable, and no longer than a name. Empty for anything else."""
+    """Returns a text as it may be shown: printable, and no longer than a name. Empty for anything else."""
     return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
 
 
 def name_in(claims: Mapping[str, Any]) -> str:
-    """The user's name as far as the platform tells it."""
+    """Returns the user's name as far as the platform tells it."""
     whole, given, family, user = (label(claims.get(claim)) for claim in NAME_CLAIMS)
     return whole or f"{given} {family}".strip()[:NAME] or user or "learner"
 
 
 def roles_in(claims: Mapping[str, Any]) -> list[str]:
-    """The roles; the list may be empty, but not missing. Raises Unauthorized."""
+    """Returns the roles; the list may be empty, but not missing. Raises Unauthorized."""
     roles = claims.get(f"{words.CLAIM}roles")
     if not isinstance(roles, list) or not all(isinstance(role, str) for role in roles[:ROLES_MAX]):
         raise Unauthorized("The launch does not list the user's roles.")
@@ -130,18 +130,18 @@ def chosen_in(custom: Mapping[str, Any], target: str) -> tuple[str | None, str |
 
 
 def short(text: object) -> str | None:
-    """The id of a quiz or question; None for what cannot be one."""
+    """Returns the id of a quiz or question; None for what cannot be one."""
     is_id = isinstance(text, str) and 1 <= len(text) <= QUIZ_CHARACTERS_MAX and text.isprintable()
     return str(text) if is_id else None
 
 
 def address(url: object) -> str:
-    """An address that requests may be sent to; empty for anything else."""
+    """Returns an address that requests may be sent to; empty for anything else."""
     return str(url) if is_of_platform(url) else ""
 
 
 def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
-    """The services that the launch grants."""
+    """Returns the services that the launch grants."""
     listed = claim.get("scope")
     granted = listed if isinstance(listed, list) else []
     scopes = tuple(scope for scope in words.SCOPES if scope in granted)

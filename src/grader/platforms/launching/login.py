@@ -54,7 +54,7 @@ class Unbound:
 
 
 def fields_in(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """The parameters of a login. Raises Unprocessable if one is there twice, or too long."""
+    """Returns the parameters of a login. Raises Unprocessable if one is there twice, or too long."""
     known = [(name, value) for name, value in pairs if name in FIELDS]
     fields = dict(known)
     if len(fields) < len(known):
@@ -85,7 +85,7 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
 
 
 def platform_of(session: Session, fields: Mapping[str, str]) -> Platform:
-    """The approved platform that begins a login. Raises Unauthorized."""
+    """Returns the approved platform that begins a login. Raises Unauthorized."""
     issuer = fields.get("iss", "")
     found = platforms.registered(session, issuer, fields.get("client_id"))
     if not found:
@@ -113,20 +113,20 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
 
 
 def name_of(state: str) -> str:
-    """What the browser's key of a login is called, in a cookie or in the platform's storage."""
+    """Says what the browser's key of a login is called, in a cookie or in the platform's storage."""
     return f"grader_lti_{tickets.hash_of(state)[:16]}"
 
 
 def login_url(origin: str) -> str:
-    """Where platforms begin a login."""
+    """Says where platforms begin a login."""
     return f"{origin}/lti/login"
 
 
 def launch_url(origin: str) -> str:
-    """The redirect URI to register: where launches are posted to."""
+    """Returns the redirect URI to register: where launches are posted to."""
     return f"{origin}/lti/launch"
 
 
 def keys_url(origin: str) -> str:
-    """Where platforms fetch this tool's public keys."""
+    """Says where platforms fetch this tool's public keys."""
     return f"{origin}/lti/keys.json"

@@ -35,7 +35,7 @@ class Registered:
 
 
 def tool_configuration(origin: str) -> dict[str, Any]:
-    """What this tool tells platforms of itself; learners' addresses are not asked for."""
+    """Says what this tool tells platforms of itself; learners' addresses are not asked for."""
     launch = launch_url(origin)
     return {
         "application_type": "web",
@@ -82,7 +82,7 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
 
 
 def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
-    """What a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
+    """Says what a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
     issuer = configuration.get("issuer")
     if not isinstance(issuer, str) or urlsplit(issuer).hostname != urlsplit(url).hostname:
         raise Unprocessable("The platform's configuration is of another host than its issuer.")
@@ -104,7 +104,7 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
 async def exchanged(
     requester: Requester, method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
 ) -> dict[str, Any]:
-    """The JSON object that a platform answers. Raises Unprocessable."""
+    """Returns the JSON object that a platform answers. Raises Unprocessable."""
     sent = {"Accept": "application/json", **(headers or {})}
     try:
         answer = await requester.request(method, url, headers=sent, body=body)

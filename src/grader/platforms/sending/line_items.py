@@ -46,8 +46,8 @@ class CallFailed(Exception):
 
 
 def with_path(url: str, part: str, **query: str) -> str:
-    """A URL with one more path segment, if any, and more query parameters: the ones that it has stay. Moodle and others
-    hand out line items such as `.../lineitem?type_id=2`."""
+    """Returns a URL with one more path segment, if any, and more query parameters: the ones that it has stay. Moodle
+    and others hand out line items such as `.../lineitem?type_id=2`."""
     parts = urlsplit(url)
     path = f"{parts.path.rstrip('/')}/{part}" if part else parts.path
     asked = [*parse_qsl(parts.query, keep_blank_values=True), *query.items()]
@@ -55,7 +55,7 @@ def with_path(url: str, part: str, **query: str) -> str:
 
 
 def next_page(response: Response, url: str) -> str | None:
-    """The address of the next page after `url`, if the response names one."""
+    """Returns the address of the next page after `url`, if the response names one."""
     found = NEXT.search(response.headers.get("link", ""))
     return None if found is None else urljoin(url, found[1])
 
@@ -69,11 +69,11 @@ class LineItems:
     lease: timedelta = LEASE
 
     def place_of(self, target: ScoreTarget) -> Place:
-        """The row that holds the line item of a target."""
+        """Returns the row that holds the line item of a target."""
         return Place(target.line_items_url, target.resource_id)
 
     async def url_of(self, target: ScoreTarget, label: str, maximum: float) -> str:
-        """The URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
+        """Returns the URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
         if target.line_item_url:
             return target.line_item_url
         if not target.line_items_url or not {LINE_ITEM, READ_LINE_ITEM} & {*target.scopes}:
@@ -99,7 +99,7 @@ class LineItems:
             line_items.forget(session, self.place_of(target))
 
     async def _found(self, target: ScoreTarget) -> str | None:
-        """The line item with our resource id, if there is one: platforms may ignore the filter."""
+        """Returns the line item with our resource id, if there is one: platforms may ignore the filter."""
         url: str | None = with_path(target.line_items_url, "", resource_id=target.resource_id)
         for _ in range(PAGES_MAX):
             if url is None:
@@ -135,7 +135,7 @@ class LineItems:
 
 
 def url_in(item: Any, base: str) -> str:
-    """The URL of a line item as the platform returned it. Raises Unreachable."""
+    """Returns the URL of a line item as the platform returned it. Raises Unreachable."""
     found = item.get("id") if isinstance(item, dict) else None
     if not isinstance(found, str) or not found:
         raise Unreachable("The platform's line item has no id.")
@@ -143,6 +143,6 @@ def url_in(item: Any, base: str) -> str:
 
 
 def wanted(granted: Collection[str]) -> list[str]:
-    """The scopes that sending scores asks for: those that it needs, and of them only the granted ones."""
+    """Returns the scopes that sending scores asks for: those that it needs, and of them only the granted ones."""
     needed = [SCORE, READ_RESULT, LINE_ITEM if LINE_ITEM in granted else READ_LINE_ITEM]
     return [scope for scope in needed if scope in granted]

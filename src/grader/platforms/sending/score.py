@@ -34,7 +34,7 @@ class Score:
         return self.grading == FULLY_GRADED
 
     def body(self, user: str, timestamp: datetime) -> bytes:
-        """The JSON document of the score service. Canvas is told not to count it as one more submission."""
+        """Returns the JSON document of the score service. Canvas is told not to count it as one more submission."""
         points = {} if self.given is None else {"scoreGiven": self.given, "scoreMaximum": self.maximum}
         document = {
             "userId": user,
@@ -47,7 +47,7 @@ class Score:
         return json.dumps(document).encode()
 
     def is_at(self, result: "PlatformResult") -> bool:
-        """Whether a platform shows this score; it may have scaled it to another maximum."""
+        """Says whether a platform shows this score; it may have scaled it to another maximum."""
         if self.given is None or result.score is None:
             return self.given is None and result.score is None
         shown = result.score if result.maximum is None else result.score / result.maximum * self.maximum
@@ -59,7 +59,7 @@ class Score:
 
     @classmethod
     def from_json(cls, stored: str) -> Self:
-        """What `to_json` has made."""
+        """Says what `to_json` has made."""
         return cls(*json.loads(stored))
 
 
@@ -72,7 +72,7 @@ class PlatformResult:
 
     @classmethod
     def of(cls, listed: Any, user: str) -> Self:
-        """The result of a user in the answer of the result service; without a score if there is none."""
+        """Returns the result of a user in the answer of the result service; without a score if there is none."""
         for item in listed if isinstance(listed, list) else ():
             if isinstance(item, dict) and str(item.get("userId")) == user:
                 score, maximum = item.get("resultScore"), item.get("resultMaximum")
@@ -81,12 +81,12 @@ class PlatformResult:
 
 
 def number(given: Any) -> float | None:
-    """A JSON number; None for anything else."""
+    """Returns a JSON number; None for anything else."""
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 
 
 def score_of(results: Mapping[str, Result], worth: Mapping[str, float], question: str) -> Score | None:
-    """The score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
+    """Returns the score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
     question, and `worth` the points of the quiz's questions. None if there is nothing to score."""
     if question:
         found = {question: results[question]} if question in results else {}

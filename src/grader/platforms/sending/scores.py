@@ -135,7 +135,7 @@ class Scores:
                 return Again(str(failed))
 
     async def _result(self, prepared: Prepared, url: str) -> PlatformResult | None:
-        """What the platform shows now; None if it does not let us read it."""
+        """Says what the platform shows now; None if it does not let us read it."""
         target = prepared.target
         if READ_RESULT not in target.scopes:
             return None
@@ -167,13 +167,13 @@ class Scores:
         return await self.tokens.request(target.platform, scopes, method, url, headers=headers, body=body)
 
     def _gone(self, target: ScoreTarget, response: Response) -> Reply:
-        """A line item that we found ourselves is looked up anew at the next try, which a person decides on."""
+        """Returns a line item that we found ourselves is looked up anew at the next try, which a person decides on."""
         if not target.line_item_url:
             self.line_items.forget(target)
         return Dead(f"The platform has no such line item or learner: 404 {response.text}".strip())
 
     def reply_to(self, response: Response) -> Reply:
-        """Whether another try may help after an answer that is no success."""
+        """Says whether another try may help after an answer that is no success."""
         status, text = response.status, f"The platform answered {response.status} {response.text}".strip()
         throttled = status == HTTPStatus.FORBIDDEN and THROTTLED in response.text.lower()
         if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or throttled:
@@ -182,7 +182,7 @@ class Scores:
 
 
 def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced: bool) -> bool:
-    """Whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
+    """Says whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
     if forced:
         return True
     if not score.is_final and any(one.is_final for one in (*tried, *([sent] if sent is not None else []))):
@@ -191,9 +191,9 @@ def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced:
 
 
 def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bool:
-    """Whether another score may still arrive and replace this one, where the platform shows this one. `tried` is in the
-    order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing replaces this score if
-    its tries all came after those of others, and it was not `sent` before them."""
+    """Says whether another score may still arrive and replace this one, where the platform shows this one. `tried` is
+    in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing replaces this
+    score if its tries all came after those of others, and it was not `sent` before them."""
     same = [replace(one, activity=score.activity) == score for one in tried]
     if all(same):
         return False
@@ -202,7 +202,7 @@ def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bo
 
 
 def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
-    """The reply without sending, from what the platform shows; None if the score is to be sent."""
+    """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, found):
         return Sent(prepared.score.to_json())
     if prepared.forced or not is_a_persons(prepared, found):
@@ -211,7 +211,7 @@ def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
 
 
 def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:
-    """The reply to a 400 or 409, which may say that the platform has something newer."""
+    """Returns the reply to a 400 or 409, which may say that the platform has something newer."""
     refusal = f"The platform answered {response.status} {response.text}".strip()
     if found is None:
         return Dead(f"{refusal} (what it has may not be read)")
@@ -233,7 +233,7 @@ def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
 
 
 def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
-    """Whether a person has entered what the platform shows. A score of zero before our first one counts as none:
+    """Says whether a person has entered what the platform shows. A score of zero before our first one counts as none:
     platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
     is_first_zero = prepared.is_first and not found.score
@@ -241,13 +241,13 @@ def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
 
 
 def overridden(found: PlatformResult) -> str:
-    """The reason of a dead letter that a person's grade stands against."""
+    """Returns the reason of a dead letter that a person's grade stands against."""
     of = "" if found.maximum is None else f" of {found.maximum:g}"
     return f"Overridden by a person: the platform has {found.score:g}{of}. Replay it to replace that."
 
 
 def is_no_student(session: Session, row: Delivery) -> bool:
-    """Whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
+    """Says whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
     member = session.get(Member, row.learner)
     return member is None or member.role != Role.STUDENT
 

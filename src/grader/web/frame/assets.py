@@ -21,20 +21,20 @@ _files = StaticFiles(directory=FOLDER)
 
 @cache
 def digest() -> str:
-    """The digest of all files with their names, as they are when the process first asks."""
+    """Returns the digest of all files with their names, as they are when the process first asks."""
     files = sorted(path for path in FOLDER.rglob("*") if path.is_file())
     parts = (f"{path.relative_to(FOLDER).as_posix()}\0".encode() + path.read_bytes() for path in files)
     return hashlib.sha256(b"\0".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:DIGEST_LENGTH]
 
 
 def static(name: str) -> str:
-    """The address of a file for templates."""
+    """Returns the address of a file for templates."""
     return f"/static/{digest()}/{name}"
 
 
 async def static_file(path: str, scope: Scope) -> Response:
-    """A file by its path, with or without the digest before it. Raises HTTPException 404. Only the digest of what is
-    served now lets browsers keep the file; any other address is asked for again."""
+    """Renders a file by its path, with or without the digest before it. Raises HTTPException 404. Only the digest of
+    what is served now lets browsers keep the file; any other address is asked for again."""
     first, _, rest = path.partition("/")
     is_current = first == digest()
     if rest and (is_current or DIGEST.fullmatch(first)):

@@ -40,7 +40,7 @@ class PageErrors:
 
 
 def wants_page(scope: Scope) -> bool:
-    """Whether a browser opens a page: it accepts HTML, and the address is not one of programs."""
+    """Says whether a browser opens a page: it accepts HTML, and the address is not one of programs."""
     path: str = scope["path"]
     return not path.startswith(NOT_PAGES) and "text/html" in Headers(scope=scope).get("accept", "")
 
@@ -63,7 +63,7 @@ class ErrorPages:
         else:
             self._body += message.get("body", b"")
             if not message.get("more_body", False):
-                await self._send_page(self._start, error_page(self._start["status"], self._body))
+                await self._send_page(self._start, render_error(self._start["status"], self._body))
 
     async def _send_page(self, start: Message, body: bytes) -> None:
         headers = MutableHeaders(scope=start)
@@ -76,9 +76,9 @@ class ErrorPages:
         await self._send({"type": "http.response.body", "body": body})
 
 
-def error_page(status: int, problem: bytes) -> bytes:
-    """The page of a problem."""
-    told = details_of(problem)
+def render_error(status: int, problem: bytes) -> bytes:
+    """Returns the page of a problem."""
+    told = parse_problem(problem)
     title, advice = WORDS.get(status, OURS)
     page = templates.get_template("error.html").render(
         who=None, status=status, title=title, advice=advice,
@@ -87,8 +87,8 @@ def error_page(status: int, problem: bytes) -> bytes:
     return page.encode()
 
 
-def details_of(problem: bytes) -> Mapping[str, Any]:
-    """The members of a problem document."""
+def parse_problem(problem: bytes) -> Mapping[str, Any]:
+    """Returns the members of a problem document."""
     try:
         found = json.loads(problem)
     except ValueError:

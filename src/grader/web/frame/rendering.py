@@ -25,17 +25,17 @@ POLICY = "Content-Security-Policy"
 
 
 def security_policy(framed_by: Iterable[str] = (), posts_to: Iterable[str] = ()) -> str:
-    """The security policy of a page that these origins may show in a frame, and whose forms may go to others. Scripts,
-    styles and fonts come from files of this service only; authors may show pictures from other sites."""
+    """Returns the security policy of a page that these origins may show in a frame, and whose forms may go to others.
+    Scripts, styles and fonts come from files of this service only; authors may show pictures from other sites."""
     return (
         "default-src 'none'; script-src 'self'; style-src 'self'; font-src 'self'; img-src 'self' data: https:; "
-        f"connect-src 'self'; form-action {source_list(posts_to)}; base-uri 'none'; "
-        f"frame-ancestors {source_list(framed_by)}"
+        f"connect-src 'self'; form-action {join_sources(posts_to)}; base-uri 'none'; "
+        f"frame-ancestors {join_sources(framed_by)}"
     )
 
 
-def source_list(origins: Iterable[str]) -> str:
-    """The service itself and these origins."""
+def join_sources(origins: Iterable[str]) -> str:
+    """Returns the service itself and these origins."""
     return " ".join(("'self'", *origins))
 
 
@@ -66,7 +66,7 @@ templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "fraction": numbers.fraction,
-    "lines_linked": card.lines_linked,
+    "lines_linked": card.link_lines,
     "number": numbers.number,
     "plain": "{:.12g}".format,
     "points": numbers.points,
@@ -85,12 +85,12 @@ def page(
     headers = HEADERS | dict(more or {})
     who = getattr(request.state, "identity", None)
     if who is not None and who.platform is not None and POLICY not in (more or {}):
-        headers[POLICY] = security_policy(origins_of(request, who.platform))
+        headers[POLICY] = security_policy(list_origins(request, who.platform))
     return templates.TemplateResponse(request, template, context, status_code=status, headers=headers)
 
 
-def origins_of(request: Request, platform_id: int) -> tuple[str, ...]:
-    """The origins whose pages may show ours in a frame; none once the platform is removed."""
+def list_origins(request: Request, platform_id: int) -> tuple[str, ...]:
+    """Returns the origins whose pages may show ours in a frame; none once the platform is removed."""
     with services_in(request.app).database.read() as session:
         row = platforms.get(session, platform_id)
         return () if row is None else platforms.view(row).origins

@@ -22,7 +22,7 @@ from grader.store.courses import AuditEntry
 from grader.store.tables import ROW_ID_MAX, Credential, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
-from grader.web.learner.pages import sign_in_page
+from grader.web.learner.pages import show_sign_in
 
 PAGE = "/instructor/people"
 ROWS = 50
@@ -53,11 +53,11 @@ def show(
 ) -> Response:  # fmt: skip
     """The people of a course: members after the first `start`, audit entries before a number; else how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return shown(request, services, who, start=start, before=before)
+        return show_sign_in(request, services, who)
+    return render(request, services, who, start=start, before=before)
 
 
-def shown(
+def render(
     request: Request, services: Services, who: Identity, status: int = 200, *, start: int = 0,
     before: int | None = None, **more: Any,
 ) -> Response:  # fmt: skip
@@ -67,13 +67,13 @@ def shown(
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
         link = courses.link_of(session, who.course)
         context: dict[str, Any] = {
-            "members": member_rows(session, who, members[:ROWS]),
+            "members": list_members(session, who, members[:ROWS]),
             "more_members": start + ROWS if len(members) > ROWS else None,
             "invitations": [
                 tokens.shown(one) for one in invitations.pending(session, who.course) if is_invitation(one)
             ],
             "tokens": [tokens.shown(one) for one in tokens.tokens(session, who.course)],
-            "audit": [(one, *subject_of(one)) for one in entries[:ROWS]],
+            "audit": [(one, *describe_subject(one)) for one in entries[:ROWS]],
             "marks": marks_in(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
         }
@@ -91,18 +91,18 @@ def shown(
 
 
 def is_invitation(link: Credential) -> bool:
-    """Whether a pending link is an invitation, and not a learner's own to come back."""
+    """Says whether a pending link is an invitation, and not a learner's own to come back."""
     return link.expires_at is not None and link.expires_at - link.created_at < 2 * invitations.INVITATION
 
 
-def member_rows(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
+def list_members(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
     """Members with where they come from, and whether another has the same address."""
     launched = platforms.courses_of(session, [one.id for one in members])
     twins = people.sharing_email(session, who.course, members)
     return [
         {
             "row": one,
-            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or origin_of(one),
+            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or describe_origin(one),
             "has_twin": bool(twins.get(one.id)),
             "is_self": one.id == who.id,
         }
@@ -110,8 +110,8 @@ def member_rows(session: Session, who: Identity, members: Sequence[Member]) -> l
     ]
 
 
-def origin_of(member: Member) -> str:
-    """Where a member comes from who was launched by no platform."""
+def describe_origin(member: Member) -> str:
+    """Says where a member comes from who was launched by no platform."""
     way = "browser" if member.account is None else member.account.partition(":")[0]
     if way == "lms":
         known = known_as(member)
@@ -119,8 +119,8 @@ def origin_of(member: Member) -> str:
     return WAYS.get(way, way)
 
 
-def subject_of(entry: AuditEntry) -> tuple[str, str | None]:
-    """The object of an audited action in words, and the id of the member if it names one."""
+def describe_subject(entry: AuditEntry) -> tuple[str, str | None]:
+    """Returns the object of an audited action in words, and the id of the member if it names one."""
     detail = json.loads(entry.detail)
     if entry.action == Action.EXTENDED and detail:  # that of an erased learner is empty
         return f"{entry.subject}, {detail['name']}", detail["member"]
@@ -139,14 +139,16 @@ def invite(request: Request, services: AppServices, who: Instructor, form: Form)
         with services.database.write() as session:
             made = invitations.invite(session, who, who.course, names, form.get("role", ""))
     except CallerError as error:
-        return shown(request, services, who, 422, typed=form, trouble=str(error))
-    return with_links(request, services, who, made)
+        return render(request, services, who, 422, typed=form, trouble=str(error))
+    return render_links(request, services, who, made)
 
 
-def with_links(request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]) -> Response:
-    """The page with new links, which are shown this once."""
+def render_links(
+    request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]
+) -> Response:
+    """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
-    return shown(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
+    return render(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
 
 
 @router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
@@ -187,9 +189,9 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
     except Unauthorized:
         raise
     except CallerError as error:
-        return shown(request, services, who, 409, trouble=str(error))
+        return render(request, services, who, 409, trouble=str(error))
     if do == "link":
-        return with_links(request, services, who, [made])
+        return render_links(request, services, who, [made])
     return RedirectResponse(f"{PAGE}#members-title", 303)
 
 
@@ -204,19 +206,19 @@ def create_token(request: Request, services: AppServices, who: Instructor, form:
             is_known = rules.known(session, user, who.course)
             bear_it = people.bearers(session, who.course, user)
         if not is_known and form.get("new") != user:
-            return shown(request, services, who, typed=form, unknown=user, bear_it=bear_it)
+            return render(request, services, who, typed=form, unknown=user, bear_it=bear_it)
         with services.database.write() as session:
             text = tokens.create_token(
                 session, user, form.get("role", ""), who.course, scopes=scopes or None,
-                lifetime=lifetime_of(form.get("days", "")), by=who,
+                lifetime=parse_lifetime(form.get("days", "")), by=who,
             )  # fmt: skip
     except CallerError as error:
-        return shown(request, services, who, 422, typed=form, trouble=str(error))
-    return shown(request, services, who, token=(user, text))
+        return render(request, services, who, 422, typed=form, trouble=str(error))
+    return render(request, services, who, token=(user, text))
 
 
-def lifetime_of(days: str) -> timedelta | None:
-    """How long a token is to be valid; None for no end. Raises Unprocessable."""
+def parse_lifetime(days: str) -> timedelta | None:
+    """Says how long a token is to be valid; None for no end. Raises Unprocessable."""
     if not days.strip():
         return None
     if not days.strip().isdecimal() or not 1 <= int(days) <= tokens.DAYS_MAX:

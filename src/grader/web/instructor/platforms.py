@@ -17,7 +17,7 @@ from grader.platforms import administration
 from grader.platforms.tool import MISSING, addresses
 from grader.web.frame.inputs import Form, Instructor, RowId, Visitor
 from grader.web.frame.rendering import PRIVATE, page
-from grader.web.learner.pages import sign_in_page
+from grader.web.learner.pages import show_sign_in
 from grader.web.platform.frames import LtiTool
 
 PAGE = "/instructor/lti"
@@ -29,12 +29,12 @@ router = APIRouter(include_in_schema=False)
 def show(request: Request, services: AppServices, who: Visitor) -> Response:
     """The platforms and their courses; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return shown(request, services, who)
+        return show_sign_in(request, services, who)
+    return render(request, services, who)
 
 
-def shown(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
-    """The page as it is now, with the outcome of a form."""
+def render(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
+    """Renders the page as it is now, with the outcome of a form."""
     administers = who.course == DEFAULT_COURSE
 
     def listed(session: Session) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def add(request: Request, services: AppServices, who: Instructor, form: Form) ->
         given = administration.registration_of({**form, "origins": form.get("origins", "").split()})
         services.sessions.writing(lambda session: rules.add(session, who, given, form.get("deployment_id", "").strip()))
     except CallerError as error:
-        return shown(request, services, who, 422, trouble=str(error))
+        return render(request, services, who, 422, trouble=str(error))
     return RedirectResponse(PAGE, 303)
 
 
@@ -83,14 +83,14 @@ def registration(request: Request, services: AppServices, who: Instructor, _tool
     rules.require_administrator(who)
     origin = services.origin_of(request)
     link = services.sessions.writing(lambda session: administration.registration_link(session, origin))
-    return shown(request, services, who, link=link)
+    return render(request, services, who, link=link)
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/link")
 def link(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
     services.sessions.writing(
-        lambda session: rules.link(session, who, rules.of_course(session, who, context_id).id, who.course)
+        lambda session: rules.link(session, who, rules.get_own_context(session, who, context_id).id, who.course)
     )
     return RedirectResponse(PAGE, 303)
 
@@ -98,7 +98,9 @@ def link(context_id: RowId, services: AppServices, who: Instructor) -> Response:
 @router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
 def unlink(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
-    services.sessions.writing(lambda session: rules.unlink(session, who, rules.of_course(session, who, context_id).id))
+    services.sessions.writing(
+        lambda session: rules.unlink(session, who, rules.get_own_context(session, who, context_id).id)
+    )
     return RedirectResponse(PAGE, 303)
 
 
@@ -110,6 +112,6 @@ async def roster(
     try:
         pulled = await administration.pull_roster(services.database, tool.authorized, who, context_id)
     except CallerError as error:
-        return await run_in_threadpool(shown, request, services, who, 409, trouble=str(error))
+        return await run_in_threadpool(render, request, services, who, 409, trouble=str(error))
     told = f"{pulled.members} members; {pulled.removed} others whom an instructor had removed."
-    return await run_in_threadpool(shown, request, services, who, told=told)
+    return await run_in_threadpool(render, request, services, who, told=told)

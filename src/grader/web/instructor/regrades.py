@@ -17,8 +17,8 @@ from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.pages import sign_in_page
-from grader.web.text.questions import titles_of
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.questions import list_titles
 
 PAGE = "/instructor/regrades"
 SHOWN = 20
@@ -36,17 +36,17 @@ router = APIRouter(include_in_schema=False)
 def list_page(request: Request, services: AppServices, who: Visitor) -> Response:
     """The form that starts a regrade, and the newest ones; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return with_list(request, services, who)
+        return show_sign_in(request, services, who)
+    return render_list(request, services, who)
 
 
 @router.post(PAGE)
 def start(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Starts a regrade and redirects to it; shows the form again if it is refused. Raises Unauthorized, Forbidden."""
     try:
-        made = regrades.create(services.database, services.library_for(who), who, wanted(form))
+        made = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
     except CallerError as error:
-        return with_list(request, services, who, 409, trouble=str(error))
+        return render_list(request, services, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
 
 
@@ -59,12 +59,12 @@ def show(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         shown = regrades.view(regrade, stored.progress(session, regrade))
-        page_of = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
+        page_of = regrades.read_page(session, regrade.id, after, ROWS + 1, changed=changed)
         rows = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, page_of)
         marks = marks_in(session, who.course)
     more: dict[str, Any] = {
         "marks": marks,
-        "title": titles_of(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
+        "title": list_titles(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,
     }
@@ -84,16 +84,16 @@ def cancel(regrade_id: str, services: AppServices, who: Instructor) -> Response:
 def apply(request: Request, regrade_id: str, services: AppServices, who: Instructor) -> Response:
     """Starts what a dry run has tried, by the content as it is now, and redirects to it."""
     with services.database.read() as session:
-        tried = regrades.wanted_of(regrades.get(session, regrade_id, who.course))
+        tried = regrades.restore_wanted(regrades.get(session, regrade_id, who.course))
     try:
         made = regrades.create(services.database, services.library_for(who), who, tried)
     except CallerError as error:
-        return with_list(request, services, who, 409, trouble=str(error))
+        return render_list(request, services, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
 
 
-def with_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
-    """The page with the form and the list."""
+def render_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
+    """Renders the page with the form and the list."""
     with services.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
@@ -103,14 +103,14 @@ def with_list(request: Request, services: Services, who: Identity, status: int =
         "quizzes": quizzes,
         "scopes": SCOPES,
         "words": WORDS,
-        "titles": titles_of(library),
+        "titles": list_titles(library),
         "regrades": listed,
     }
     return page(request, "regrades.html", status, who=who, **shown, **more)
 
 
-def wanted(form: dict[str, str]) -> Wanted:
-    """What the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
+def parse_wanted(form: dict[str, str]) -> Wanted:
+    """Says what the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
     quiz, _, question = form.get("what", "").partition("/")
     chosen, ids = form.get("scope", ""), tuple(re.findall(r"[0-9a-f]{32}", form.get("ids", "")))
     scope: Scope | tuple[str, ...] | None = next((one for one in SCOPES if one == chosen), None)

@@ -22,18 +22,18 @@ ANYWHERE = {POLICY: security_policy(["*"])}
 """A refusal has nothing to press, so any site may show it: the platform's administrator must be able to read it."""
 
 
-async def tool_of(services: AppServices) -> Tool:
-    """The LTI tool. Raises NotFound, which says what to install."""
+async def get_tool(services: AppServices) -> Tool:
+    """Returns the LTI tool. Raises NotFound, which says what to install."""
     if services.tool is None:
         raise NotFound(MISSING)
     return services.tool
 
 
-LtiTool = Annotated[Tool, Depends(tool_of)]
+LtiTool = Annotated[Tool, Depends(get_tool)]
 
 
-async def pairs_of(request: Request) -> list[tuple[str, str]]:
-    """The parameters of a request, by GET or as a form, each as often as it is there. Raises Unprocessable."""
+async def read_pairs(request: Request) -> list[tuple[str, str]]:
+    """Returns the parameters of a request, by GET or as a form, each as often as it is there. Raises Unprocessable."""
     text = request.url.query if request.method == "GET" else (await request.body()).decode(errors="replace")
     try:
         return parse_qsl(text, keep_blank_values=True, max_num_fields=FIELDS_MAX)
@@ -41,7 +41,7 @@ async def pairs_of(request: Request) -> list[tuple[str, str]]:
         raise Unprocessable(f"At most {FIELDS_MAX} parameters are taken.") from error
 
 
-Pairs = Annotated[list[tuple[str, str]], Depends(pairs_of)]
+Pairs = Annotated[list[tuple[str, str]], Depends(read_pairs)]
 
 
 class PlainWords(APIRoute):
@@ -57,27 +57,27 @@ class PlainWords(APIRoute):
             except REFUSALS as error:
                 if str(error) == MISSING:  # as programs are told it
                     raise
-                return refusal(request, error)
+                return show_refusal(request, error)
 
         return handle_refusals
 
 
-def refusal(request: Request, error: CallerError) -> Response:
-    """The page that says why something was refused."""
+def show_refusal(request: Request, error: CallerError) -> Response:
+    """Renders the page that says why something was refused."""
     status = next((status for kind, status in STATUS.items() if isinstance(error, kind)), 422)
     return page(request, "lti_message.html", status, PRIVATE | ANYWHERE, why=str(error))
 
 
-def framed_page(
+def show_framed(
     request: Request, template: str, platform: Platform, posts_to: tuple[str, ...] = (), **context: Any
 ) -> Response:
-    """A page of a launch, which this platform alone may show in a frame."""
+    """Renders a page of a launch, which this platform alone may show in a frame."""
     headers = PRIVATE | {POLICY: security_policy(platform.origins, posts_to)}
     return page(request, template, 200, headers, **context)
 
 
-def start_in(request: Request, services: Services, response: Response, opened: BrowserSession) -> Response:
-    """The response, with the cookie of a session in the frame or tab that it is shown in."""
+def start_session_in(request: Request, services: Services, response: Response, opened: BrowserSession) -> Response:
+    """Renders the response, with the cookie of a session in the frame or tab that it is shown in."""
     framed = request.headers.get("sec-fetch-dest") != "document"  # as far as the browser says so
     response.headers.append("Set-Cookie", services.sessions.set_cookie(opened, framed=framed))
     return response

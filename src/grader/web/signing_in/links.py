@@ -55,11 +55,11 @@ def sign_in(request: Request, services: AppServices, form: Form) -> Response:
     code = form.get("code", "")
     opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
     services.sessions.end(request.cookies)
-    return signed_in(services, opened)
+    return redirect_signed_in(services, opened)
 
 
-def signed_in(services: AppServices, opened: BrowserSession) -> Response:
-    """The redirect to the page of the user's role, with the session's cookie."""
+def redirect_signed_in(services: AppServices, opened: BrowserSession) -> Response:
+    """Renders the redirect to the page of the user's role, with the session's cookie."""
     target = "/instructor" if opened.identity.is_instructor else "/"
     return RedirectResponse(
         target, 303, {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
@@ -81,7 +81,7 @@ def join_course(services: AppServices, form: Form, request: Request) -> Response
     code, name = form.get("code", ""), form.get("name", "")
     opened = services.sessions.writing(lambda session: join(session, code, name))
     services.sessions.end(request.cookies)
-    return signed_in(services, opened)
+    return redirect_signed_in(services, opened)
 
 
 @router.get("/signout")

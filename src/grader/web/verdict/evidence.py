@@ -130,16 +130,16 @@ class Value(Part):
 Read = TypeVar("Read")
 
 
-def several(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
-    """The list under a key; empty if it is missing or of another shape."""
+def read_list(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
+    """Returns the list under a key; empty if it is missing or of another shape."""
     try:
         return TypeAdapter(list[kind]).validate_python(evidence.get(key) or [])  # type: ignore[valid-type]
     except ValidationError:
         return []
 
 
-def one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
-    """The object under a key; None if it is missing or of another shape."""
+def read_one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
+    """Returns the object under a key; None if it is missing or of another shape."""
     try:
         return TypeAdapter(kind).validate_python(evidence[key]) if evidence.get(key) else None
     except ValidationError:
