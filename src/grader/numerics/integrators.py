@@ -24,32 +24,17 @@ class Integrator:
     note: str
 
 
-EULER = Integrator(
-    int(mjtIntegrator.mjINT_EULER), "Euler", 1, 1, "semi-implicit; implicit in joint damping unless eulerdamp is off"
+EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE = INTEGRATORS = tuple(
+    Integrator(int(getattr(mjtIntegrator, f"mjINT_{name.upper()}")), name, stages, stages, note)
+    for name, stages, note in (
+        ("Euler", 1, "semi-implicit; implicit in joint damping unless eulerdamp is off"),
+        ("RK4", 4, f"explicit; of order {RK4_ORDER_ON_ROTATIONS} on free and ball joints"),
+        ("implicit", 1, "implicit in velocity, Coriolis and centripetal forces included"),
+        ("implicitfast", 1, "implicit in velocity except Coriolis and centripetal forces"),
+        ("discrete", 1, "implicit in damping and stiffness; explicit under solver PGS"),
+    )
 )
-RK4 = Integrator(
-    int(mjtIntegrator.mjINT_RK4), "RK4", 4, 4, f"explicit; of order {RK4_ORDER_ON_ROTATIONS} on free and ball joints"
-)
-IMPLICIT = Integrator(
-    int(mjtIntegrator.mjINT_IMPLICIT),
-    "implicit",
-    1,
-    1,
-    "implicit in velocity, Coriolis and centripetal forces included",
-)
-IMPLICITFAST = Integrator(
-    int(mjtIntegrator.mjINT_IMPLICITFAST),
-    "implicitfast",
-    1,
-    1,
-    "implicit in velocity except Coriolis and centripetal forces",
-)
-DISCRETE = Integrator(
-    int(mjtIntegrator.mjINT_DISCRETE), "discrete", 1, 1, "implicit in damping and stiffness; explicit under solver PGS"
-)
-
-INTEGRATORS = (EULER, RK4, IMPLICIT, IMPLICITFAST, DISCRETE)
-"""All of them, in the order of the lesson's tables."""
+"""All of them, in the order of the lesson's tables. The order of each is the number of evaluations in a step."""
 
 BY_CODE = {integrator.code: integrator for integrator in INTEGRATORS}
 BY_NAME = {integrator.name: integrator for integrator in INTEGRATORS}

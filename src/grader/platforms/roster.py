@@ -19,12 +19,12 @@ from grader.domain.platform import Platform
 from grader.errors import Conflict, Forbidden, Unprocessable
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.addresses import is_of_platform, origin_of
-from grader.platforms.launching.fetching import Answer
 from grader.platforms.launching.launch import name_in
 from grader.store.platforms import ID, Context
 
 if TYPE_CHECKING:  # it needs the packages of the extra
     from grader.platforms.sending.access_tokens import AccessTokens
+    from grader.platforms.sending.outgoing import Response
 
 MEDIA_TYPE = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
 PAGES_MAX = 200
@@ -55,7 +55,7 @@ async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list
     return list(people.values())
 
 
-async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> Answer:
+async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> "Response":
     """Returns one page of the roster. Raises Unprocessable."""
     try:
         answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})

@@ -5,11 +5,14 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
 from grader.errors import Unauthorized
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.outgoing import Response
 
 log = structlog.get_logger()
 
@@ -24,28 +27,12 @@ MODULUS_CHARACTERS_MAX = 1400
 """Of an RSA key of 8192 bits in base64; larger ones take long to verify with."""
 
 
-class Answer(Protocol):
-    """The response to a request."""
-
-    @property
-    def status(self) -> int:
-        """The HTTP status."""
-
-    @property
-    def headers(self) -> Mapping[str, str]:
-        """The headers; their names in any case."""
-
-    @property
-    def body(self) -> bytes:
-        """The body, of limited size."""
-
-
 class Requester(Protocol):
     """Sends requests to addresses that others have chosen, safely. `lms.outgoing.Outgoing` is one."""
 
     async def request(
         self, method: str, url: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None
-    ) -> Answer:
+    ) -> "Response":
         """Sends one request and reads the response. Raises an exception where the address may not be asked."""
 
 

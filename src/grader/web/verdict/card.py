@@ -129,9 +129,9 @@ def build_card(given: Given) -> Card | None:
     titles = {finding["id"]: finding["title"] for finding in findings}
     diagnosis = verdict.get("diagnosis") or ""
     said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
+    score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
     return Card(
-        given, given.told,
-        f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else "", said,
+        given, given.told, score, said,
         unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), tuple(list_notes(columns, rows, said)), tuple(cells),
         extract_lines(given.text, diagnosis), read.read_one(evidence, "tableau", read.Tableau),
