@@ -228,7 +228,9 @@ def run_lab(
     """
     began = time.perf_counter()
     programs, values = compile_lab(config, where), choose_values(config, controls or {})
-    duration = _choose_duration(config, seconds)
+    if seconds is not None and not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
+        raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
+    duration = choose_length_s(config) if seconds is None else seconds
     presses = _sort_presses(programs, events, duration)
     running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
@@ -245,15 +247,6 @@ def build_lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Wish] | 
     """Returns the scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
     data = (running := LabSimulation(compile_lab(config), config, xml, choose_values(config, controls or {}))).data
     return Scene.from_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
-
-
-def _choose_duration(config: LabConfig, seconds: float | None) -> float:
-    """Says how long the lab runs [s]."""
-    if seconds is not None:
-        if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
-            raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
-        return seconds
-    return choose_length_s(config)
 
 
 def choose_length_s(config: LabConfig) -> float:

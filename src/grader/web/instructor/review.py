@@ -19,7 +19,7 @@ from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
-from grader.gate.services import AppServices, Services
+from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Question, kind_of
 from grader.store import reviews as stored
@@ -28,7 +28,7 @@ from grader.store.reviews import AGREED, DIFFERS, Waits
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, Chosen, name_learner
+from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, name_learner
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, list_titles
@@ -60,9 +60,9 @@ class Typed:
 class Sitting:
     """An instructor at the desk, with a list."""
 
-    services: Services
-    who: Identity
-    chosen: Chosen
+    services: AppServices
+    who: Instructor
+    chosen: Choice
 
     @property
     def desk(self) -> Desk:
@@ -80,12 +80,7 @@ class Sitting:
         return RedirectResponse(f"{path}?{self.chosen.query}{more}", 303)
 
 
-async def open_sitting(services: AppServices, who: Instructor, chosen: Choice) -> Sitting:
-    """Returns the instructor of the browser at the desk. Raises Unauthorized, Forbidden."""
-    return Sitting(services, who, chosen)
-
-
-AtDesk = Annotated[Sitting, Depends(open_sitting)]
+AtDesk = Annotated[Sitting, Depends()]
 
 
 @router.post(f"{PAGE}/next")

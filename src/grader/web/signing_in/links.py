@@ -54,16 +54,14 @@ def sign_in(request: Request, services: AppServices, form: Form) -> Response:
     """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role."""
     code = form.get("code", "")
     opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
+    return redirect_signed_in(request, services, opened)
+
+
+def redirect_signed_in(request: Request, services: AppServices, opened: BrowserSession) -> Response:
+    """Ends the browser's earlier session, and redirects to the page of the user's role with the new one's cookie."""
     services.sessions.end(request.cookies)
-    return redirect_signed_in(services, opened)
-
-
-def redirect_signed_in(services: AppServices, opened: BrowserSession) -> Response:
-    """Renders the redirect to the page of the user's role, with the session's cookie."""
-    target = "/instructor" if opened.identity.is_instructor else "/"
-    return RedirectResponse(
-        target, 303, {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
-    )
+    headers = {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
+    return RedirectResponse("/instructor" if opened.identity.is_instructor else "/", 303, headers)
 
 
 @router.get("/join")
@@ -80,8 +78,7 @@ def join_course(services: AppServices, form: Form, request: Request) -> Response
     """Makes a new learner of the course, and redirects to the questions. Raises Forbidden, Unprocessable."""
     code, name = form.get("code", ""), form.get("name", "")
     opened = services.sessions.writing(lambda session: join(session, code, name))
-    services.sessions.end(request.cookies)
-    return redirect_signed_in(services, opened)
+    return redirect_signed_in(request, services, opened)
 
 
 @router.get("/signout")

@@ -40,8 +40,7 @@ def finish(request: Request, services: AppServices, code: str = "", state: str =
         raise Unauthorized(FAILED)
     claims = provider.claims(attempt, code, make_redirect_uri(services, request))
     opened = services.sessions.writing(lambda session: provider.open_session(session, claims))
-    services.sessions.end(request.cookies)
-    response = redirect_signed_in(services, opened)
+    response = redirect_signed_in(request, services, opened)
     response.headers.append("Set-Cookie", make_cookie(services, "", timedelta()))
     return response
 
