@@ -96,12 +96,12 @@ class Row:
     learner: str
     quiz: str
     title: str
-    shorten_answer: str
+    excerpt: str
     at: str
     waited: str
     told: Told
     points: tuple[float, float] | None
-    name_holder: str
+    held_by: str
     is_theirs: bool
     to_claim: bool
 

@@ -112,7 +112,7 @@ class First:
     quiz: str
     title: str
     number: int
-    describe_question: Asked
+    asked: Asked
     has_begun: bool
 
 
