@@ -356,11 +356,11 @@ def test_links_and_tokens_from_the_command_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "d", "0d", "-1d", "1.5d", "30", "30m", "9" * 30 + "d", "²d"])
 def test_what_is_no_lifetime(text: str) -> None:
-    from grader.commands.main import lifetime_of
+    from grader.commands.tokens import parse_lifetime
 
     with pytest.raises(Unprocessable):
-        lifetime_of(text)
-    assert lifetime_of("2w") == timedelta(weeks=2)
+        parse_lifetime(text)
+    assert parse_lifetime("2w") == timedelta(weeks=2)
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ class Course:
         with self.database.read() as session:
             regrade = regrades.get(session, regrade_id, self.name)
             view = regrades.view(regrade, stored.progress(session, regrade))
-            return view | {"items": regrades.page_of(session, regrade_id, 0, 1000, changed=changed)}
+            return view | {"items": regrades.read_page(session, regrade_id, 0, 1000, changed=changed)}
 
     def verdicts(self, submission_id: str) -> list[tuple[str, str, float]]:
         with self.database.read() as session:

@@ -272,9 +272,9 @@ class Reviewing(RuleBasedStateMachine):
         before = self.rubric
         self.version = 1 - self.version
         for quiz in QUIZZES:
-            for one in rubric_changes.outdated(self.desk, quiz, "why", self.course):
+            for one in rubric_changes.list_outdated(self.desk, quiz, "why", self.course):
                 rubric_changes.recompute(self.desk, one)
-            assert not rubric_changes.outdated(self.desk, quiz, "why", self.course)
+            assert not rubric_changes.list_outdated(self.desk, quiz, "why", self.course)
         for answer in self.answers:
             # Items whose points have changed make a new revision, also where the sum stays.
             ticked = answer.first.mark.ticked if answer.first and answer.first.mark.points is None else ()

@@ -13,7 +13,7 @@ from grader.courses.people import oneroster
 from grader.courses.people.external import OWN, External
 from grader.courses.people.identity import Role
 from grader.courses.people.oneroster import read_files, read_zip, write_zip
-from grader.courses.people.roster import Entry, decoded, read_roster, write_roster
+from grader.courses.people.roster import Entry, decode, read_roster, write_roster
 from grader.errors import FaultyRows, Unprocessable
 
 RUNS = "=+-@\t\r"
@@ -48,7 +48,7 @@ def faults_of(read: Callable[[], object]) -> list[tuple[str, str]]:
 def test_what_was_written_is_read_back(people: list[Entry]) -> None:
     text = "".join(write_roster(people))
     assert known(read_roster(text)) == known(people)
-    assert known(read_roster(decoded("", ("\ufeff" + text).encode()))) == known(people)
+    assert known(read_roster(decode("", ("\ufeff" + text).encode()))) == known(people)
     for row in csv.reader(io.StringIO(text, newline="")):
         assert not [cell for cell in row if cell.startswith(tuple(RUNS))]
 
@@ -95,7 +95,7 @@ def test_what_is_no_roster_is_refused(text: str) -> None:
 
 def test_a_file_that_is_not_utf8_is_refused_with_the_cure() -> None:
     with pytest.raises(Unprocessable, match="save it as CSV UTF-8"):
-        decoded("roster.csv", "name\nLöwe\n".encode("latin-1"))
+        decode("roster.csv", "name\nLöwe\n".encode("latin-1"))
 
 
 def test_at_most_a_hundred_faults_are_told() -> None:

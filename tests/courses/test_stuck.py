@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 from sqlalchemy.orm import Session
 
-from grader.courses.reporting.stuck import RECENT, Stuck, stuck_in
+from grader.courses.reporting.stuck import RECENT, Stuck, find_stuck
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
@@ -61,7 +61,7 @@ def tries(session: Session, name: str, *attempts: Attempt, days: float = 0, ques
 
 def stuck(session: Session, *without: str) -> list[Stuck]:
     session.flush()
-    return stuck_in(session, COURSE, without)
+    return find_stuck(session, COURSE, without)
 
 
 def test_three_attempts_with_one_named_mistake_are_stuck_the_longest_first(session: Session) -> None:

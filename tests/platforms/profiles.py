@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import parse_qs, parse_qsl, urlsplit
 
-from grader.domain.platform import Platform
+from grader.domain.platform import Platform, ScoreTarget
 from grader.platforms.sending.line_items import LINE_ITEM, READ_RESULT, SCORE
 from grader.platforms.sending.score import CANVAS
 from platforms.receivers import HERE, Answer, Asked, receiving
@@ -219,17 +219,11 @@ class Simulated:
 SCOPES = (LINE_ITEM, READ_RESULT, SCORE)
 
 
-@dataclass(frozen=True)
-class Place:
+def place(
+    platform: Platform, line_items_url: str | None, learner: str, resource_id: str, scopes: tuple[str, ...] = SCOPES
+) -> ScoreTarget:
     """Where a learner's score goes on a simulated platform."""
-
-    platform: Platform
-    line_items_url: str | None
-    lti_user_id: str
-    resource_id: str
-    line_item_url: str | None = None
-    scopes: tuple[str, ...] = SCOPES
-    resource_link_id: str | None = None
+    return ScoreTarget(platform, "", line_items_url or "", scopes, learner, "1", "", resource_id)
 
 
 @contextmanager

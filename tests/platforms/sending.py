@@ -10,19 +10,19 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from grader.domain.platform import Platform
+from grader.domain.platform import Platform, ScoreTarget
 from grader.grading.content import Archive
 from grader.grading.pipeline import Retries
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.delivering import Delivering
 from grader.platforms.sending.line_items import LineItems
 from grader.platforms.sending.outgoing import Outgoing, certificates
-from grader.platforms.sending.scores import Scores, ScoreTarget
+from grader.platforms.sending.scores import FindTarget, Scores
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store.engine.database import Database
 from grader.store.outbox import SCORES
-from platforms.profiles import Place
+from platforms.profiles import place
 from platforms.receivers import HERE
 
 PAUSES_S = (0.05,) * 60
@@ -34,17 +34,17 @@ def sign(claims: dict[str, Any]) -> str:
     return json.dumps(claims)
 
 
-def sender_of(database: Database, targets: ScoreTarget) -> Scores:
+def sender_of(database: Database, targets: FindTarget) -> Scores:
     """The sender of scores."""
     tokens = AccessTokens(Outgoing([HERE], time_max_s=5.0), sign)
     return Scores(Archive(database).current_library, targets, tokens, LineItems(database, tokens, timedelta(seconds=2)))
 
 
-def to(platform: Platform, container: str) -> ScoreTarget:
+def to(platform: Platform, container: str) -> FindTarget:
     """Every score to one platform, where learners have the same ids."""
 
-    def target(_session: Session, _course: str, learner: str, quiz: str, question: str) -> Place:
-        return Place(platform, container, learner, f"{quiz}/{question}")
+    def target(_session: Session, _course: str, learner: str, quiz: str, question: str) -> ScoreTarget:
+        return place(platform, container, learner, f"{quiz}/{question}")
 
     return target
 

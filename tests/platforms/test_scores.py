@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 from grader.courses.answering.results import grant
 from grader.courses.people.identity import Identity, Role
 from grader.courses.sending.outbox import release, release_all, replay, send_scores
+from grader.domain.platform import ScoreTarget
 from grader.domain.policy import Extension
 from grader.grading.content import Contents
 from grader.grading.pipeline import Retries
@@ -35,7 +36,7 @@ from grader.store.engine.database import Database
 from grader.store.outbox import SCORES, Delivery
 from grader.store.tables import Member, Result, now
 from platforms.classes import COURSE, Class
-from platforms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, PROFILES, Grade, Place, Profile, Simulated, simulated
+from platforms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, PROFILES, Grade, Profile, Simulated, place, simulated
 from platforms.receivers import HERE, Asked
 from platforms.sending import sender_of, sign
 from platforms.working import database_of, work
@@ -61,9 +62,9 @@ class Course(Class):
             self.last = replace(sender_of(self.database, self.target), clock=lambda: now() + self.ahead)
         work(self.database, {SCORES: self.last}, (0.01,) * 3, until_s)
 
-    def target(self, _session: Any, _course: str, learner: str, quiz: str, question: str) -> Place | None:
-        place = Place(self.platform.platform, self.platform.container, f"lti-{learner[:8]}", f"{quiz}/{question}")
-        return replace(place, **self.change)
+    def target(self, _session: Any, _course: str, learner: str, quiz: str, question: str) -> ScoreTarget | None:
+        at = (self.platform.platform, self.platform.container, f"lti-{learner[:8]}", f"{quiz}/{question}")
+        return replace(place(*at), **self.change)
 
     def row(self, number: int = 0) -> Delivery:
         with self.database.read() as session:

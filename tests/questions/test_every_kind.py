@@ -20,7 +20,7 @@ import pytest
 from pydantic import ValidationError
 
 from grader.certify.keys import certify_quizzes
-from grader.commands.main import pipeline_for
+from grader.commands.grade import open_pipeline
 from grader.courses.people.identity import COOKIE
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.domain.verdict import Status
@@ -228,7 +228,7 @@ def test_what_is_imported_loads(tmp_path: Path, case: Case) -> None:
 
 @pytest.mark.jail
 def test_the_content_holds(folder: Path) -> None:
-    report = check_content(folder, pipeline_for, lambda _: None)
+    report = check_content(folder, open_pipeline, lambda _: None)
     assert report.faults == []
 
 

@@ -22,8 +22,8 @@ from grader.library import load
 from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
 from grader.web.instructor import certificates, extensions
-from grader.web.instructor.certificate_text import told
-from grader.web.instructor.statistics_plots import estimates_plot
+from grader.web.instructor.certificate_text import word_key
+from grader.web.instructor.statistics_plots import plot_estimates
 from support.sites import ROOT, Site, open_site, write_content
 
 API = "/api/v1"
@@ -128,14 +128,14 @@ def test_the_plots_say_which_question_tells_nothing() -> None:
         return QuestionStatistics(name, share, share, Estimate(value, low, high, 30), {}, (), {})
 
     titles = {"good": "Good", "bad": f"Bad {HOSTILE}" * 9}
-    shares, tells = estimates_plot([one("good", 0.5, 0.2, 0.7), one("bad", -0.4, -0.6, -0.1)], titles)
+    shares, tells = plot_estimates([one("good", 0.5, 0.2, 0.7), one("bad", -0.4, -0.6, -0.1)], titles)
     assert tells.title.startswith("Who knows more answers “Bad")
     assert tells.table[1] == ("Good", "0.5", "0.2 to 0.7", "30")
     for width in (308.0, 520.0):
         drawn = tells.draw(width).svg("wide-plot", shares.title)
         assert "<img" not in drawn
         assert drawn.count("<circle") == 2
-    (_, tells) = estimates_plot([one("good", 0.5, 0.2, 0.7), one("bad", 0.1, -0.2, 0.4)], {"good": "g", "bad": "b"})
+    (_, tells) = plot_estimates([one("good", 0.5, 0.2, 0.7), one("bad", 0.1, -0.2, 0.4)], {"good": "g", "bad": "b"})
     assert tells.title == "“b” may tell nothing apart"
 
 
@@ -286,7 +286,7 @@ def test_the_service_page_tells_workers_and_the_queue(site: Site, tina: httpx.Cl
     assert "No worker is running : scripts wait until one is started." in told
     assert "Scripts to grade 0 0 –" in told
     assert browser(site, "ann").post("/instructor/service/deliveries/1/replay").status_code == 403
-    assert browser(site, "ann").post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
+    assert tina.post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
 
 
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:
@@ -332,7 +332,7 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
     library = load(ROOT)
 
     def exercises(**wanted: bool) -> dict[str, Any]:
-        rows = certificates.certificate_rows(library, **wanted)
+        rows = certificates.list_certificates(library, **wanted)
         return {row["question"]: row for row in rows if row["quiz"] == "1.3-exercises"}
 
     assert {row["state"] for row in exercises().values()} == {"guessing not computed"}
@@ -347,7 +347,7 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
 
 
 def test_certificates_say_what_was_simulated_what_came_out_and_how_far_from_the_key() -> None:
-    rows = {row["question"]: row["told"] for row in certificates.certificate_rows(load(ROOT))}
+    rows = {row["question"]: row["told"] for row in certificates.list_certificates(load(ROOT))}
     told = {name: unspaced(" ".join(line for _, lines in rows[name] for line in lines)) for name in ("q1", "q2", "q3")}
     assert "mj_fwdPosition changes it first: from 0 contacts to 1 contact." in told["q1"]
     assert "Stable at 4.995 ms, unstable at 5.005 ms. 5 ms, with a tolerance of 0.05 ms." in told["q2"]
@@ -373,7 +373,9 @@ def test_every_way_to_derive_a_key_is_told_in_sentences(method: str) -> None:
     measured, sentence = MEASURED[method]
     numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
     certificate = Certificate(True, "", method, 2.0062, 2.006, measured, tolerance=0.01)
-    lines = [line for _, several in told(NumberQuestion.model_validate(numeric).key, certificate) for line in several]
+    lines = [
+        line for _, several in word_key(NumberQuestion.model_validate(numeric).key, certificate) for line in several
+    ]
     assert sentence in unspaced(" ".join(lines))
     assert "2.006 s, with a tolerance of 0.01 s. What came out is 2·10⁻⁴ s away, 2 % of the" in unspaced(lines[-1])
 

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 
 from grader.domain.lab import IntegratorsLab, LabConfig, SimLab, UnknownLab
-from grader.web.text.lab_box import lab_box
+from grader.web.text.lab_box import describe_lab
 
 SECRET = "data.qpos[0] * 4711"
 
 
 def box(**keys: Any) -> dict[str, Any]:
-    return lab_box(LabConfig.model_validate({"model": "cart", **keys}))
+    return describe_lab(LabConfig.model_validate({"model": "cart", **keys}))
 
 
 def plot(**keys: Any) -> dict[str, Any]:
@@ -57,6 +57,6 @@ def test_nothing_of_an_expression_is_in_the_skeleton() -> None:
 def test_each_kind_of_lab_has_its_form() -> None:
     unknown = UnknownLab.model_validate({"id": "x", "kind": "policies", "note": SECRET})
     five = IntegratorsLab.model_validate({"id": "y", "kind": "integrators", "models": [("a", "A model"), "b"]})
-    assert lab_box(SimLab(id="z", model="cart"))["form"] == "scene"
-    assert lab_box(unknown) == {"form": "unknown", "id": "x", "kind": "policies", "title": None}
-    assert lab_box(five)["offered"] == {"a": "A model", "b": "b"}
+    assert describe_lab(SimLab(id="z", model="cart"))["form"] == "scene"
+    assert describe_lab(unknown) == {"form": "unknown", "id": "x", "kind": "policies", "title": None}
+    assert describe_lab(five)["offered"] == {"a": "A model", "b": "b"}

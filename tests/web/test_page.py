@@ -6,8 +6,8 @@ import pytest
 
 from grader.library import Library
 from grader.questions import Quiz
-from grader.web.learner.exercise import following_of
-from grader.web.text.questions import page_of, paragraphs, short_title, worth
+from grader.web.learner.exercise import find_following
+from grader.web.text.questions import describe_quiz, describe_worth, render_prompt, shorten_title
 
 QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry": "f", "check": {"kind": "none"}}
 
@@ -15,7 +15,7 @@ QUESTION: dict[str, Any] = {"id": "f", "kind": "code", "q": "Write $f$.", "entry
 def card(**changes: Any) -> dict[str, Any]:
     quiz = Quiz.model_validate({"id": "quiz", "title": "A <b>quiz</b>", "questions": [QUESTION | changes]})
     library = Library(root=None, quizzes={}, starters={"s/f.py": "def f(): ..."})  # type: ignore[arg-type]
-    page = page_of(library, quiz)
+    page = describe_quiz(library, quiz)
     assert page["title"] == "A quiz"
     shown: dict[str, Any] = page["questions"][0]
     return shown
@@ -31,7 +31,7 @@ def card(**changes: Any) -> dict[str, Any]:
     ],
 )
 def test_what_a_question_is_worth(points: float, attempts: int | None, text: str) -> None:
-    assert worth(points, attempts) == text
+    assert describe_worth(points, attempts) == text
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_what_a_question_is_worth(points: float, attempts: int | None, text: str
     ],
 )
 def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
-    assert paragraphs(text) == html
+    assert render_prompt(text) == html
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
     ],
 )
 def test_a_question_without_a_title_is_named_by_whole_words(text: str, short: str) -> None:
-    assert short_title(None, text) == short
+    assert shorten_title(None, text) == short
 
 
 def test_headings_come_from_the_author_first() -> None:
@@ -82,6 +82,6 @@ def test_an_exercise_says_what_a_script_may_use_and_shows_its_starter() -> None:
 def test_after_an_exercise_comes_the_quizs_next_question_on_its_own_page_or_in_the_lesson() -> None:
     code = {"id": "rk4", "kind": "code", "short": "Your own step", "path": "/quizzes/q/rk4", "is_script": True}
     text = {"id": "why", "kind": "open", "short": "Why?", "path": "/quizzes/q/why", "is_script": False}
-    assert following_of("q", "1.3", [code, text]) == {"short": "Your own step", "path": "/quizzes/q/rk4"}
-    assert following_of("q", "1.3", [text]) == {"short": "Why?", "path": "/lessons/1.3#q--why"}
-    assert following_of("q", "1.3", []) is None
+    assert find_following("q", "1.3", [code, text]) == {"short": "Your own step", "path": "/quizzes/q/rk4"}
+    assert find_following("q", "1.3", [text]) == {"short": "Why?", "path": "/lessons/1.3#q--why"}
+    assert find_following("q", "1.3", []) is None

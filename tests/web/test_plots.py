@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from grader.courses.rules.policy import FEEDBACK_EVIDENCE
 from grader.web.verdict.line_plots import INTEGRATORS, draw_end
-from grader.web.verdict.plots import figures_of, light_styles, sketches, standalone
-from grader.web.verdict.svg import Axis, Drawing, decades, round_steps, short, steps, text_width
+from grader.web.verdict.plots import draw_figures, draw_file, extract_light_styles, list_sketches
+from grader.web.verdict.svg import Axis, Drawing, estimate_width, format_path, list_decades, list_round_steps, trim
 from web.evidence import threshold_verdict
 
 NAMES = ("angles", "claims", "limits", "differences", "order", "charts", "values", "tableau", "stability")
@@ -37,7 +37,7 @@ def titles_of(verdict: dict[str, Any]) -> dict[str, str]:
 def figures(kind: str, only: tuple[str, ...] = NAMES) -> list[Any]:
     verdict = threshold_verdict(kind)
     evidence = {name: value for name, value in verdict["evidence"].items() if name in only}
-    return figures_of(evidence, titles_of(verdict))
+    return draw_figures(evidence, titles_of(verdict))
 
 
 @pytest.mark.slow
@@ -86,10 +86,10 @@ CHART = {"case": "a", "title": "energy", "x": {"label": "t"}, "y": {}, "series":
 
 
 def test_the_order_is_told_by_what_halving_does() -> None:
-    [wrong] = figures_of({"order": ORDER}, {})
+    [wrong] = draw_figures({"order": ORDER}, {})
     assert wrong.title == "Halve the timestep and your error falls by a factor of 4; it should be 16"
     assert "yours: order 2.00" in wrong.pictures
-    [right] = figures_of({"order": ORDER | {"slope": 4.01, "error": [2.56e-6, 1.6e-7, 1e-8]}}, {})
+    [right] = draw_figures({"order": ORDER | {"slope": 4.01, "error": [2.56e-6, 1.6e-7, 1e-8]}}, {})
     assert right.title == "Halve the timestep and your error falls by a factor of 16, as it should"
 
 
@@ -100,12 +100,12 @@ def test_the_name_of_a_line_does_not_lie_on_the_line(width: float, slope: float)
     picture = Drawing(width, 300)
     draw_end(picture, rising, "yours: order 2.01", is_below=True)
     [(end, baseline)] = re.findall(r'x="([\d.]+)" y="([-\d.]+)"', picture.parts[0])
-    left = float(end) - text_width("yours: order 2.01")
+    left = float(end) - estimate_width("yours: order 2.01")
     assert float(baseline) - TEXT_HEIGHT > 200 - slope * (left - 50) / 4
 
 
 def test_only_integrators_have_the_colours_of_integrators() -> None:
-    [figure] = figures_of({"differences": [DIFFERENCES]}, {"a": "The arm"})
+    [figure] = draw_figures({"differences": [DIFFERENCES]}, {"a": "The arm"})
     assert "line solid" in figure.pictures and "line dashed" in figure.pictures
     assert not any(f"line {name}" in figure.pictures for name in INTEGRATORS)
 
@@ -113,7 +113,7 @@ def test_only_integrators_have_the_colours_of_integrators() -> None:
 @given(st.lists(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=9), min_size=1, max_size=3))
 def test_a_path_leads_through_its_points_and_rounding_does_not_add_up(lines: list[list[tuple[float, float]]]) -> None:
     at, reached = [0.0, 0.0], []
-    for numbers in re.findall(r"[ml]([-\d. ]+)", steps(lines)):
+    for numbers in re.findall(r"[ml]([-\d. ]+)", format_path(lines)):
         values = [float(one) for one in re.findall(r"-?[\d.]+", numbers)]
         for distance in zip(values[::2], values[1::2], strict=True):
             at = [sum(pair) for pair in zip(at, distance, strict=True)]
@@ -123,33 +123,33 @@ def test_a_path_leads_through_its_points_and_rounding_does_not_add_up(lines: lis
 
 
 def test_differences_have_a_band_in_which_they_count_as_right() -> None:
-    [figure] = figures_of({"differences": [DIFFERENCES]}, {"a": "The arm"})
+    [figure] = draw_figures({"differences": [DIFFERENCES]}, {"a": "The arm"})
     assert "Round-off" in figure.title
     assert "counts as right: up to 10⁻¹⁰" in figure.pictures
-    assert figures_of({"differences": [DIFFERENCES | {"qpos": [0, 0], "qvel": [0, 0]}]}, {}) == []
+    assert draw_figures({"differences": [DIFFERENCES | {"qpos": [0, 0], "qvel": [0, 0]}]}, {}) == []
 
 
 def test_charts_of_any_kind_of_exercise_are_drawn() -> None:
-    [figure] = figures_of({"charts": [CHART]}, {"a": "The arm"})
+    [figure] = draw_figures({"charts": [CHART]}, {"a": "The arm"})
     assert figure.title == "The arm: energy"
 
 
 def test_text_of_a_script_or_an_author_is_text() -> None:
     hostile = CHART | {"title": HOSTILE, "series": [{"label": HOSTILE, "x": [1, 2], "y": [2, 3]}]}
-    [figure] = figures_of({"charts": [hostile]}, {"a": HOSTILE})
+    [figure] = draw_figures({"charts": [hostile]}, {"a": HOSTILE})
     assert "<script" not in figure.pictures
     for picture in str(figure.pictures).split("</svg><svg"):
         assert "alert(1)" in picture
-    for sketch in sketches({"charts": [hostile]}, {"a": HOSTILE}):
-        ET.fromstring(standalone(sketch, ""))
+    for sketch in list_sketches({"charts": [hostile]}, {"a": HOSTILE}):
+        ET.fromstring(draw_file(sketch, ""))
 
 
 @pytest.mark.parametrize("kind", ["spring", "right"])
 def test_a_plot_as_a_file_is_whole_and_brings_its_colours(kind: str) -> None:
     verdict = threshold_verdict(kind)
     css = ":root {\n  --ink: #111;\n}\n.Euler { --c: red; }\n.plot .line { fill: none; }\n.card { color: red; }\n"
-    for sketch in sketches(verdict["evidence"], titles_of(verdict)):
-        tree = ET.fromstring(standalone(sketch, light_styles(css)))
+    for sketch in list_sketches(verdict["evidence"], titles_of(verdict)):
+        tree = ET.fromstring(draw_file(sketch, extract_light_styles(css)))
         assert tree.tag == "{http://www.w3.org/2000/svg}svg"
         style = tree.find("{http://www.w3.org/2000/svg}style")
         assert style is not None
@@ -162,7 +162,7 @@ def test_a_plot_as_a_file_is_whole_and_brings_its_colours(kind: str) -> None:
 @settings(max_examples=200)
 @given(evidence=st.dictionaries(st.sampled_from(NAMES), json_values, max_size=3))
 def test_evidence_of_any_shape_is_drawn_or_left_out(evidence: dict[str, Any]) -> None:
-    figures_of(evidence, {})
+    draw_figures(evidence, {})
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -176,7 +176,7 @@ def test_any_numbers_give_a_picture(
 ) -> None:
     chart = {"case": "a", "x": {"log": log}, "y": {"log": log}, "series": [{"x": x, "y": y}]}
     chart |= {"marks": [] if log else [{"x": one} for one in marks]}
-    for figure in figures_of({"charts": [chart]}, {}):
+    for figure in draw_figures({"charts": [chart]}, {}):
         for forbidden in ("nan", "inf"):
             assert forbidden not in str(figure.pictures).split("aria-label")[0]
         ET.fromstring(f"<a>{figure.pictures}</a>")
@@ -184,7 +184,7 @@ def test_any_numbers_give_a_picture(
 
 @given(low=st.floats(-1e9, 1e9), size=st.floats(1e-6, 1e9), about=st.integers(2, 8))
 def test_ticks_are_round_few_and_on_the_axis(low: float, size: float, about: int) -> None:
-    ticks = round_steps(low, low + size, about)
+    ticks = list_round_steps(low, low + size, about)
     assert len(ticks) <= 2 * about + 2
     assert all(
         low - 1e-6 * abs(low) - size * 1e-6 <= tick <= low + size * (1 + 1e-6) + 1e-6 * abs(low) for tick in ticks
@@ -192,6 +192,6 @@ def test_ticks_are_round_few_and_on_the_axis(low: float, size: float, about: int
 
 
 def test_ticks_of_a_log_axis_are_powers_of_ten() -> None:
-    assert decades(1e-5, 1e-1, 5) == pytest.approx([1e-5, 1e-4, 1e-3, 1e-2, 1e-1])
+    assert list_decades(1e-5, 1e-1, 5) == pytest.approx([1e-5, 1e-4, 1e-3, 1e-2, 1e-1])
     assert Axis(1e-5, 1, 0, 100, log=True).label(1e-3) == "10⁻³"
-    assert [short(one) for one in (-0.01, 1.0, 2.25)] == ["0", "1", "2.2"]
+    assert [trim(one) for one in (-0.01, 1.0, 2.25)] == ["0", "1", "2.2"]

@@ -18,7 +18,7 @@ from grader.settings import Settings
 from grader.store import submissions
 from grader.store.submissions import Mark
 from grader.store.tables import Submission
-from grader.web.verdict.work import graded_again
+from grader.web.verdict.work import describe_regrade
 from support.servers import PLAIN
 from web.browsing import service
 from web.test_forms import BROWSER, card, fields
@@ -167,7 +167,7 @@ def test_what_changed_is_one_sentence(
     before: tuple[str, str, float, float], after: tuple[str, str, float, float], ends: str
 ) -> None:
     at = datetime(2026, 11, 22, 6, 5, tzinfo=UTC)
-    told = graded_again(Mark(*before, at), Mark(*after, at))
+    told = describe_regrade(Mark(*before, at), Mark(*after, at))
     assert told.endswith(ends)
     assert (told == "") == (ends == "")
     assert not told or "on 22 Nov 2026, 06:05 UTC" in told

@@ -7,8 +7,8 @@ import pytest
 
 from grader.domain.verdict import Status
 from grader.web.frame.rendering import templates
-from grader.web.text.statuses import STATUSES, told_of
-from grader.web.verdict.card import Card, card_of, excerpt_of, lines_linked, matrix_of, said
+from grader.web.text.statuses import STATUSES, describe_status
+from grader.web.verdict.card import Card, build_card, build_matrix, describe_value, extract_lines, link_lines
 from grader.web.verdict.work import Given
 from web.evidence import threshold_verdict
 
@@ -21,7 +21,7 @@ def finding(title: str, passed: bool | None, message: str = "", **rest: Any) -> 
 
 
 def card(verdict: dict[str, Any], source: str = "") -> Card:
-    found = card_of(
+    found = build_card(
         Given("id", 2, AT, {"source": source}, "graded", {"points": 0.0, "max_points": 3.0} | verdict, None)
     )
     assert found is not None
@@ -34,8 +34,8 @@ def test_every_status_has_a_word_an_icon_and_a_tone() -> None:
 
 
 def test_a_withheld_answer_was_received_and_no_more() -> None:
-    assert told_of("needs_review", withheld=True).word == "Received"
-    assert told_of("crashed", withheld=True).word == "Ended with an error"
+    assert describe_status("needs_review", withheld=True).word == "Received"
+    assert describe_status("crashed", withheld=True).word == "Ended with an error"
 
 
 def test_cases_by_integrators_are_a_matrix_and_failed_rows_stand_open() -> None:
@@ -91,7 +91,7 @@ def test_findings_that_are_no_matrix_are_a_list() -> None:
 
 @pytest.mark.parametrize("titles", [["a, x", "a, y", "b, x"], ["a, x", "a, x"], ["a, x"], [", x", ", y"], []])
 def test_only_a_full_table_is_a_matrix(titles: list[str]) -> None:
-    assert matrix_of([finding(title, True) for title in titles]) == ((), ())
+    assert build_matrix([finding(title, True) for title in titles]) == ((), ())
 
 
 def test_a_sentence_that_many_cells_say_is_said_once() -> None:
@@ -118,15 +118,15 @@ def test_cases_that_fail_alike_in_all_columns_are_named_once_and_the_diagnosis_i
 
 def test_the_line_that_raised_is_shown_with_its_neighbours() -> None:
     source = "\n".join(f"line {number}" for number in range(1, 9))
-    lines = excerpt_of(source, "ValueError: no, in line 7 of your script.")
+    lines = extract_lines(source, "ValueError: no, in line 7 of your script.")
     assert [(line.number, line.hot) for line in lines] == [(5, False), (6, False), (7, True), (8, False)]
-    assert excerpt_of(source, "in line 99 of your script") == ()
-    assert excerpt_of(source, "It ends.") == ()
+    assert extract_lines(source, "in line 99 of your script") == ()
+    assert extract_lines(source, "It ends.") == ()
 
 
 def test_a_line_that_is_named_leads_to_the_editor_where_its_script_is_there() -> None:
     told = "NameError: <b>, in line 2 of your script. Line 12 hid it; timeline 3 did not."
-    assert lines_linked(told) == (
+    assert link_lines(told) == (
         'NameError: &lt;b&gt;, in <a href="#answer" data-go-to="2">line 2</a> of your script. '
         '<a href="#answer" data-go-to="12">Line 12</a> hid it; timeline 3 did not.'
     )
@@ -134,9 +134,9 @@ def test_a_line_that_is_named_leads_to_the_editor_where_its_script_is_there() ->
 
 
 def test_measured_values_are_said_in_words() -> None:
-    assert said({"qpos": 1.78e-15, "max_v": 0.25}) == "qpos 1.78·10⁻¹⁵, max v 0.25"
-    assert said([1.0, 2.5]) == "1 to 2.5"
-    assert said(None) == said(True) == ""
+    assert describe_value({"qpos": 1.78e-15, "max_v": 0.25}) == "qpos 1.78·10⁻¹⁵, max v 0.25"
+    assert describe_value([1.0, 2.5]) == "1 to 2.5"
+    assert describe_value(None) == describe_value(True) == ""
 
 
 def test_a_rubric_is_a_list_and_no_measurement() -> None:

@@ -2,33 +2,17 @@
 
 import asyncio
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from grader.commands.operate import opened, settings_in
+from grader.commands.options import Data, Json, begin_transaction, open_database, read_settings
 from grader.errors import Unprocessable
-
-if TYPE_CHECKING:
-    from sqlalchemy.orm import Session
 
 lti = typer.Typer(help="Learning platforms: LTI 1.3.", no_args_is_help=True)
 
-Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
 
-
-@contextmanager
-def session_in(data: Path | None) -> Iterator["Session"]:
-    """A transaction on the database of the settings."""
-    with opened(data) as database, database.write() as session:
-        yield session
-
-
-def require_installed() -> None:
+def require_lti() -> None:
     """Raises Unprocessable without the packages of the extra."""
     from grader.platforms.tool import MISSING, is_installed
 
@@ -41,7 +25,7 @@ def addresses(data: Data = None) -> None:
     """Print what to type into a platform: where it begins logins, posts launches and fetches keys."""
     from grader.platforms.tool import addresses as of
 
-    for name, url in of(settings_in(data).origin).items():
+    for name, url in of(read_settings(data=data).origin).items():
         print(f"{name}\t{url}")
 
 
@@ -68,12 +52,12 @@ def add(
     from grader.courses.people import platforms as rules
     from grader.platforms.administration import registration_of
 
-    given = registration_of({
+    registration = registration_of({
         "name": name, "issuer": issuer, "client_id": client_id, "login_url": login_url, "token_url": token_url,
         "keys_url": keys_url, "token_audience": token_audience, "origins": frame_origin,
     })  # fmt: skip
-    with session_in(data) as session:
-        print(rules.add(session, None, given, deployment).id)
+    with begin_transaction(data) as session:
+        print(rules.add(session, None, registration, deployment).id)
 
 
 @lti.command("list")
@@ -81,20 +65,24 @@ def list_(data: Data = None, as_json: Json = False) -> None:
     """List the platforms with their deployments, and the courses there with those that they are linked with."""
     from grader.platforms.administration import contexts_of, platforms_of
 
-    with session_in(data) as session:
+    with begin_transaction(data) as session:
         shown: dict[str, Any] = {"platforms": platforms_of(session), "contexts": contexts_of(session)}
     if as_json:
         print(json.dumps(shown, indent=2))
         return
-    for one in shown["platforms"]:
-        waits = "approved" if one["approved"] else "waits for approval"
-        print("\t".join((f"platform {one['id']}", one["name"], one["issuer"], one["client_id"], waits)))
-        for deployment in one["deployments"]:
-            waits = "approved" if deployment["approved"] else "waits for approval"
-            print("\t".join((f"  deployment {deployment['deployment_id']}", waits)))
-    for one in shown["contexts"]:
-        state = one["course"] or (f"asks for {one['wanted']}" if one["wanted"] else "not linked")
-        print("\t".join((f"course {one['id']}", one["title"], one["platform"], state)))
+    for platform in shown["platforms"]:
+        name = platform["name"], platform["issuer"], platform["client_id"]
+        print("\t".join((f"platform {platform['id']}", *name, describe_approval(platform))))
+        for deployment in platform["deployments"]:
+            print("\t".join((f"  deployment {deployment['deployment_id']}", describe_approval(deployment))))
+    for context in shown["contexts"]:
+        state = context["course"] or (f"asks for {context['wanted']}" if context["wanted"] else "not linked")
+        print("\t".join((f"course {context['id']}", context["title"], context["platform"], state)))
+
+
+def describe_approval(row: dict[str, Any]) -> str:
+    """Says whether a platform or a deployment is approved."""
+    return "approved" if row["approved"] else "waits for approval"
 
 
 @lti.command()
@@ -106,7 +94,7 @@ def approve(
     """Approve a platform, and the deployments of it that wait."""
     from grader.courses.people import platforms as rules
 
-    with session_in(data) as session:
+    with begin_transaction(data) as session:
         print(rules.approve(session, None, platform, deployment).name)
 
 
@@ -115,7 +103,7 @@ def remove(platform: int, data: Data = None) -> None:
     """Remove a platform with all that its launches told. Members and answers stay."""
     from grader.courses.people import platforms as rules
 
-    with session_in(data) as session:
+    with begin_transaction(data) as session:
         rules.remove(session, None, platform)
 
 
@@ -128,7 +116,7 @@ def link(
     """Link a platform's course with a course here: who teaches there becomes an instructor here."""
     from grader.courses.people import platforms as rules
 
-    with session_in(data) as session:
+    with begin_transaction(data) as session:
         rules.link(session, None, context, course)
 
 
@@ -137,7 +125,7 @@ def unlink(context: int, data: Data = None) -> None:
     """End the link of a platform's course. Members and answers stay."""
     from grader.courses.people import platforms as rules
 
-    with session_in(data) as session:
+    with begin_transaction(data) as session:
         rules.unlink(session, None, context)
 
 
@@ -146,8 +134,8 @@ def rotate_keys(data: Data = None) -> None:
     """Sign with a new key from now on, and print its id. The old one stays published for a day."""
     from grader.platforms.keys import ToolKeys
 
-    require_installed()
-    with opened(data) as database:
+    require_lti()
+    with open_database(data) as database:
         print(ToolKeys(database).rotate())
 
 
@@ -156,20 +144,20 @@ def register_link(data: Data = None) -> None:
     """Print a single-use address for a platform's dynamic registration. It is valid for two days."""
     from grader.platforms.administration import registration_link
 
-    require_installed()
-    with session_in(data) as session:
-        print(registration_link(session, settings_in(data).origin))
+    require_lti()
+    with begin_transaction(data) as session:
+        print(registration_link(session, read_settings(data=data).origin))
 
 
 @lti.command()
 def roster(context: int, data: Data = None) -> None:
     """Pull the members of a platform's course into the linked course, and print how many there are."""
-    require_installed()
+    require_lti()
     from grader.platforms.administration import pull_roster
     from grader.service.app import tool_of
 
-    with opened(data) as database:
-        tool = tool_of(settings_in(data), database)
+    with open_database(data) as database:
+        tool = tool_of(read_settings(data=data), database)
         assert tool is not None  # it is installed
         pulled = asyncio.run(pull_roster(database, tool.authorized, None, context))
     print(f"{pulled.members} members, {pulled.removed} others whom an instructor had removed")

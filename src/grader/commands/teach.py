@@ -1,4 +1,4 @@
-"""Commands for teachers: `grader pack | roster`."""
+"""Commands for teachers: `grader extend | invite | pack | roster`."""
 
 import json
 import sys
@@ -7,18 +7,65 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from grader.commands.operate import opened
+from grader.commands.options import Course, Data, Json, begin_transaction, open_database, read_settings, say
 from grader.errors import Unprocessable
 
 if TYPE_CHECKING:
     from grader.courses.people.roster import Entry
+    from grader.domain.policy import Extension
 
-
-Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
-Course = Annotated[str | None, typer.Option(help="Name of the course.")]
+cli = typer.Typer()
 
 roster = typer.Typer(help="The people of a course, from and to other systems.", no_args_is_help=True)
 pack = typer.Typer(help="Exercises for other graders.", no_args_is_help=True)
+
+
+@cli.command()
+def extend(
+    quiz: str,
+    user: Annotated[str, typer.Option(help="The learner, by the name of their token.")],
+    due: Annotated[str | None, typer.Option(help="A later due date, such as 2026-10-26T18:00+01:00.")] = None,
+    until: Annotated[str | None, typer.Option(help="Late answers are taken until then.")] = None,
+    attempts: Annotated[int, typer.Option(help="Further attempts at every question.")] = 0,
+    *,
+    course: Annotated[str | None, typer.Option()] = None,
+    data: Data = None,
+) -> None:
+    """Give one learner an extension of a quiz; with no option but --user, take an earlier one back."""
+    from grader.service.accounts import give_extension
+
+    granted = parse_extension(due, until, attempts)
+    give_extension(read_settings(data=data), (course, quiz, user), granted)
+    print(granted.model_dump_json())
+
+
+def parse_extension(due: str | None, until: str | None, attempts: int) -> "Extension":
+    """Returns the extension that the options describe. Raises Unprocessable."""
+    from pydantic import ValidationError
+
+    from grader.domain.policy import Extension
+
+    try:
+        return Extension.model_validate({"due": due, "until": until, "attempts": attempts})
+    except ValidationError as error:
+        raise Unprocessable("; ".join(f"--{wrong['loc'][0]}: {wrong['msg']}" for wrong in error.errors())) from error
+
+
+@cli.command()
+def invite(
+    names: list[str],
+    course: Course = None,
+    role: Annotated[str, typer.Option(help="student or instructor")] = "student",
+    data: Data = None,
+) -> None:
+    """Print a single-use link for each name, in their order, one a line on stdout; the names go to stderr."""
+    from grader.courses.people.invitations import invite as make
+
+    with begin_transaction(data) as session:
+        invitations = make(session, None, course, names, role)
+    for invitation in invitations:
+        say(f"{invitation.member.name}, until {invitation.expires_at:%Y-%m-%d %H:%M} UTC:")
+        print(f"{read_settings(data=data).origin}/signin?code={invitation.code}", flush=True)
 
 
 @pack.callback()
@@ -40,10 +87,9 @@ def pack_for_gradescope(
     """Write the autograder of one exercise for Gradescope, and print its path."""
     from grader.library import load
     from grader.pack import pack_gradescope
-    from grader.settings import Settings
 
     place = Path(f"{quiz}-{question}.zip") if out is None else out
-    print(pack_gradescope(load(Settings().content), quiz, question, place, allow_t2=allow_t2))
+    print(pack_gradescope(load(read_settings().content), quiz, question, place, allow_t2=allow_t2))
 
 
 @roster.command("import")
@@ -57,14 +103,14 @@ def import_roster(
         str | None, typer.Option("--class", help="The classSourcedId, where OneRoster's files have several.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Change nothing.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Make the people on a roster members: all of them, or none if a row is faulty."""
     from grader.courses.people.enrolment import enrol
     from grader.courses.people.identity import DEFAULT_COURSE
 
-    name, entries = entries_in(file, namespace, course_class)
-    with opened(data) as database, database.write() as session:
+    name, entries = read_entries(file, namespace, course_class)
+    with open_database(data) as database, database.write() as session:
         done = enrol(database, session, None, course or DEFAULT_COURSE, entries, file=name, dry_run=dry_run)
     if as_json:
         print(json.dumps(vars(done)))
@@ -73,18 +119,18 @@ def import_roster(
     print(f"{done.created} {would}created, {done.changed} {would}changed, {done.unchanged} unchanged")
 
 
-def entries_in(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
-    """The name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
+def read_entries(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
+    """Returns the name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
     from grader.courses.people import oneroster, roster
 
     if file.is_dir():
         users, enrollments = (
-            roster.decoded(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
+            roster.decode(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
         )
         return oneroster.USERS, oneroster.read_files(users, enrollments, namespace, course_class)
     if file.suffix == ".zip":
         return oneroster.USERS, oneroster.read_zip(file.read_bytes(), namespace, course_class)
-    return roster.FILE, roster.read_roster(roster.decoded(roster.FILE, file.read_bytes()), namespace)
+    return roster.FILE, roster.read_roster(roster.decode(roster.FILE, file.read_bytes()), namespace)
 
 
 @roster.command("export")
@@ -97,17 +143,17 @@ def export_roster(
 ) -> None:
     """Write the members of a course as CSV, or as a OneRoster zip file."""
     from grader.courses.people import oneroster, roster
-    from grader.courses.people.enrolment import roster_of, roster_with_ids
+    from grader.courses.people.enrolment import list_roster, list_roster_with_ids
     from grader.courses.people.identity import DEFAULT_COURSE
 
     name = course or DEFAULT_COURSE
     if form == "oneroster" and out is None:
         raise Unprocessable("Name the zip file with --out.")
-    with opened(data) as database, database.read() as session:
+    with open_database(data) as database, database.read() as session:
         if form == "csv":
-            written = "".join(roster.write_roster(roster_of(session, name))).encode()
+            written = "".join(roster.write_roster(list_roster(session, name))).encode()
         else:
-            written = oneroster.write_zip(roster_with_ids(session, name, namespace), name)
+            written = oneroster.write_zip(list_roster_with_ids(session, name, namespace), name)
     if out is None:
         sys.stdout.buffer.write(written)
     else:

@@ -20,20 +20,6 @@ from grader.expressions.syntax import ProgramKind
 from grader.expressions.values import UNDEFINED, RunError, Value, Vector, to_boolean, to_number
 
 __all__ = [
-    "DATA_RESULTS",
-    "DATA_STATE",
-    "UNDEFINED",
-    "Machine",
-    "Program",
-    "ProgramKind",
-    "Run",
-    "RunError",
-    "Value",
-    "Vector",
-    "compile_program",
-    "fields",
-    "texts",
-    "to_boolean",
-    "to_number",
-    "values",
-]
+    "DATA_RESULTS", "DATA_STATE", "UNDEFINED", "Machine", "Program", "ProgramKind", "Run", "RunError", "Value",
+    "Vector", "compile_program", "fields", "texts", "to_boolean", "to_number", "values",
+]  # fmt: skip

@@ -1,8 +1,6 @@
 """Pieces of compiled code: Python's `ast` of a few node types, made from templates, with what is known of their values.
-
 A template is Python text of our own, such as `V if kind_of(FIRST) is float_type else number(machine, V)`; its names in
-capitals are places that nodes, lists of nodes, or names of variables fill.
-"""
+capitals are places that nodes, lists of nodes, or names of variables fill."""
 
 import ast
 import functools

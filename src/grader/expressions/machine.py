@@ -14,11 +14,9 @@ TICKS_PER_RUN = 3_000_000
 
 
 class Machine:
-    """The state that programs read and change: a model, its data, and `ctx`.
-
-    A tick of the budget is one turn of a loop or one call of a function; long texts and arrays cost more. `budget`
-    holds the ticks used so far and the number at which the evaluation in progress fails.
-    """
+    """The state that programs read and change: a model, its data, and `ctx`. A tick of the budget is one turn of a loop
+    or one call of a function; long texts and arrays cost more. `budget` holds the ticks used so far and the number at
+    which the evaluation in progress fails."""
 
     __slots__ = ("bound", "budget", "ctx", "data", "model", "vectors")
 
@@ -61,9 +59,7 @@ def make_lenient(function: Callable[..., Value]) -> Callable[..., Value]:
 
 
 def find_callback(function: Callable[..., Value]) -> tuple[int, bool] | None:
-    """Which of an author's arguments is itself a function, if one is, and whether it may not be missing.
-
-    It is the parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author.
-    """
+    """Which of an author's arguments is itself a function, if one is, and whether it may not be missing. It is the
+    parameter `f`; the first parameter, the machine or the value of a method, is no argument of an author."""
     _, *taken = inspect.signature(function).parameters.values()
     return next(((i, p.default is p.empty) for i, p in enumerate(taken) if p.name == "f"), None)

@@ -44,10 +44,8 @@ class Program:
         self.needs, self.places = tuple(compiler.needs), compiler.places
 
     def bind(self, machine: Machine) -> Run:
-        """Returns the function `(value=undefined) -> value` that evaluates the program on this machine.
-
-        A statement gives undefined, or what it returns. The function raises LabError with line and column.
-        """
+        """Returns the function `(value=undefined) -> value` that evaluates the program on this machine. A statement
+        gives undefined, or what it returns. The function raises LabError with line and column."""
         found: Run | None = machine.bound.get(self)
         if found is None:
             values = [BINDERS[kind](machine, path) for kind, path in self.needs]
@@ -75,10 +73,8 @@ class Program:
 
 
 def compile_program(text: str, kind: ProgramKind, where: str) -> Program:
-    """Compile an expression or a list of statements.
-
-    Raises ContentError with a fault whose key is `where` and whose reason begins with line and column.
-    """
+    """Compile an expression or a list of statements. Raises ContentError with a fault whose key is `where` and whose
+    reason begins with line and column."""
     source = Source(text, kind)
     try:
         return Program(source, where)

@@ -19,11 +19,9 @@ from grader.numerics.scene import FULL_STATE
 
 @dataclass(frozen=True)
 class Function:
-    """A function that authors name.
-
-    `call` gets the machine and the arguments, missing ones as undefined. `takes` names the first arguments, which must
-    be written literally `model` or `data`. A function of numbers alone has `numeric`, which takes floats.
-    """
+    """A function that authors name. `call` gets the machine and the arguments, missing ones as undefined. `takes` names
+    the first arguments, which must be written literally `model` or `data`. A function of numbers alone has `numeric`,
+    which takes floats."""
 
     call: Callable[..., Value]
     takes: tuple[str, ...] = ()

@@ -1,8 +1,6 @@
-"""Which names are visible where, and what each is called in the compiled code.
-
-No function can call itself and none outlives its call, so a declared name is one variable of one Python function. An
-author's identifier never becomes a Python name: variables are numbered.
-"""
+"""Which names are visible where, and what each is called in the compiled code. No function can call itself and none
+outlives its call, so a declared name is one variable of one Python function. An author's identifier never becomes a
+Python name: variables are numbered."""
 
 import ast
 from dataclasses import dataclass, field

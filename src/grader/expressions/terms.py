@@ -1,7 +1,5 @@
-"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known.
-
-A method `_term_x` compiles the grammar's node type `x`; `_link_x` a link of a chain such as `a.b[0].c()`.
-"""
+"""Expressions: each node of the tree becomes a Python expression, which checks only types that are not known. A method
+`_term_x` compiles the grammar's node type `x`; `_link_x` a link of a chain such as `a.b[0].c()`."""
 
 import ast
 import re
@@ -111,11 +109,9 @@ def read_operator(node: Node, known: Collection[str]) -> str:
 
 
 class Terms(ABC):
-    """Compiles the expressions of one text.
-
-    `kinds` is what is assumed of each variable (None: nothing), `found` what is assigned to it; `needs` names what a
-    machine binds before the program runs; `places` are the positions of errors, by line of the compiled code.
-    """
+    """Compiles the expressions of one text. `kinds` is what is assumed of each variable (None: nothing), `found` what
+    is assigned to it; `needs` names what a machine binds before the program runs; `places` are the positions of errors,
+    by line of the compiled code."""
 
     def __init__(self, kinds: dict[str, Kind] | None) -> None:
         self.kinds = kinds

@@ -1,8 +1,6 @@
-"""The values of the language, JavaScript's rules for converting them, and its operators.
-
-A number is a float, null is None, a text is a str with one character per UTF-16 code unit; arrays are lists, typed
-arrays are Vectors, results with named parts are Records.
-"""
+"""The values of the language, JavaScript's rules for converting them, and its operators. A number is a float, null is
+None, a text is a str with one character per UTF-16 code unit; arrays are lists, typed arrays are Vectors, results with
+named parts are Records."""
 
 import math
 import operator
@@ -33,10 +31,8 @@ UNDEFINED = Undefined()
 
 
 class Vector:
-    """A typed array: a flat view of one field of the model or the data, or a copy (from slice and map).
-
-    The elements of `view` are Python floats; integers or booleans where `whole`.
-    """
+    """A typed array: a flat view of one field of the model or the data, or a copy (from slice and map). The elements of
+    `view` are Python floats; integers or booleans where `whole`."""
 
     __slots__ = ("name", "view", "whole", "writable")
 

@@ -1,4 +1,2 @@
-"""Imports a lesson written in Markdown as quiz JSON.
-
-A lab with faults is left out and listed; everything else is written.
-"""
+"""Imports a lesson written in Markdown as quiz JSON. A lab with faults is left out and listed; everything else is
+written."""

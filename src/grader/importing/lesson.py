@@ -43,9 +43,7 @@ class Block:
 @dataclass(frozen=True)
 class Lesson:
     """Quiz JSON by quiz id: the lesson's quizzes, and its labs under `<name>-labs`; and remarks for the author.
-
-    `faults` are those of labs, which were left out.
-    """
+    `faults` are those of labs, which were left out."""
 
     quizzes: dict[str, dict[str, Any]]
     remarks: tuple[Fault, ...] = ()
@@ -53,7 +51,7 @@ class Lesson:
 
 
 def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
-    """The quizzes and labs of a lesson. What this service does not have is a remark, and costs nothing else.
+    """Returns the quizzes and labs of a lesson. What this service does not have is a remark, and costs nothing else.
 
     A lab with faults is left out of a lesson that has quizzes. Does not check what needs the content folder: models,
     keyframes, runs. Raises ContentError with all faults where a quiz has one or there is no quiz, each with the
@@ -71,7 +69,8 @@ def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
         elif block.words and (kind := kind_of_fence(block.words[0])) is not None:
             reading.add_question(block, kind)
     asks = bool(reading.quizzes)
-    reading.finish(_title(markdown) or name)
+    heading = next((found[1] for line in NEWLINE.split(markdown) if (found := TITLE.match(line))), name)
+    reading.finish(heading)
     if not reading.quizzes and not reading.lab_faults and not reading.faults and not reading.remarks:
         reading.fault(1, "no quiz or lab block here: begin one with ```quiz or ```lab simlab")
     if reading.faults or (reading.lab_faults and not asks):
@@ -80,7 +79,7 @@ def import_lesson(markdown: str, name: str = "lesson") -> Lesson:
 
 
 def blocks(markdown: str) -> Iterator[Block]:
-    """Every fenced block, in order, but none inside a quote. Source: CommonMark, fenced code blocks."""
+    """Yields every fenced block, in order, but none inside a quote. Source: CommonMark, fenced code blocks."""
     opened: tuple[str, str, str, int] | None = None
     inside: list[str] = []
     for number, line in enumerate(NEWLINE.split(markdown), 1):
@@ -100,13 +99,8 @@ def blocks(markdown: str) -> Iterator[Block]:
 
 
 def kind_of_fence(word: str) -> AnyKind | None:
-    """The kind of question whose blocks begin with a word, if there is one."""
+    """Returns the kind of question whose blocks begin with a word, if there is one."""
     return next((kind for kind in installed_kinds().values() if word in kind.fences), None)
-
-
-def _title(markdown: str) -> str | None:
-    """The lesson's first heading."""
-    return next((found[1] for line in NEWLINE.split(markdown) if (found := TITLE.match(line))), None)
 
 
 class _Reading:
@@ -236,11 +230,11 @@ class _Reading:
 
 
 def _named(questions: list[Any]) -> list[Any]:
-    """The questions, with default ids by position."""
+    """Returns the questions, with default ids by position."""
     return [{"id": f"q{i}", **q} if isinstance(q, dict) else q for i, q in enumerate(questions, 1)]
 
 
 def _slug(title: str, taken: set[str]) -> str:
-    """An id made from a title that is not yet taken."""
+    """Returns an id made from a title that is not yet taken."""
     base = SLUG.sub("-", title.lower()).strip("-")[:40].strip("-") or "lab"
     return next(name for name in (base, *(f"{base}-{i}" for i in range(2, 1000))) if name not in taken)

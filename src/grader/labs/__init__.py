@@ -1,7 +1,5 @@
-"""Labs: the small simulations that authors write in JSON.
-
-The server runs them with the MuJoCo that grades, and records the frames that the page plays.
-"""
+"""Labs: the small simulations that authors write in JSON. The server runs them with the MuJoCo that grades, and records
+the frames that the page plays."""
 
 from grader.labs.comparison import IntegratorsRun, run_integrators
 from grader.labs.programs import compile_lab
@@ -11,19 +9,7 @@ from grader.labs.trials import check_integrators, check_lab
 from grader.labs.watching import TIMESTEP, find_timestep_limit, watch_lab
 
 __all__ = [
-    "SAME",
-    "TIMESTEP",
-    "IntegratorsRun",
-    "LabRun",
-    "Variant",
-    "build_lab_scene",
-    "check_integrators",
-    "check_lab",
-    "choose_length_s",
-    "compile_lab",
-    "find_timestep_limit",
-    "format_readout",
-    "run_integrators",
-    "run_lab",
+    "SAME", "TIMESTEP", "IntegratorsRun", "LabRun", "Variant", "build_lab_scene", "check_integrators", "check_lab",
+    "choose_length_s", "compile_lab", "find_timestep_limit", "format_readout", "run_integrators", "run_lab",
     "watch_lab",
-]
+]  # fmt: skip

@@ -20,10 +20,8 @@ TIMESTEP_MIN_S, TIMESTEP_MAX_S = 1e-4, 0.1
 
 @dataclass(frozen=True)
 class IntegratorsRun:
-    """The five runs, from one state with one energy [J]; `keys` are the keyframes that the model offers.
-
-    The timestep and the length are in s. What a step cost decides nothing.
-    """
+    """The five runs, from one state with one energy [J]; `keys` are the keyframes that the model offers. The timestep
+    and the length are in s. What a step cost decides nothing."""
 
     model: str
     key: str | None
@@ -58,14 +56,9 @@ def _drift_to_json(run: Drift) -> dict[str, Any]:
 
 
 def run_integrators(
-    lab: IntegratorsLab,
-    xml: str,
-    *,
-    model: str | None = None,
-    key: int | str | None = None,
-    timestep: float | None = None,
-    seconds: float | None = None,
-) -> IntegratorsRun:
+    lab: IntegratorsLab, xml: str, *, model: str | None = None, key: int | str | None = None,
+    timestep: float | None = None, seconds: float | None = None,
+) -> IntegratorsRun:  # fmt: skip
     """Run the scene `xml` (of `model`, the lab's own where not named) under all five integrators.
 
     Energy is read as the lesson reads it: `data.energy` after each step. `key` is a keyframe's name or index, "" for

@@ -18,10 +18,8 @@ def list_settable(config: LabConfig) -> list[Slider | Select]:
 
 
 def choose_values(config: LabConfig, wishes: Mapping[str, Wish]) -> dict[str, OptionValue]:
-    """Returns the value of every slider and select by label: the learner's where given, else the author's.
-
-    Raises LabRefused naming the control and its range, step or options.
-    """
+    """Returns the value of every slider and select by label: the learner's where given, else the author's. Raises
+    LabRefused naming the control and its range, step or options."""
     controls = {control.label: control for control in list_settable(config)}
     for label in wishes:
         if label not in controls:
@@ -34,7 +32,7 @@ def choose_values(config: LabConfig, wishes: Mapping[str, Wish]) -> dict[str, Op
 
 
 def _get_default(control: Slider | Select) -> OptionValue:
-    """Where the author put the control; the first option where that is not said."""
+    """Says where the author put the control; the first option where that is not said."""
     default = control.options[0][1] if isinstance(control, Select) else control.value
     return default if control.value is None else control.value
 
@@ -76,7 +74,7 @@ def to_value(option: OptionValue) -> Value:
 
 
 def find_control_faults(config: LabConfig, where: str) -> Iterator[Fault]:
-    """What is wrong with the controls themselves."""
+    """Says what is wrong with the controls themselves."""
     seen: set[str] = set()
     for i, control in enumerate(config.controls):
         place = f"{where}.controls.{i}"

@@ -18,11 +18,8 @@ COMPILED_MAX = 256
 
 @dataclass(frozen=True)
 class LabPrograms:
-    """Everything of a lab that runs.
-
-    `setters` take the value of a slider or select to the model, the data or `ctx`. `shown` are the readouts, the traces
-    of the plots and the trail, in this order.
-    """
+    """Everything of a lab that runs. `setters` take the value of a slider or select to the model, the data or `ctx`.
+    `shown` are the readouts, the traces of the plots and the trail, in this order."""
 
     setup: Program
     setters: tuple[tuple[Slider | Select, tuple[Program, ...]], ...]
@@ -101,9 +98,7 @@ class _Compiler:
 @dataclass(frozen=True, eq=False)
 class _Lab:
     """A lab as the cache compares it: by its identity, since a config holds what has no hash, and is long as a text.
-
-    The cache keeps the config, so that no other can take its place in memory.
-    """
+    The cache keeps the config, so that no other can take its place in memory."""
 
     config: LabConfig
 
@@ -115,10 +110,8 @@ class _Lab:
 
 
 def compile_lab(config: LabConfig, where: str = "lab") -> LabPrograms:
-    """Returns the programs of a lab, from memory where the same config was compiled before.
-
-    Raises ContentError with the faults of all of them; keys begin with `where`, reasons with line and column.
-    """
+    """Returns the programs of a lab, from memory where the same config was compiled before. Raises ContentError with
+    the faults of all of them; keys begin with `where`, reasons with line and column."""
     return _compile(_Lab(config), where)
 
 
@@ -130,9 +123,7 @@ def _compile(lab: _Lab, where: str) -> LabPrograms:
         setup=c.program("setup", config.setup or "", "statement"),
         setters=tuple((one, c.setter(place, one)) for place, one in controls if not isinstance(one, Button)),
         buttons={
-            one.label: c.program(f"{place}.run", one.run, "statement")
-            for place, one in controls
-            if isinstance(one, Button)
+            one.label: c.program(f"{at}.run", one.run, "statement") for at, one in controls if isinstance(one, Button)
         },
         controller=None if config.controller is None else c.program("controller", config.controller, "statement"),
         stop=c.condition("stopAt", config.stopAt) if isinstance(config.stopAt, str) else None,

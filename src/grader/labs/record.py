@@ -72,7 +72,7 @@ class LabRun:
         return list(zip(*self.rows, strict=True))[: len(self.config.readouts)]
 
     def always_failed(self, index: int) -> bool:
-        """Whether what is shown failed in every frame; a reference line is computed once, at the end."""
+        """Says whether what is shown failed in every frame; a reference line is computed once, at the end."""
         _, times = self.failed.get(index, (None, 0))
         return times == (len(self.times) if index < len(self.rows[0]) else 1)
 

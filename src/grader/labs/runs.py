@@ -38,12 +38,9 @@ Event = tuple[float, str]
 
 @dataclass(frozen=True)
 class Variant:
-    """The same lab, slightly different, for certificates.
-
-    Another integrator, timesteps `finer` times smaller, every position of the start nudged by `nudge` [rad or m]; with
-    `every_step` a frame for every step, without poses. Up to `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one
-    for every step.
-    """
+    """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
+    position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
+    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step."""
 
     integrator: int | None = None
     finer: int = 1
@@ -56,10 +53,8 @@ SAME = Variant()
 
 
 class LabSimulation:
-    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state.
-
-    It begins with the keyframe, the controls, `setup`, and the controls with `init` once more.
-    """
+    """A run in progress. `elapsed` [s] is the lab's time; MuJoCo's own falls back when it resets the state. It begins
+    with the keyframe, the controls, `setup`, and the controls with `init` once more."""
 
     def __init__(self, programs: LabPrograms, config: LabConfig, xml: str, values: Mapping[str, OptionValue]) -> None:
         scene = Scene.from_xml(xml, key=config.key)
@@ -186,7 +181,7 @@ class LabSimulation:
         self.record.rows.append([self._value(i, run) for i, run in enumerate(self.shown)])
 
     def _value(self, index: int, run: Run) -> Value:
-        """What is shown; undefined where it cannot be computed, which does not end the run."""
+        """Says what is shown; undefined where it cannot be computed, which does not end the run."""
         try:
             return _copy_value(run())
         except LabError as error:
@@ -218,15 +213,9 @@ def _copy_value(value: Value) -> Value:
 
 
 def run_lab(
-    config: LabConfig,
-    xml: str,
-    controls: Mapping[str, Wish] | None = None,
-    events: Sequence[Event] = (),
-    seconds: float | None = None,
-    *,
-    variant: Variant = SAME,
-    where: str = "lab",
-) -> LabRun:
+    config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
+    seconds: float | None = None, *, variant: Variant = SAME, where: str = "lab",
+) -> LabRun:  # fmt: skip
     """Run a lab from its start with these control values and button presses (time [s], label).
 
     Order: the keyframe, every control's value, `setup`, the controls with `init` once more. `controller` runs before
@@ -239,7 +228,9 @@ def run_lab(
     """
     began = time.perf_counter()
     programs, values = compile_lab(config, where), choose_values(config, controls or {})
-    duration = _choose_duration(config, seconds)
+    if seconds is not None and not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
+        raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
+    duration = choose_length_s(config) if seconds is None else seconds
     presses = _sort_presses(programs, events, duration)
     running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
@@ -258,20 +249,9 @@ def build_lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Wish] | 
     return Scene.from_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
 
 
-def _choose_duration(config: LabConfig, seconds: float | None) -> float:
-    """How long the lab runs [s]."""
-    if seconds is not None:
-        if not (isfinite(seconds) and 0 < seconds <= SECONDS_MAX):
-            raise LabRefused(f"A lab runs for more than 0 and at most {SECONDS_MAX:g} seconds.")
-        return seconds
-    return choose_length_s(config)
-
-
 def choose_length_s(config: LabConfig) -> float:
-    """How long the lab runs where the caller does not say [s].
-
-    Its `seconds`, else `stopAt`, else the widest plot, else 10 s with something to read or to set, and 3 s without.
-    """
+    """Says how long the lab runs where the caller does not say [s]. Its `seconds`, else `stopAt`, else the widest plot,
+    else 10 s with something to read or to set, and 3 s without."""
     if config.seconds is not None:
         return config.seconds
     if isinstance(config.stopAt, float | int):

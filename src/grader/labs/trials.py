@@ -1,6 +1,7 @@
 """Checks a lab when content is loaded: its programs are compiled, and it is tried."""
 
 from collections.abc import Callable
+from functools import partial
 from time import thread_time
 from typing import Any
 
@@ -19,11 +20,9 @@ CPU_S_MAX = 60.0
 
 
 def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
-    """Everything that is wrong with a lab, with keys that begin with `where`; the caller adds the file's name.
-
-    Its programs are compiled; then it is run whole with the author's values, briefly at both ends of every slider and
-    with every option, and each button is pressed, so that what can only fail in a run fails when content is loaded.
-    """
+    """Everything that is wrong with a lab, with keys that begin with `where`; the caller adds the file's name. Its
+    programs are compiled; then it is run whole with the author's values, briefly at both ends of every slider and with
+    every option, and each button is pressed, so that what can only fail in a run fails when content is loaded."""
     faults = list(find_control_faults(config, where))
     try:
         programs = compile_lab(config, where)
@@ -34,12 +33,8 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
     runs: list[LabRun] = []
 
     def try_run(*settings: Any, setting: str = "") -> list[Fault]:
-        return _try(
-            lambda: runs.append(run_lab(config, xml, *settings, where=where)),
-            where,
-            refused=".seconds",
-            setting=setting,
-        )
+        run = partial(run_lab, config, xml, *settings, where=where)
+        return _try(lambda: runs.append(run()), where, refused=".seconds", setting=setting)
 
     last = thread_time() + CPU_S_MAX
     whole = try_run()
@@ -61,7 +56,7 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
 
 
 def _find_never_shown(runs: list[LabRun]) -> list[Fault]:
-    """What is shown in the lab and cannot be computed in any frame of any run."""
+    """Says what is shown in the lab and cannot be computed in any frame of any run."""
     first, *others = runs
     return [
         Fault("", error.key, error.why)

@@ -28,16 +28,11 @@ TIMESTEP = "model.opt.timestep"
 
 
 def watch_lab(
-    config: LabConfig,
-    xml: str,
-    controls: Mapping[str, Wish] | None = None,
-    events: Sequence[Event] = (),
+    config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
     seconds: float | None = None,
-) -> LabRun:
+) -> LabRun:  # fmt: skip
     """Run a lab as `run_lab` does, with its `limit`; where MuJoCo warned early, with more frames around the warning.
-
-    Raises what `run_lab` raises.
-    """
+    Raises what `run_lab` raises."""
     run = run_lab(config, xml, controls, events, seconds)
     if run.warnings and run.warnings[0].time_s < SHORT_S:
         close_up = Variant(close_up_s=AFTERWARDS * run.warnings[0].time_s)
@@ -46,11 +41,9 @@ def watch_lab(
 
 
 def find_timestep_limit(config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None) -> Limit | None:
-    """The linear stability limit under these controls, at the equilibrium, within the range of the timestep's slider.
-
-    None if there is no such slider or no equilibrium, if a controller acts, which the linearisation does not know, or
-    if small motions grow at the slider's lower end already: then the timestep is not the cause.
-    """
+    """Returns the linear stability limit under these controls, at the equilibrium, within the range of the timestep's
+    slider. None if there is no such slider or no equilibrium, if a controller acts, which the linearisation does not
+    know, or if small motions grow at the slider's lower end already: then the timestep is not the cause."""
     sliders = [one for one in config.controls if isinstance(one, Slider) and one.set == TIMESTEP and one.min > 0]
     if not sliders or config.controller is not None:
         return None

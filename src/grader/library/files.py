@@ -9,16 +9,14 @@ MODEL_BYTES_MAX = 4 << 20
 
 
 def list_files(root: Path, folder: str, pattern: str) -> list[str]:
-    """The files of one folder that match a glob pattern, as sorted paths relative to the root.
-
-    Names that begin with a dot are skipped, because editors and macOS create such files.
-    """
+    """Returns the files of one folder that match a glob pattern, as sorted paths relative to the root. Names that begin
+    with a dot are skipped, because editors and macOS create such files."""
     found = (path.relative_to(root) for path in (root / folder).glob(pattern))
     return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
 
 
 def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
-    """The text of a file named relative to `root`, or its fault."""
+    """Returns the text of a file named relative to `root`, or its fault."""
     try:
         if why := _path_fault(root, name):
             return Fault(name, "path", why)
@@ -32,7 +30,7 @@ def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
 
 
 def _path_fault(root: Path, name: str) -> str | None:
-    """Why a path is not that of a regular file inside the root, or None. Raises OSError."""
+    """Says why a path is not that of a regular file inside the root, or None. Raises OSError."""
     if not name or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name or "\0" in name:
         return "must be relative to the content folder and stay inside it"
     try:

@@ -34,7 +34,7 @@ def parse_json(text: str, file: str) -> Any | Fault:
 
 
 def _cure(text: str, position: int) -> str:
-    """The cure for what is JavaScript and not JSON at this position; empty where there is no known one."""
+    """Returns the cure for what is JavaScript and not JSON at this position; empty where there is no known one."""
     around = text[:position].rstrip()[-1:] + text[position : position + 1]
     if text.startswith(("//", "/*", "#"), position):
         return " (JSON has no comments: take a key that begins with x-)"
@@ -46,7 +46,7 @@ def _cure(text: str, position: int) -> str:
 
 
 def depth(value: Any) -> int:
-    """The depth of nesting of lists and objects."""
+    """Returns the depth of nesting of lists and objects."""
     level, levels = [value], 0
     while level:
         level = [inner for item in level if isinstance(item, dict | list) for inner in _inside(item)]

@@ -45,10 +45,8 @@ class _Loading:
 
 
 def load(root: Path) -> Library:
-    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`.
-
-    Raises ContentError with all faults of all files.
-    """
+    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`. Raises ContentError with
+    all faults of all files."""
     loading = _Loading(root)
     _load_models(loading)
     names = list_files(root, "quizzes", "*.json")
@@ -58,17 +56,9 @@ def load(root: Path) -> Library:
         _load_quiz(loading, name)
     if loading.faults:
         raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(loading.faults)}.values()))
-    return Library(
-        root=root,
-        quizzes=MappingProxyType(loading.quizzes),
-        files=MappingProxyType(loading.files),
-        models=MappingProxyType(loading.models),
-        starters=MappingProxyType(loading.starters),
-        texts=MappingProxyType(loading.texts),
-        digests=MappingProxyType(loading.digests),
-        sources=MappingProxyType(loading.sources),
-        warnings=tuple(sorted(loading.warnings)),
-    )
+    parts = ("quizzes", "files", "models", "starters", "texts", "digests", "sources")
+    frozen: dict[str, Any] = {name: MappingProxyType(getattr(loading, name)) for name in parts}
+    return Library(root, **frozen, warnings=tuple(sorted(loading.warnings)))
 
 
 def load_files(files: Mapping[str, str]) -> Library:
@@ -124,8 +114,9 @@ def _load_quiz(loading: _Loading, file: str) -> None:
         )
     _keep(loading, parsed.quiz, file, raw)
     starters = _starters(loading, parsed.quiz)
+    models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
     loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
-    loading.sources[quiz_id] = {file: text, **_model_files(loading.models), **starters, **named}
+    loading.sources[quiz_id] = {file: text, **models, **starters, **named}
 
 
 def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
@@ -156,12 +147,7 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))
 
 
-def _model_files(models: Mapping[str, str]) -> dict[str, str]:
-    """The models by their path."""
-    return {f"models/{name}.xml": xml for name, xml in models.items()}
-
-
 def _starters(loading: _Loading, quiz: Quiz) -> dict[str, str]:
-    """The starters of a quiz, by path."""
+    """Returns the starters of a quiz, by path."""
     wanted = {kind_of(question).starter(question) for question in quiz.questions}
     return {name: text for name, text in loading.starters.items() if name in wanted}

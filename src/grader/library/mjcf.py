@@ -28,11 +28,9 @@ CURES = {
 
 
 def _outside_files(xml: str) -> Iterator[tuple[str, str]]:
-    """Yield the elements of an MJCF text that refer to other files, each with the cure.
-
-    MuJoCo would look for such a file in the working directory, and follow any path. Source: the XML reference; all
-    attributes that name files begin with `file` (`fileup`, ...; `filename` in URDF). Raises ET.ParseError.
-    """
+    """Yield the elements of an MJCF text that refer to other files, each with the cure. MuJoCo would look for such a
+    file in the working directory, and follow any path. Source: the XML reference; all attributes that name files begin
+    with `file` (`fileup`, ...; `filename` in URDF). Raises ET.ParseError."""
     for element in ET.fromstring(xml).iter():  # noqa: S314 - the author's own file
         names = [value for name, value in element.attrib.items() if name.startswith("file") and value]
         if names or element.tag == "include":
@@ -85,11 +83,9 @@ _writing = threading.Lock()
 
 
 def flattened(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | list[Fault]:
-    """The model with the models that it attaches written into it; the text itself where it attaches none.
-
+    """Returns the model with the models that it attaches written into it; the text itself where it attaches none.
     `read` gives the text of a file by its path in the content folder. The result compiles to the same model, bit for
-    bit. Returns the faults of a model that cannot be read, or that does not compile.
-    """
+    bit. Returns the faults of a model that cannot be read, or that does not compile."""
     attached: dict[str, str] = {}
     waiting = list(_attached_files(xml))
     while waiting:
@@ -143,13 +139,13 @@ def _written(spec: mujoco.MjSpec) -> str:
 
 
 def _models_in(root: ET.Element) -> Iterator[tuple[ET.Element, ET.Element]]:
-    """Every `<model file=...>` of the assets, with the element that holds it."""
+    """Yields every `<model file=...>` of the assets, with the element that holds it."""
     for assets in root.iter("asset"):
         yield from ((assets, model) for model in assets.findall("model") if model.get("file"))
 
 
 def _attached_files(xml: str) -> Iterator[str]:
-    """The files of the models that an MJCF text attaches; none of a text that is not XML."""
+    """Yields the files of the models that an MJCF text attaches; none of a text that is not XML."""
     try:
         root = ET.fromstring(xml)  # noqa: S314 - the author's own file
     except ET.ParseError:

@@ -44,11 +44,8 @@ CURE = "make it smaller: fewer copies, coarser meshes, height fields and texture
 
 
 def explain_cost(xml: str, attached: Mapping[str, str] = {}) -> str | None:
-    """Returns why a model costs too much to be served, with the cure, or None.
-
-    `attached` are the texts of the models that it attaches, by the file names that it uses. A text that is not XML
-    costs nothing.
-    """
+    """Returns why a model costs too much to be served, with the cure, or None. `attached` are the texts of the models
+    that it attaches, by the file names that it uses. A text that is not XML costs nothing."""
     return _explain(xml, tuple(sorted(attached.items())))
 
 
@@ -68,7 +65,7 @@ def _explain(xml: str, attached: tuple[tuple[str, str], ...]) -> str | None:
 
 
 def is_as_written(element: ET.Element) -> bool:
-    """Whether an element makes a model no larger than its text shows."""
+    """Says whether an element makes a model no larger than its text shows."""
     return not (element.tag in UNBOUNDED or SIZING & element.attrib.keys() or "muscle" in element.attrib.values())
 
 
@@ -85,20 +82,13 @@ def count_elements(root: ET.Element) -> int:
 
 
 def _explain_run(job: str) -> str | None:
-    """Compiles a model in a process with limits; returns what stopped it, or None.
-
-    Raises RuntimeError where the process itself cannot work here.
-    """
+    """Compiles a model in a process with limits; returns what stopped it, or None. Raises RuntimeError where the
+    process itself cannot work here."""
+    command = [sys.executable, "-I", "-c", PROGRAM]
     environment = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "disable"}
     try:
         ended = subprocess.run(  # noqa: S603 - our own program
-            [sys.executable, "-I", "-c", PROGRAM],
-            input=job,
-            capture_output=True,
-            text=True,
-            timeout=WALL_S_MAX,
-            env=environment,
-            check=False,
+            command, input=job, capture_output=True, text=True, timeout=WALL_S_MAX, env=environment, check=False
         )
     except subprocess.TimeoutExpired:
         return f"is not compiled within {WALL_S_MAX} s: {CURE}"

@@ -87,21 +87,21 @@ def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _without_lists(raw: dict[str, Any]) -> JsonObject:
-    """The quiz without `questions` and `labs`."""
+    """Returns the quiz without `questions` and `labs`."""
     own = JsonObject([(name, value) for name, value in raw.items() if name not in ("questions", "labs")])
     own.repeated = getattr(raw, "repeated", [])
     return own
 
 
 def _list_faults(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
-    """A fault for `questions` or `labs` that is not a list."""
+    """Yields a fault for `questions` or `labs` that is not a list."""
     for name in ("questions", "labs"):
         if not isinstance(raw.get(name, []), list):
             yield Fault(file, name, "must be a list")
 
 
 def _named_questions(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Every question with its id: the author's, or `q1`, `q2`, ... by position."""
+    """Yields every question with its id: the author's, or `q1`, `q2`, ... by position."""
     for position, item in enumerate(_list(raw, "questions"), 1):
         name = item.setdefault("id", f"q{position}") if isinstance(item, dict) else None
         yield (name if isinstance(name, str) else f"q{position}"), item
@@ -120,7 +120,7 @@ def _list(raw: Mapping[str, Any], name: str) -> list[Any]:
 
 
 def _repeated_ids(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
-    """A fault for each id that two questions or two labs share."""
+    """Yields a fault for each id that two questions or two labs share."""
     for ids in ([key for key, _ in _named_questions(raw)], [key for key, _ in _named_labs(raw)]):
         for key in sorted({key for key in ids if ids.count(key) > 1}):
             yield Fault(file, dotted(key, "id"), "two have this id: give each its own")
@@ -142,7 +142,7 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
 
 
 def _known_keys(steps: Sequence[str]) -> Iterable[str]:
-    """The keys of the part that holds a key, by the names in pydantic's location of the key."""
+    """Returns the keys of the part that holds a key, by the names in pydantic's location of the key."""
     part = _parts().get(steps[-2], Quiz) if len(steps) > 1 else Quiz
     return part.model_fields
 
@@ -161,7 +161,7 @@ def _parts() -> Mapping[str, type[BaseModel]]:
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models that a type names, at any depth."""
+    """Yields the models that a type names, at any depth."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -170,7 +170,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 @cache
 def _choices() -> Mapping[str, str]:
-    """The values of the key that selects the class of a part."""
+    """Returns the values of the key that selects the class of a part."""
     *kinds, last = installed_kinds()
     return {
         "kind": f"{', '.join(kinds)} or {last}; simlab or integrators for a lab",

@@ -36,16 +36,13 @@ def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> 
     for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
             bare = PurePosixPath(name).stem
-            cure = (
-                f"write {bare!r}, without folder and .xml"
-                if bare in models
-                else f"take one of {', '.join(sorted(models))}"
-            )
+            others = f"take one of {', '.join(sorted(models))}"
+            cure = f"write {bare!r}, without folder and .xml" if bare in models else others
             yield Fault(file, at, f"there is no models/{name}.xml: {cure}")
 
 
 def of_unknown_kind(raw: Any) -> bool:
-    """Whether a part of a quiz is a lab of an unknown kind, whose keys are not read."""
+    """Says whether a part of a quiz is a lab of an unknown kind, whose keys are not read."""
     return isinstance(raw, dict) and "q" not in raw and raw.get("kind", LAB_KINDS[0]) not in LAB_KINDS
 
 
@@ -66,7 +63,7 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
 
 
 def read_starter(root: Path, raw: Any, file: str, key: str) -> tuple[str | None, list[Fault]]:
-    """The text of a question's starter, or None, and its faults."""
+    """Returns the text of a question's starter, or None, and its faults."""
     name = raw.get("starter") if isinstance(raw, dict) else None
     if not isinstance(name, str):
         return None, []
@@ -88,7 +85,7 @@ def read_starter(root: Path, raw: Any, file: str, key: str) -> tuple[str | None,
 
 
 def _top_level_names(source: str) -> set[str]:
-    """The functions that a script defines. Raises what `ast.parse` may raise."""
+    """Returns the functions that a script defines. Raises what `ast.parse` may raise."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
         tree = ast.parse(source)
@@ -124,7 +121,7 @@ def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
 
 
 def unknown_kind(kind: str) -> str:
-    """The remark on a lab of an unknown kind."""
+    """Returns the remark on a lab of an unknown kind."""
     near = get_close_matches(kind, LAB_KINDS, n=1)
     meant = f" (did you mean {near[0]}?)" if near else ""
     return f"there is no lab {kind!r}{meant}: learners see a placeholder; the kinds are {', '.join(LAB_KINDS)}"

@@ -11,13 +11,9 @@ from grader.questions import Question, Quiz, kind_of
 
 @dataclass(frozen=True)
 class Library:
-    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path.
-
-    `warnings` are remarks for the authors that do not prevent serving.
-
-    `texts`, by path, are the files that exercises name, such as an author's programs. `sources` are, by quiz, the files
-    that its digest is made of, by path: `load_files` makes the quiz of them again.
-    """
+    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path. `warnings` are remarks for the authors
+    that do not prevent serving. `texts`, by path, are the files that exercises name, such as an author's programs.
+    `sources` are, by quiz, the files that its digest is made of, by path: `load_files` makes the quiz of them again."""
 
     root: Path
     quizzes: Mapping[str, Quiz]
@@ -30,18 +26,18 @@ class Library:
     warnings: tuple[Fault, ...] = ()
 
     def quiz(self, quiz_id: str) -> Quiz:
-        """The quiz of this id. Raises NotFound."""
+        """Returns the quiz of this id. Raises NotFound."""
         try:
             return self.quizzes[quiz_id]
         except KeyError:
             raise NotFound(f"There is no quiz {quiz_id!r}.") from None
 
     def question(self, quiz_id: str, question_id: str) -> Question:
-        """One question of a quiz. Raises NotFound."""
+        """Returns one question of a quiz. Raises NotFound."""
         return self.find(quiz_id, question_id)[1]
 
     def find(self, quiz_id: str, question_id: str) -> tuple[Quiz, Question]:
-        """A quiz, and one question of it. Raises NotFound."""
+        """Returns a quiz, and one question of it. Raises NotFound."""
         quiz = self.quiz(quiz_id)
         for question in quiz.questions:
             if question.id == question_id:
@@ -49,12 +45,12 @@ class Library:
         raise NotFound(f"There is no question {question_id!r} in quiz {quiz_id!r}.")
 
     def file(self, quiz_id: str) -> str:
-        """The path of a quiz file, relative to the root. Raises NotFound."""
+        """Returns the path of a quiz file, relative to the root. Raises NotFound."""
         self.quiz(quiz_id)
         return self.files[quiz_id]
 
     def model_xml(self, name: str) -> str:
-        """The MJCF text of models/<name>.xml. Raises NotFound."""
+        """Returns the MJCF text of models/<name>.xml. Raises NotFound."""
         try:
             return self.models[name]
         except KeyError:
@@ -68,15 +64,13 @@ class Library:
             raise NotFound(f"No exercise names the file {path!r}.") from None
 
     def starter(self, question: Question) -> str | None:
-        """The script that a learner starts from, or None."""
+        """Returns the script that a learner starts from, or None."""
         path = kind_of(question).starter(question)
         return None if path is None else self.starters[path]
 
     def digest(self, quiz_id: str) -> str:
         """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files.
-
-        Raises NotFound.
-        """
+        Raises NotFound."""
         self.quiz(quiz_id)
         return self.digests[quiz_id]
 

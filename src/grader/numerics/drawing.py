@@ -17,10 +17,8 @@ BOXED = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeo
 
 
 def list_drawn_geoms(model: mujoco.MjModel) -> dict[int, dict[str, Any]]:
-    """Returns the geoms that are shown, by index: those in a visible group that are not fully transparent.
-
-    Each has its name, type, size and colour; a mesh or height field has the half sizes of its bounding box.
-    """
+    """Returns the geoms that are shown, by index: those in a visible group that are not fully transparent. Each has its
+    name, type, size and colour; a mesh or height field has the half sizes of its bounding box."""
     colours = {geom: _choose_colour(model, geom) for geom in range(model.ngeom) if model.geom_group[geom] <= GROUP_MAX}
     return {geom: _describe_geom(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
 

@@ -1,8 +1,6 @@
-"""Proves which parts of the engine a compiled model does not need, each with its reason in words.
-
-A part is not needed only if no state, control or applied force that can be set at run time could make it act. Skipping
-it then leaves trajectories bitwise the same; the tests check that for all integrators.
-"""
+"""Proves which parts of the engine a compiled model does not need, each with its reason in words. A part is not needed
+only if no state, control or applied force that can be set at run time could make it act. Skipping it then leaves
+trajectories bitwise the same; the tests check that for all integrators."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -32,10 +30,12 @@ def prove_needs(model: mujoco.MjModel) -> tuple[Need, ...]:
     if int(model.opt.enableflags) & _UNPROVABLE:
         return (Need("everything", True, "sleep, forward-inverse comparison or IPC is enabled"),)
     parts = [_prove_equality(model), _prove_friction_loss(model), _prove_limits(model), _prove_contacts(model)]
-    parts.append(_prove_constraints(parts))
+    parts.append(_combine("constraints", parts, mjtDisableBit.mjDSBL_CONSTRAINT))
     parts.append(_prove_islands(parts[-1]))
     passive = [_prove_springs(model), _prove_dampers(model), _prove_gravity_compensation(model), _prove_fluid(model)]
-    parts += [*passive, _prove_passive_forces(passive)]
+    # MuJoCo skips the whole stage only if springs and dampers are both disabled.
+    springs_and_dampers = mjtDisableBit.mjDSBL_SPRING | mjtDisableBit.mjDSBL_DAMPER
+    parts += [*passive, _combine("passive forces", passive, springs_and_dampers)]
     parts += [_prove_gravity(model), _prove_actuation(model), _prove_sensors(model), _count_shown(model)]
     return tuple(parts)
 
@@ -114,10 +114,6 @@ def _is_filtered(model: mujoco.MjModel, body1: int, body2: int, excluded: set[in
     return parent2 == weld1 or parent1 == weld2
 
 
-def _prove_constraints(parts: list[Need]) -> Need:
-    return _combine("constraints", parts, mjtDisableBit.mjDSBL_CONSTRAINT)
-
-
 def _prove_islands(constraints: Need) -> Need:
     """Needed even for a single island: its own solver may stop after another number of iterations."""
     needed = constraints.needed
@@ -150,11 +146,6 @@ def _prove_gravity_compensation(model: mujoco.MjModel) -> Need:
 def _prove_fluid(model: mujoco.MjModel) -> Need:
     needed = model.opt.density != 0 or model.opt.viscosity != 0
     return Need("fluid", bool(needed), "there is a medium" if needed else "density and viscosity are zero")
-
-
-def _prove_passive_forces(parts: list[Need]) -> Need:
-    """Proves all at once: MuJoCo skips the whole stage only if springs and dampers are both disabled."""
-    return _combine("passive forces", parts, mjtDisableBit.mjDSBL_SPRING | mjtDisableBit.mjDSBL_DAMPER)
 
 
 def _combine(whole: str, parts: list[Need], flag: int) -> Need:

@@ -1,8 +1,6 @@
-"""Simulates a scene into a Rollout, a time series without automatically reset states.
-
-MuJoCo resets a state that diverges and continues. Here a run ends at the first warning of any kind, or if time runs
-backwards, and reports the step.
-"""
+"""Simulates a scene into a Rollout, a time series without automatically reset states. MuJoCo resets a state that
+diverges and continues. Here a run ends at the first warning of any kind, or if time runs backwards, and reports the
+step."""
 
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -60,18 +58,10 @@ class Rollout(NamedTuple):
 
 
 def simulate(
-    scene: Scene,
-    *,
-    seconds: float | None = None,
-    steps: int | None = None,
-    timestep_s: float | None = None,
-    integrator: int | None = None,
-    every: int = 1,
-    at_s: Sequence[float] | Vector | None = None,
-    controller: Controller | None = None,
-    stepper: Stepper | None = None,
-    skip: bool = True,
-) -> Rollout:
+    scene: Scene, *, seconds: float | None = None, steps: int | None = None, timestep_s: float | None = None,
+    integrator: int | None = None, every: int = 1, at_s: Sequence[float] | Vector | None = None,
+    controller: Controller | None = None, stepper: Stepper | None = None, skip: bool = True,
+) -> Rollout:  # fmt: skip
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
     Keeps the states of every `every`-th step and of the last, or of the steps nearest to the times `at_s` [s after the
@@ -156,13 +146,6 @@ def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], adva
         wanted, rows = wanted[:kept], rows[:kept].copy()  # which frees the others
     rows.setflags(write=False)
     diverged = done < target
-    return Rollout(
-        wanted,
-        rows,
-        workspace.columns,
-        workspace.timestep_s,
-        workspace.integrator,
-        done,
-        done if diverged else None,
-        find_first_warning(workspace) if diverged else None,
-    )
+    warning = find_first_warning(workspace) if diverged else None
+    setting = (workspace.columns, workspace.timestep_s, workspace.integrator)
+    return Rollout(wanted, rows, *setting, done, done if diverged else None, warning)

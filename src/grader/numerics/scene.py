@@ -43,11 +43,9 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model with an initial state; build it with `Scene.from_xml` or `Scene.from_model`.
-
-    Every run begins at `start`; `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes
-    mocap poses, equality switches and the warm start. `needs` are the parts of the engine that the model needs.
-    """
+    """A model with an initial state; build it with `Scene.from_xml` or `Scene.from_model`. Every run begins at `start`;
+    `start_vector` is the whole integration state (mjSTATE_INTEGRATION), which includes mocap poses, equality switches
+    and the warm start. `needs` are the parts of the engine that the model needs."""
 
     model: mujoco.MjModel
     start_vector: Vector
@@ -58,10 +56,8 @@ class Scene:
 
     @staticmethod
     def from_xml(xml: str, *, key: int | str | None = None) -> "Scene":
-        """Compile an MJCF text, cached by content, at `qpos0` or keyframe `key`.
-
-        Raises ValueError if MuJoCo cannot compile the text, KeyError if there is no such keyframe.
-        """
+        """Compile an MJCF text, cached by content, at `qpos0` or keyframe `key`. Raises ValueError if MuJoCo cannot
+        compile the text, KeyError if there is no such keyframe."""
         return _compile(xml, key)
 
     @staticmethod
@@ -78,19 +74,11 @@ class Scene:
         return replace(self, model=model, needs=proofs.prove_needs(model), digest="", _stock=WorkspacePool(model))
 
     def at(
-        self,
-        *,
-        key: int | str | None = None,
-        qpos: Values | None = None,
-        qvel: Values | None = None,
-        act: Values | None = None,
-        ctrl: Values | None = None,
-        time_s: float | None = None,
-    ) -> "Scene":
+        self, *, key: int | str | None = None, qpos: Values | None = None, qvel: Values | None = None,
+        act: Values | None = None, ctrl: Values | None = None, time_s: float | None = None,
+    ) -> "Scene":  # fmt: skip
         """Returns the same model from another start; the given parts replace those of keyframe `key`, or of this start.
-
-        Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length.
-        """
+        Raises KeyError for an unknown keyframe, ValueError for a part of the wrong length."""
         with self.borrow() as workspace:
             data = workspace.data
             if key is not None:
@@ -119,17 +107,10 @@ class Scene:
 
     @contextmanager
     def borrow(
-        self,
-        *,
-        timestep_s: float | None = None,
-        integrator: int | None = None,
-        skip: bool = False,
-        keep: bool = True,
+        self, *, timestep_s: float | None = None, integrator: int | None = None, skip: bool = False, keep: bool = True
     ) -> Iterator[Workspace]:
-        """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model.
-
-        Raises ValueError as `lend`.
-        """
+        """Lend a workspace at the start to one run; pass `keep=False` if the run may write its model. Raises ValueError
+        as `lend`."""
         workspace = self.lend(timestep_s, integrator, skip=skip)
         workspace.known = None
         yield workspace
@@ -139,10 +120,8 @@ class Scene:
             )
 
     def lend(self, timestep_s: float | None = None, integrator: int | None = None, *, skip: bool = False) -> Workspace:
-        """Returns a workspace at the start, for one run that only steps it; faster than `borrow` by 1 us.
-
-        Raises ValueError for a timestep [s] that is not positive and finite, or an unknown integrator.
-        """
+        """Returns a workspace at the start, for one run that only steps it; faster than `borrow` by 1 us. Raises
+        ValueError for a timestep [s] that is not positive and finite, or an unknown integrator."""
         timestep_s, integrator = resolve_options(self.options, timestep_s, integrator)
         workspace = self._stock.take(skip=skip)
         option = workspace.option
@@ -155,10 +134,8 @@ class Scene:
         return workspace
 
     def return_workspace(self, workspace: Workspace, steps: float) -> None:
-        """Keep a workspace for later runs, unless its model was written or its run raised.
-
-        `steps` is the number of steps that were taken with skipping on.
-        """
+        """Keep a workspace for later runs, unless its model was written or its run raised. `steps` is the number of
+        steps that were taken with skipping on."""
         self._stock.give_back(workspace, steps)
 
     def list_names(self, kind: mjtObj) -> tuple[str, ...]:
@@ -175,14 +152,8 @@ class Scene:
         return index
 
     def _count(self, kind: mjtObj) -> int:
-        sizes = {
-            mjtObj.mjOBJ_KEY: self.model.nkey,
-            mjtObj.mjOBJ_JOINT: self.model.njnt,
-            mjtObj.mjOBJ_ACTUATOR: self.model.nu,
-            mjtObj.mjOBJ_BODY: self.model.nbody,
-            mjtObj.mjOBJ_SITE: self.model.nsite,
-        }
-        return int(sizes[kind])
+        sizes = {"KEY": "nkey", "JOINT": "njnt", "ACTUATOR": "nu", "BODY": "nbody", "SITE": "nsite"}
+        return int(getattr(self.model, sizes[kind.name.removeprefix("mjOBJ_")]))
 
     def find_qpos(self, joint: int | str) -> slice:
         """Returns the slice of qpos with the coordinates of a joint."""

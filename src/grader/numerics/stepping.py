@@ -13,11 +13,9 @@ from grader.numerics.scene import FULL_STATE
 from grader.numerics.workspace import Workspace
 
 CHUNK = 128
-"""Steps in the first call into C; each later call takes GROWTH times as many, up to CHUNK_MAX.
-
-Source: measured on the lesson's models. A call with its checks costs about 1 us, 2 % of 128 steps and 0.4 % of 512; a
-short first chunk wastes little time on a run that diverges early.
-"""
+"""Steps in the first call into C; each later call takes GROWTH times as many, up to CHUNK_MAX. Source: measured on the
+lesson's models. A call with its checks costs about 1 us, 2 % of 128 steps and 0.4 % of 512; a short first chunk wastes
+little time on a run that diverges early."""
 
 GROWTH = 4
 
@@ -40,10 +38,8 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
 def advance_coarsely(workspace: Workspace, steps: int) -> int:
-    """Step `steps` times, or until a chunk warns; return the number of steps before that chunk.
-
-    After a warning the state is undefined.
-    """
+    """Step `steps` times, or until a chunk warns; return the number of steps before that chunk. After a warning the
+    state is undefined."""
     done, chunk, time_s = 0, CHUNK, workspace.data.time
     while done < steps:
         chunk = min(chunk, steps - done)
@@ -56,11 +52,9 @@ def advance_coarsely(workspace: Workspace, steps: int) -> int:
 
 
 def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int:
-    """Step `steps` times, or until a step warns or time does not advance; return the number of completed steps.
-
-    The state is saved every CHUNK_MAX steps or more. A chunk that warned is taken again from its start, which is
-    reached from the last saved state, in chunks a GROWTH-th as long and at last step by step.
-    """
+    """Step `steps` times, or until a step warns or time does not advance; return the number of completed steps. The
+    state is saved every CHUNK_MAX steps or more. A chunk that warned is taken again from its start, which is reached
+    from the last saved state, in chunks a GROWTH-th as long and at last step by step."""
     model, data = workspace.model, workspace.data
     known, workspace.known = workspace.known, None
     done, saved_at, time_s = 0, 0, data.time
@@ -84,10 +78,8 @@ def advance_exactly(workspace: Workspace, steps: int, chunk: int = CHUNK) -> int
 
 
 def _step_chunk(workspace: Workspace, chunk: int) -> float:
-    """Take a chunk of steps; return the time [s] after it, NaN where MuJoCo warned.
-
-    A full buffer raises a warning and may raise FatalError later in the same chunk; the warning then counts.
-    """
+    """Take a chunk of steps; return the time [s] after it, NaN where MuJoCo warned. A full buffer raises a warning and
+    may raise FatalError later in the same chunk; the warning then counts."""
     try:
         mujoco.mj_step(workspace.model, workspace.data, chunk)  # by position, which binds 0.15 us faster than by name
     except mujoco.FatalError:

@@ -1,7 +1,5 @@
-"""What depends on the version of MuJoCo. The course pins 3.14.0; the grader works with 4.0.0 as well.
-
-Source: MuJoCo's change log, version 4.0.0. The tests measure every fact on the version that is installed.
-"""
+"""What depends on the version of MuJoCo. The course pins 3.14.0; the grader works with 4.0.0 as well. Source: MuJoCo's
+change log, version 4.0.0. The tests measure every fact on the version that is installed."""
 
 import mujoco
 

@@ -1,7 +1,5 @@
-"""Compiles a model without visuals: lights, cameras, sites and geoms that no force depends on.
-
-No flag of MuJoCo skips their poses, which take a tenth of a step on the lesson's models.
-"""
+"""Compiles a model without visuals: lights, cameras, sites and geoms that no force depends on. No flag of MuJoCo skips
+their poses, which take a tenth of a step on the lesson's models."""
 
 import threading
 import warnings
@@ -22,10 +20,8 @@ _quiet = threading.Lock()
 
 
 def remove_visuals(xml: str, model: mujoco.MjModel, needs: tuple[Need, ...]) -> mujoco.MjModel | None:
-    """Compile an MJCF text without visuals; None if nothing can be removed, or the motion would change.
-
-    `model` is the compiled text, and `needs` its needs. Takes about as long as compiling the text.
-    """
+    """Compile an MJCF text without visuals; None if nothing can be removed, or the motion would change. `model` is the
+    compiled text, and `needs` its needs. Takes about as long as compiling the text."""
     needed = {need.part for need in needs if need.needed}
     if not count_visuals(model) or needed & {"everything", "contacts", "fluid"}:
         return None

@@ -11,10 +11,8 @@ from mujoco import mjtState
 from numpy.typing import NDArray
 
 BARE_AFTER = 20_000
-"""Steps that the skipping runs of a scene take before a model without visuals is compiled.
-
-Source: measured on the lesson's models; compiling it takes about 1 ms and saves 0.05 us a step.
-"""
+"""Steps that the skipping runs of a scene take before a model without visuals is compiled. Source: measured on the
+lesson's models; compiling it takes about 1 ms and saves 0.05 us a step."""
 
 KEPT = int(mjtState.mjSTATE_TIME | mjtState.mjSTATE_QPOS | mjtState.mjSTATE_QVEL | mjtState.mjSTATE_ACT)
 """What a rollout keeps of a state, in this order: one call of `mj_getState` takes half the time of four assignments."""
@@ -47,11 +45,8 @@ class Workspace:
 
 
 class WorkspacePool:
-    """The free workspaces of a scene; thread-safe.
-
-    Runs that skip parts get bare workspaces, of a model without visuals, after BARE_AFTER steps. `strip` compiles the
-    bare model, or returns None if it would not differ.
-    """
+    """The free workspaces of a scene; thread-safe. Runs that skip parts get bare workspaces, of a model without
+    visuals, after BARE_AFTER steps. `strip` compiles the bare model, or returns None if it would not differ."""
 
     def __init__(self, model: mujoco.MjModel, strip: Strip | None = None) -> None:
         self._whole = model

@@ -1,7 +1,5 @@
-"""Packs an exercise for another grader: Gradescope's autograder folder.
-
-The package holds one question with its models, and the grader as a wheel.
-"""
+"""Packs an exercise for another grader: Gradescope's autograder folder. The package holds one question with its models,
+and the grader as a wheel."""
 
 from grader.pack.gradescope import Packed, pack_gradescope
 

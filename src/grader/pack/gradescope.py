@@ -1,8 +1,6 @@
-"""The autograder of one exercise for Gradescope: two scripts, the grader as a wheel, and what grading needs.
-
-Source: gradescope-autograders.readthedocs.io, "Autograder Specifications": setup.sh and run_autograder lie at the root
-of the zip file, which becomes /autograder/source; scripts arrive in /autograder/submission.
-"""
+"""The autograder of one exercise for Gradescope: two scripts, the grader as a wheel, and what grading needs. Source:
+gradescope-autograders.readthedocs.io, "Autograder Specifications": setup.sh and run_autograder lie at the root of the
+zip file, which becomes /autograder/source; scripts arrive in /autograder/submission."""
 
 import json
 import secrets
@@ -46,10 +44,8 @@ class Packed:
 
 def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, allow_t2: bool = False) -> Path:
     """Writes the autograder of an exercise to `out`: a zip file if it is named so, else a folder. Returns its path.
-
     `allow_t2` accepts a container without user namespaces. Raises NotFound, Unprocessable for a question without a
-    script, and Conflict if there is something at `out`.
-    """
+    script, and Conflict if there is something at `out`."""
     asked = library.question(quiz, question)
     if not isinstance(asked, ScriptQuestion):
         raise Unprocessable(f"{quiz} {question} is no exercise: Gradescope's autograder takes scripts.")
@@ -66,7 +62,7 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
 
 
 def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
-    """The scripts that Gradescope calls, and what this exercise says to them."""
+    """Returns the scripts that Gradescope calls, and what this exercise says to them."""
     values = {"QUIZ": quiz, "QUESTION": question, "GRADER_ALLOW_T2": str(allow_t2).lower()}
     said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
     found = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
@@ -74,10 +70,8 @@ def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
 
 
 def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
-    """A content folder with this question alone, and the models, which scripts may read.
-
-    No other question, no explanation, no starter and no reference solution is in it.
-    """
+    """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
+    explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
     sources = library.sources[quiz]
     raw = json.loads(sources[file])
@@ -85,18 +79,14 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     asked = {key: value for key, value in raw["questions"][place].items() if key not in LEFT_OUT}
     reduced: dict[str, Any] = {key: raw[key] for key in KEPT if key in raw}
     reduced["questions"] = [{**asked, "id": question.id}]
-    texts = {path: text for path, text in sources.items() if is_needed(path, reduced)}
+    named = json.dumps(reduced)
+    texts = {path: text for path, text in sources.items() if path.startswith(MODELS) or json.dumps(path) in named}
     texts[file] = json.dumps(reduced, ensure_ascii=False, indent=2)
     files = [Packed(path, text.encode(), mode_of(path)) for path, text in texts.items()]
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)
         load(Path(folder, "content"))  # what was left out must not be missed
     return [replace(one, path=f"content/{one.path}") for one in files]
-
-
-def is_needed(path: str, reduced: dict[str, Any]) -> bool:
-    """Whether a file is a model, which scripts may read, or one that the exercise names."""
-    return path.startswith(MODELS) or json.dumps(path) in json.dumps(reduced)
 
 
 def mode_of(path: str) -> int:

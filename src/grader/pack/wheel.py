@@ -52,7 +52,7 @@ def write_wheel(found: Distribution, module: str, folder: Path) -> Path:
 
 
 def entry(member: str, mode: int = 0o644) -> zipfile.ZipInfo:
-    """A member of a zip file, with the same time in each."""
+    """Returns a member of a zip file, with the same time in each."""
     info = zipfile.ZipInfo(member, EPOCH)
     info.external_attr, info.compress_type = (0o100000 | mode) << 16, zipfile.ZIP_DEFLATED
     return info
@@ -71,7 +71,7 @@ def files_of(module: str) -> Iterator[tuple[str, bytes]]:
 
 
 def notes_of(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
-    """What installers read in a wheel. Source: packaging.python.org, "Binary distribution format"."""
+    """Says what installers read in a wheel. Source: packaging.python.org, "Binary distribution format"."""
     metadata = PINNED.sub(as_installed, found.read_text("METADATA") or found.read_text("PKG-INFO") or "")
     points = found.read_text("entry_points.txt") or ""
     wheel = "Wheel-Version: 1.0\nGenerator: grader pack\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
@@ -80,10 +80,8 @@ def notes_of(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
 
 
 def as_installed(pinned: re.Match[str]) -> str:
-    """A pinned requirement with the version that is installed here, since that is what grades here.
-
-    The grader may run with another MuJoCo than the one that it pins; `constraints` names the installed one.
-    """
+    """Returns a pinned requirement with the version that is installed here, since that is what grades here. The grader
+    may run with another MuJoCo than the one that it pins; `constraints` names the installed one."""
     try:
         return f"{pinned[1]}{distribution(pinned[2]).version}"
     except PackageNotFoundError:  # of an extra that is not installed
@@ -108,7 +106,7 @@ def constraints(names: list[str]) -> str:
 
 
 def needs_of(found: Distribution, extras: frozenset[str]) -> Iterator[Needed]:
-    """What a distribution with some of its extras requires, whatever the platform."""
+    """Says what a distribution with some of its extras requires, whatever the platform."""
     for text in found.requires or []:
         of_extra = re.search(r"""extra\s*==\s*["']([^"']+)""", text)
         match = REQUIREMENT.match(text)

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
@@ -13,18 +13,19 @@ from grader.errors import Unprocessable
 from grader.platforms import roster
 from grader.platforms.launching.addresses import is_of_platform, origin_of
 from grader.platforms.launching.registration import LIFETIME, PURPOSE
-from grader.platforms.roster import Authorized, Pulled
+from grader.platforms.roster import Pulled
 from grader.store import platforms, tickets
 from grader.store.engine.database import Database
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
 
 URLS = ("login_url", "token_url", "keys_url")
 
 
 def registration_of(given: Mapping[str, Any]) -> Registration:
-    """A registration as somebody typed it. Raises Unprocessable for an address that is not https.
-
-    `origins` are those that may show our pages in a frame: of the issuer and the login if none is given.
-    """
+    """Returns a registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are
+    those that may show our pages in a frame: of the issuer and the login if none is given."""
     texts = {
         name: str(given.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
     }
@@ -41,25 +42,18 @@ def registration_of(given: Mapping[str, Any]) -> Registration:
 
 
 def registration_link(session: Session, origin: str) -> str:
-    """A single-use address to type into a platform that knows dynamic registration."""
+    """Returns a single-use address to type into a platform that knows dynamic registration."""
     return f"{origin}/lti/register?token={tickets.issue(session, PURPOSE, {}, LIFETIME)}"
 
 
 def platforms_of(session: Session) -> list[dict[str, Any]]:
-    """Every platform with its deployments, as command line, page and API show them."""
+    """Lists every platform with its deployments, as command line, page and API show them."""
     return [platform_view(session, row) for row in platforms.all_platforms(session)]
 
 
 def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
-    """A platform with its deployments."""
-    return {
-        "id": row.id,
-        "name": row.name,
-        "issuer": row.issuer,
-        "client_id": row.client_id,
-        "login_url": row.login_url,
-        "token_url": row.token_url,
-        "keys_url": row.keys_url,
+    """Returns a platform with its deployments."""
+    return {name: getattr(row, name) for name in ("id", "name", "issuer", "client_id", *URLS)} | {
         "origins": list(platforms.view(row).origins),
         "approved": row.approved_at is not None,
         "deployments": [
@@ -70,7 +64,7 @@ def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any
 
 
 def contexts_of(session: Session, course: str | None = None) -> list[dict[str, Any]]:
-    """The platforms' courses: those of a course here, and those that ask for it; or all."""
+    """Returns the platforms' courses: those of a course here, and those that ask for it; or all."""
     return [
         {
             "id": context.id,
@@ -85,16 +79,14 @@ def contexts_of(session: Session, course: str | None = None) -> list[dict[str, A
     ]
 
 
-async def pull_roster(database: Database, authorized: Authorized, by: Identity | None, context_id: int) -> Pulled:
-    """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor.
-
-    Raises NotFound, Conflict, Unprocessable.
-    """
+async def pull_roster(database: Database, authorized: "AccessTokens", by: Identity | None, context_id: int) -> Pulled:
+    """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor. Raises
+    NotFound, Conflict, Unprocessable."""
 
     def source() -> tuple[platforms.Context, platforms.PlatformRow]:
         with database.read() as session:
             if by is not None:
-                rules.of_course(session, by, context_id)
+                rules.get_own_context(session, by, context_id)
             context = roster.source_of(session, context_id)
             row = platforms.get(session, context.platform)
             assert row is not None  # a foreign key

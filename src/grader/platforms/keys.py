@@ -1,7 +1,5 @@
-"""The key pair with which this tool signs, and its public half for platforms, as a JWK set with rotation.
-
-Source: RFC 7517 (JWK), RFC 7519 (JWT); 1EdTech Security Framework 1.1, section 6.3: RS256 with a `kid`.
-"""
+"""The key pair with which this tool signs, and its public half for platforms, as a JWK set with rotation. Source: RFC
+7517 (JWK), RFC 7519 (JWT); 1EdTech Security Framework 1.1, section 6.3: RS256 with a `kid`."""
 
 import json
 from collections.abc import Callable
@@ -39,7 +37,7 @@ class ToolKeys:
         return jwt.encode(header, claims, RSAKey.import_key(newest), algorithms=["RS256"])
 
     def public(self) -> dict[str, Any]:
-        """The JWK set to publish: the newest key, and those that it has lately replaced."""
+        """Returns the JWK set to publish: the newest key, and those that it has lately replaced."""
         from joserfc.jwk import RSAKey
 
         return {"keys": [RSAKey.import_key(one["jwk"]).as_dict(private=False) for one in self._kept()]}
@@ -56,7 +54,7 @@ class ToolKeys:
         return kid
 
     def _kept(self) -> list[dict[str, Any]]:
-        """The keys that are published, the newest last; the first call on a database makes one."""
+        """Returns the keys that are published, the newest last; the first call on a database makes one."""
         with self.database.read() as session:
             kept = self._read(session)
         if kept:
@@ -80,7 +78,7 @@ class ToolKeys:
 
 
 def new_key() -> dict[str, Any]:
-    """A new private key, as it is kept: `until` says how long it stays published once another replaces it."""
+    """Returns a new private key, as it is kept: `until` says how long it stays published once another replaces it."""
     from joserfc.jwk import RSAKey
 
     key = RSAKey.generate_key(BITS, {"use": "sig", "alg": "RS256"}, private=True, auto_kid=True)

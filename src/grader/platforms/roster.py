@@ -1,13 +1,11 @@
-"""Names and Role Provisioning Services: the members of a platform's course, pulled into ours.
-
-Source: LTI NRPS 2.0, section 2.
-"""
+"""Names and Role Provisioning Services: the members of a platform's course, pulled into ours. Source: LTI NRPS 2.0,
+section 2."""
 
 import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
@@ -21,23 +19,17 @@ from grader.domain.platform import Platform
 from grader.errors import Conflict, Forbidden, Unprocessable
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.addresses import is_of_platform, origin_of
-from grader.platforms.launching.fetching import Answer
 from grader.platforms.launching.launch import name_in
 from grader.store.platforms import ID, Context
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
+    from grader.platforms.sending.outgoing import Response
 
 MEDIA_TYPE = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
 PAGES_MAX = 200
 MEMBERS_MAX = 20_000
 NEXT = re.compile(r'<([^<>]*)>[^,<]*;\s*rel="?next"?', re.IGNORECASE)
-
-
-class Authorized(Protocol):
-    """Sends requests with an access token of the platform. `lms.access_tokens.AccessTokens` is one."""
-
-    async def request(
-        self, platform: Platform, scopes: Sequence[str], method: str, url: str, *, headers: Mapping[str, str]
-    ) -> Answer:
-        """Sends one request with a token for the scopes, and reads the response."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +40,7 @@ class Pulled:
     removed: int
 
 
-async def pull(authorized: Authorized, platform: Platform, url: str) -> list[Person]:
+async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list[Person]:
     """The active members of a platform's course, page by page. Raises Unprocessable if the platform does not tell."""
     people, following, asked = dict[str, Person](), url, set[str]()
     while following:
@@ -63,8 +55,8 @@ async def pull(authorized: Authorized, platform: Platform, url: str) -> list[Per
     return list(people.values())
 
 
-async def answered(authorized: Authorized, platform: Platform, url: str) -> Answer:
-    """One page of the roster. Raises Unprocessable."""
+async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> "Response":
+    """Returns one page of the roster. Raises Unprocessable."""
     try:
         answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})
     except Exception as error:  # whatever the other side, or the way to it, does wrong
@@ -75,14 +67,14 @@ async def answered(authorized: Authorized, platform: Platform, url: str) -> Answ
 
 
 def next_in(headers: Mapping[str, str]) -> str:
-    """The address of the next page; empty after the last one."""
+    """Returns the address of the next page; empty after the last one."""
     links = next((value for name, value in headers.items() if name.lower() == "link"), "")
     found = NEXT.search(links)
     return found[1] if found and is_of_platform(found[1]) else ""
 
 
 def persons_in(body: bytes, issuer: str) -> list[Person]:
-    """The active members on one page. Raises Unprocessable."""
+    """Returns the active members on one page. Raises Unprocessable."""
     try:
         listed = json.loads(body)["members"]
         active = [one for one in listed if one.get("status", "Active") == "Active" and is_known(one)]
@@ -92,27 +84,23 @@ def persons_in(body: bytes, issuer: str) -> list[Person]:
 
 
 def is_known(member: Mapping[str, Any]) -> bool:
-    """Whether the platform says who this is."""
+    """Says whether the platform says who this is."""
     subject = member.get("user_id")
     return isinstance(subject, str) and 1 <= len(subject) <= ID and subject.isprintable()
 
 
 def person_of(member: Mapping[str, Any], issuer: str) -> Person:
-    """A member as the platform describes them."""
+    """Returns a member as the platform describes them."""
     roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
     role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
-    return Person(issuer, member["user_id"], name_in(member), role, email_in(member))
-
-
-def email_in(member: Mapping[str, Any]) -> str | None:
-    """The member's address, if the platform tells one that can be one."""
     email = member.get("email")
-    return email if isinstance(email, str) and is_email(email) else None
+    is_known = isinstance(email, str) and is_email(email)
+    return Person(issuer, member["user_id"], name_in(member), role, email if is_known else None)
 
 
 def source_of(session: Session, context_id: int) -> Context:
-    """The platform's course whose roster can be pulled. Raises NotFound, Conflict."""
-    context = rules.context_with(session, context_id)
+    """Returns the platform's course whose roster can be pulled. Raises NotFound, Conflict."""
+    context = rules.get_context(session, context_id)
     if context.course is None:
         raise Conflict("This course of a platform is not linked with a course here.")
     if not context.members_url:
@@ -121,10 +109,8 @@ def source_of(session: Session, context_id: int) -> Context:
 
 
 def enter(session: Session, by: Identity | None, context: Context, people: Sequence[Person]) -> Pulled:
-    """Makes the people members of the linked course; those of an earlier roster who are missing stay.
-
-    Raises Unauthorized if the caller's right ended while the platform answered.
-    """
+    """Makes the people members of the linked course; those of an earlier roster who are missing stay. Raises
+    Unauthorized if the caller's right ended while the platform answered."""
     assert context.course is not None
     members.require_credential(session, by)
     removed = 0

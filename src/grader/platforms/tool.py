@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from grader.platforms.keys import ToolKeys
@@ -10,7 +10,9 @@ from grader.platforms.launching import claims as words
 from grader.platforms.launching.fetching import PlatformKeys, Requester
 from grader.platforms.launching.login import keys_url, launch_url, login_url
 from grader.platforms.launching.registration import DESCRIPTION, NAME
-from grader.platforms.roster import Authorized
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.access_tokens import AccessTokens
 
 NEEDED = ("joserfc", "httpx2")
 MISSING = "LTI is not installed here. Its packages come with: pip install mujoco-grader[lti]"
@@ -23,16 +25,16 @@ class Tool:
     keys: ToolKeys
     platform_keys: PlatformKeys
     requester: Requester
-    authorized: Authorized
+    authorized: "AccessTokens"
 
 
 def is_installed() -> bool:
-    """Whether the packages of the extra `lti` are here."""
+    """Says whether the packages of the extra `lti` are here."""
     return all(find_spec(name) is not None for name in NEEDED)
 
 
 def addresses(origin: str) -> dict[str, str]:
-    """What a platform's administrator types in, by what it is called in LTI."""
+    """Says what a platform's administrator types in, by what it is called in LTI."""
     return {
         "login_url": login_url(origin),
         "launch_url": launch_url(origin),

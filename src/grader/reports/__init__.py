@@ -1,7 +1,5 @@
-"""Verdicts in the formats of other graders: Gradescope's results.json, and JUnit XML.
-
-They leave out what the policy of the quiz withholds, as far as the other grader allows that.
-"""
+"""Verdicts in the formats of other graders: Gradescope's results.json, and JUnit XML. They leave out what the policy of
+the quiz withholds, as far as the other grader allows that."""
 
 from grader.reports.graded import Graded
 from grader.reports.gradescope import results_json

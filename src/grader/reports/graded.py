@@ -48,10 +48,8 @@ class Graded:
             yield name, finding
 
     def told(self, finding: Finding) -> str:
-        """The message of a finding with what was measured, and with what was expected if the learner may see that.
-
-        The finding of a hidden case has neither.
-        """
+        """Returns the message of a finding with what was measured, and with what was expected if the learner may see
+        that. The finding of a hidden case has neither."""
         names = ("measured", "expected") if self.shows_solution else ("measured",)
         values = [f"{name}: {value}" for name in names if (value := getattr(finding, name)) is not None]
         return "\n".join([*([finding.message] if finding.message else []), *values])

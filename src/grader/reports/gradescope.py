@@ -1,12 +1,9 @@
-"""Gradescope's results.json. Source: gradescope-autograders.readthedocs.io, "Autograder Specifications".
-
-Every text has the format `text`, so that nothing that a script prints is rendered as HTML, Markdown or colours.
-"""
+"""Gradescope's results.json. Source: gradescope-autograders.readthedocs.io, "Autograder Specifications". Every text has
+the format `text`, so that nothing that a script prints is rendered as HTML, Markdown or colours."""
 
 import json
 from typing import Any
 
-from grader.domain.policy import Policy
 from grader.domain.verdict import POINT_DIGITS, Status
 from grader.errors import JailFault
 from grader.reports.graded import Graded
@@ -20,19 +17,16 @@ NO_RESULT = "The grader itself failed: there is no result to report, and nothing
 
 
 def results_json(graded: Graded) -> str:
-    """The verdict as the text of results.json.
-
-    Raises JailFault for a fault of the grader, since any document would give points: without one, Gradescope tells
-    student and staff that the autograder failed.
-    """
+    """Returns the verdict as the text of results.json. Raises JailFault for a fault of the grader, since any document
+    would give points: without one, Gradescope tells student and staff that the autograder failed."""
     if graded.verdict.status is Status.GRADER_FAULT:
         raise JailFault(NO_RESULT)
     return json.dumps(document(graded), ensure_ascii=False, indent=2)
 
 
 def document(graded: Graded) -> dict[str, Any]:
-    """The document as plain JSON."""
-    verdict, visibility = graded.verdict, visibility_of(graded.quiz.policy)
+    """Returns the document as plain JSON."""
+    verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.policy.feedback]
     words = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
     shown_now = visibility == VISIBLE
     return {
@@ -55,13 +49,8 @@ def document(graded: Graded) -> dict[str, Any]:
     }
 
 
-def visibility_of(policy: Policy) -> str:
-    """When Gradescope shows the tests."""
-    return VISIBILITY[policy.feedback]
-
-
 def tests(graded: Graded) -> list[dict[str, Any]]:
-    """A test for each finding, one for the whole question where there is none, and what the script printed."""
+    """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
     found = [scored(name, graded.told(one), one.passed, one.points, one.max_points) for name, one in graded.findings]
     if not found:
@@ -71,22 +60,19 @@ def tests(graded: Graded) -> list[dict[str, Any]]:
 
 
 def passed(graded: Graded) -> bool | None:
-    """Whether the answer is right; None while a person has to decide."""
+    """Says whether the answer is right; None while a person has to decide."""
     return None if graded.verdict.status is Status.NEEDS_REVIEW else graded.verdict.status is Status.CORRECT
 
 
 def scored(name: str, output: str, is_passed: bool | None, points: float, max_points: float) -> dict[str, Any]:
-    """A test with points; an undecided one has none yet, and one without points is a check."""
+    """Returns a test with points; an undecided one has none yet, and one without points is a check."""
     test = check(name, output, is_passed)
-    return test if is_passed is None or not max_points else {**test, **worth(points, max_points)}
-
-
-def worth(points: float, max_points: float) -> dict[str, float]:
-    """The points of a test, to as many digits as their sum has."""
-    return {"score": round(points, POINT_DIGITS), "max_score": round(max_points, POINT_DIGITS)}
+    if is_passed is None or not max_points:
+        return test
+    return test | {"score": round(points, POINT_DIGITS), "max_score": round(max_points, POINT_DIGITS)}
 
 
 def check(name: str, output: str, is_passed: bool | None) -> dict[str, Any]:
-    """A test without points."""
+    """Returns a test without points."""
     status = {} if is_passed is None else {"status": "passed" if is_passed else "failed"}
     return {"name": name, "output": output, **status}

@@ -1,9 +1,6 @@
-"""JUnit XML, as GitLab and the readers of GitHub Actions take it.
-
-There is no one standard. The elements and attributes used here are those of Jenkins' junit-10.xsd, which gives the
-number of skipped tests to a suite alone; GitLab reads `classname`, `name`, `time` and the text of `failure`, `error`
-and `skipped`, never their attributes.
-"""
+"""JUnit XML, as GitLab and the readers of GitHub Actions take it. There is no one standard. The elements and attributes
+used here are those of Jenkins' junit-10.xsd, which gives the number of skipped tests to a suite alone; GitLab reads
+`classname`, `name`, `time` and the text of `failure`, `error` and `skipped`, never their attributes."""
 
 import re
 from xml.etree import ElementTree
@@ -19,10 +16,8 @@ UNDECIDED = "A person decides on this."
 
 
 def junit_xml(graded: Graded) -> str:
-    """The verdict as a JUnit document: one test case for the answer as a whole, and one for each finding.
-
-    An answer that waits for a person is skipped; a fault of the grader is an error, and no failure.
-    """
+    """Returns the verdict as a JUnit document: one test case for the answer as a whole, and one for each finding. An
+    answer that waits for a person is skipped; a fault of the grader is an error, and no failure."""
     verdict = graded.verdict
     name = f"{graded.quiz.id}.{graded.question.id}"
     seconds = f"{verdict.timing_ms.get('total', 0.0) / 1000:.3f}"
@@ -47,7 +42,7 @@ def junit_xml(graded: Graded) -> str:
 
 
 def kind_of(status: Status) -> str | None:
-    """The element that says how the answer as a whole went; None if it is right."""
+    """Returns the element that says how the answer as a whole went; None if it is right."""
     special = {Status.CORRECT: None, Status.NEEDS_REVIEW: "skipped", Status.GRADER_FAULT: "error"}
     return special.get(status, "failure")
 
@@ -64,7 +59,7 @@ def tell(case: ElementTree.Element, kind: str, text: str, of_type: str = "") -> 
 
 
 def document(suite: ElementTree.Element, seconds: str) -> str:
-    """The whole document, with the counts that readers compare."""
+    """Returns the whole document, with the counts that readers compare."""
     counts = {"tests": str(len(suite.findall("testcase")))}
     for kind, plural in zip(KINDS, ("failures", "errors", "skipped"), strict=True):
         counts[plural] = str(len(suite.findall(f"testcase/{kind}")))
@@ -77,5 +72,5 @@ def document(suite: ElementTree.Element, seconds: str) -> str:
 
 
 def legal(text: str) -> str:
-    """The text without the characters that XML cannot hold."""
+    """Returns the text without the characters that XML cannot hold."""
     return ILLEGAL.sub("\ufffd", text)

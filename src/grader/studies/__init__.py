@@ -1,4 +1,1 @@
-"""Studies of MuJoCo.
-
-They are benchmarks that anyone can repeat, and advice on integrator and timestep.
-"""
+"""Studies of MuJoCo. They are benchmarks that anyone can repeat, and advice on integrator and timestep."""

@@ -22,22 +22,9 @@ from grader.web.platform import lti
 from grader.web.signing_in import links, oidc
 
 router = APIRouter(include_in_schema=False)
-router.include_router(pages.router)
-router.include_router(answering.router)
-router.include_router(links.router)
-router.include_router(oidc.router)
-router.include_router(today.router)
-router.include_router(review_list.router)
-router.include_router(review.router)
-router.include_router(people.router)
-router.include_router(gradebook.router)
-router.include_router(statistics.router)
-router.include_router(extensions.router)
-router.include_router(service.router)
-router.include_router(seen_as.router)
-router.include_router(regrades.router)
-router.include_router(lti.router)
-router.include_router(platforms.router)
+for room in (pages, answering, links, oidc, today, review_list, review, people, gradebook, statistics, extensions,
+             service, seen_as, regrades, lti, platforms):  # fmt: skip
+    router.include_router(room.router)
 
 
 @router.get("/favicon.ico")

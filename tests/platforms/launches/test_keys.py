@@ -4,7 +4,7 @@ import asyncio
 import base64
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from grader.errors import Unauthorized
 from grader.platforms.keys import PUBLISHED, ToolKeys
 from grader.platforms.launching.addresses import is_at
 from grader.platforms.launching.fetching import COOL_DOWN_S, FRESH_S, PlatformKeys, keys_in
+from grader.platforms.sending.outgoing import Response
 from grader.store.courses import audit_page
 from grader.store.engine.database import Database
 from grader.store.tables import now
@@ -26,13 +27,6 @@ from support.databases import BACKENDS, database_url
 
 URL = "https://platform.example/keys"
 RSA = {"kty": "RSA", "n": "AQAB", "e": "AQAB"}
-
-
-@dataclass
-class Answer:
-    body: bytes
-    status: int = 200
-    headers: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -45,13 +39,13 @@ class Network:
 
     async def request(
         self, method: str, url: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None
-    ) -> Answer:
+    ) -> Response:
         assert (method, url) == ("GET", URL)
         self.asked += 1
         await asyncio.sleep(0)
         if self.kids is None:
             raise OSError("no route")
-        return Answer(json.dumps({"keys": [RSA | {"kid": kid} for kid in self.kids]}).encode())
+        return Response(200, {}, json.dumps({"keys": [RSA | {"kid": kid} for kid in self.kids]}).encode())
 
     def keys(self) -> PlatformKeys:
         return PlatformKeys(self, lambda: self.clock)

@@ -149,7 +149,7 @@ def list_contexts(who: Instructor, services: AppServices) -> dict[str, Any]:
 def link_context(context_id: RowId, who: Instructor, services: AppServices) -> None:
     """Links a platform's course that asks for it with this course: who teaches there is an instructor here."""
     with services.database.write() as session:
-        rules.of_course(session, who, context_id)
+        rules.get_own_context(session, who, context_id)
         rules.link(session, who, context_id, who.course)
 
 
@@ -157,7 +157,7 @@ def link_context(context_id: RowId, who: Instructor, services: AppServices) -> N
 def unlink_context(context_id: RowId, who: Instructor, services: AppServices) -> None:
     """Ends or declines a link. Members and answers stay."""
     with services.database.write() as session:
-        rules.of_course(session, who, context_id)
+        rules.get_own_context(session, who, context_id)
         rules.unlink(session, who, context_id)
 
 

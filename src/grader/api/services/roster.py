@@ -8,7 +8,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel
 
 from grader.courses.people import oneroster, roster
-from grader.courses.people.enrolment import enrol, roster_of, roster_with_ids
+from grader.courses.people.enrolment import enrol, list_roster, list_roster_with_ids
 from grader.courses.people.identity import Identity
 from grader.courses.people.roster import NAMESPACE, Entry
 from grader.courses.rules.csv_cells import BOM
@@ -74,7 +74,7 @@ def enrol_file(
 def read_entries(media_type: str, body: bytes, namespace: str, course_class: str | None) -> tuple[str, list[Entry]]:
     """The name of the file that errors mention, and the people in it. Raises Unprocessable, FaultyRows."""
     if media_type == CSV:
-        return roster.FILE, roster.read_roster(roster.decoded(roster.FILE, body), namespace)
+        return roster.FILE, roster.read_roster(roster.decode(roster.FILE, body), namespace)
     if media_type == ZIP:
         return oneroster.USERS, oneroster.read_zip(body, namespace, course_class)
     raise Unprocessable(f"Send the roster as {CSV}, or as {ZIP} with OneRoster's files.")
@@ -88,7 +88,7 @@ def read_entries(media_type: str, body: bytes, namespace: str, course_class: str
 def export_roster(who: Staff, services: AppServices, *, bom: bool = False) -> Response:
     """Sends the members of the course as CSV in our own form; `bom` marks it as UTF-8 for Excel."""
     with services.database.read() as session:
-        entries = roster_of(session, who.course)
+        entries = list_roster(session, who.course)
     text = (BOM if bom else "") + "".join(roster.write_roster(entries))
     return attachment(text.encode(), roster.FILE, f"{CSV}; charset=utf-8")
 
@@ -101,7 +101,7 @@ def export_roster(who: Staff, services: AppServices, *, bom: bool = False) -> Re
 def export_oneroster(who: Staff, services: AppServices, namespace: Namespace = NAMESPACE) -> Response:
     """Sends the members of the course as users.csv and enrollments.csv of OneRoster 1.2."""
     with services.database.read() as session:
-        entries = roster_with_ids(session, who.course, namespace)
+        entries = list_roster_with_ids(session, who.course, namespace)
     return attachment(oneroster.write_zip(entries, who.course), "roster.zip", ZIP)
 
 

@@ -137,7 +137,7 @@ def show_regrade(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         counts = stored.progress(session, regrade)
-        found = regrades.page_of(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
+        found = regrades.read_page(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
         items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, found)
     cursor = None
     if len(items) > query.limit:

@@ -192,7 +192,7 @@ def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dic
     The service does so by itself whenever the content is loaded.
     """
     desk = services.desk_of(who.course)
-    waiting = rubric_changes.outdated(desk, body.quiz, body.question, who.course)
+    waiting = rubric_changes.list_outdated(desk, body.quiz, body.question, who.course)
     return {"changed": sum(rubric_changes.recompute(desk, one, who) for one in waiting)}
 
 

@@ -62,15 +62,9 @@ class Action(StrEnum):
 
 
 def record(
-    session: Session,
-    who: Identity | None,
-    course: str,
-    action: Action,
-    subject: str = "",
-    *,
-    unsigned: str = COMMAND_LINE,
-    **detail: Any,
-) -> None:
+    session: Session, who: Identity | None, course: str, action: Action, subject: str = "", *,
+    unsigned: str = COMMAND_LINE, **detail: Any,
+) -> None:  # fmt: skip
     """Adds an entry in the transaction of what it records. Where `who` is None, it is signed `unsigned`."""
     name = unsigned if who is None else who.user
     text = json.dumps(detail)

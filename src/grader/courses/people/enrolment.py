@@ -22,10 +22,8 @@ NAMED = "name:"
 
 @dataclass(frozen=True)
 class Enrolled:
-    """What a roster comes to, in members. Those of a course who are not on it stay as they are.
-
-    `left_out` are instructors, and members whom an instructor has removed, where the caller may not enter them.
-    """
+    """What a roster comes to, in members. Those of a course who are not on it stay as they are. `left_out` are
+    instructors, and members whom an instructor has removed, where the caller may not enter them."""
 
     dry_run: bool
     created: int
@@ -44,15 +42,9 @@ class _Plan:
 
 
 def enrol(
-    database: Database,
-    session: Session,
-    by: Identity | None,
-    course: str,
-    entries: Sequence[Entry],
-    *,
-    file: str,
+    database: Database, session: Session, by: Identity | None, course: str, entries: Sequence[Entry], *, file: str,
     dry_run: bool = False,
-) -> Enrolled:
+) -> Enrolled:  # fmt: skip
     """Makes the people on a roster members, and gives those who are members the roster's name, role and address.
 
     `by` is None for the command line. An instructor without restriction enters anybody, and brings back whom they had
@@ -61,21 +53,21 @@ def enrol(
     """
     database.lock(session, f"roster\n{course}")
     require_credential(session, by)
-    plan = planned(session, by, course, file, entries)
+    plan = plan_changes(session, by, course, file, entries)
     if plan.faults:
         raise FaultyRows(plan.faults[:FAULTS_MAX])
     done = Enrolled(dry_run, len(plan.created), len(plan.changed), plan.unchanged, plan.left_out)
     if not dry_run:
-        create(session, course, plan.created)
+        create_members(session, course, plan.created)
         for member, changes in plan.changed:
-            change(session, by, member, changes)
+            change_member(session, by, member, changes)
         if plan.created or plan.changed:
             record(session, by, course, Action.ROSTER_IMPORTED, file, **{**asdict(done), "dry_run": False})
     return done
 
 
-def planned(session: Session, by: Identity | None, course: str, file: str, entries: Sequence[Entry]) -> _Plan:
-    """What a roster would change, and what cannot be."""
+def plan_changes(session: Session, by: Identity | None, course: str, file: str, entries: Sequence[Entry]) -> _Plan:
+    """Says what a roster would change, and what cannot be."""
     enters_anybody = not is_restricted(by)
     known = people.everybody(session, course)
     by_account = {member.account: member for member in known if member.account is not None}
@@ -86,8 +78,8 @@ def planned(session: Session, by: Identity | None, course: str, file: str, entri
         if not enters_anybody and is_beyond(entry, member):
             plan.left_out += 1
         elif member is None:
-            create_later(plan, file, entry)
-        elif changes := changes_of(member, entry):
+            plan_member(plan, file, entry)
+        elif changes := compare_member(member, entry):
             if by is not None and member.id == by.id and "role" in changes:
                 plan.faults.append(Fault(file, f"line {entry.line}, role", "ask another instructor to change your own"))
             plan.changed.append((member, changes))
@@ -97,12 +89,12 @@ def planned(session: Session, by: Identity | None, course: str, file: str, entri
 
 
 def is_beyond(entry: Entry, member: Member | None) -> bool:
-    """Whether a service or a restricted token may not enter somebody: instructors, and who was removed."""
+    """Says whether a service or a restricted token may not enter somebody: instructors, and who was removed."""
     is_known = member is not None and (member.role != Role.STUDENT or member.removed_at is not None)
     return entry.role is not Role.STUDENT or is_known
 
 
-def create_later(plan: _Plan, file: str, entry: Entry) -> None:
+def plan_member(plan: _Plan, file: str, entry: Entry) -> None:
     """Adds a person to the future members, unless the row gives an id of this service that is unknown."""
     if entry.external is not None and entry.external.namespace == OWN:
         why = f"no member of this course has this id: leave namespace and external_id empty to enter {entry.name!r} new"
@@ -111,38 +103,29 @@ def create_later(plan: _Plan, file: str, entry: Entry) -> None:
         plan.created.append(entry)
 
 
-def changes_of(member: Member, entry: Entry) -> dict[str, Any]:
-    """The columns of a member that a roster changes."""
+def compare_member(member: Member, entry: Entry) -> dict[str, Any]:
+    """Returns the columns of a member that a roster changes."""
     wanted: dict[str, Any] = {"name": entry.name, "role": entry.role.value, "removed_at": None}
     if entry.email is not None:
         wanted["email"] = entry.email or None
     return {name: value for name, value in wanted.items() if getattr(member, name) != value}
 
 
-def create(session: Session, course: str, entries: Sequence[Entry]) -> None:
+def create_members(session: Session, course: str, entries: Sequence[Entry]) -> None:
     """Makes members. Raises Conflict if another request has just made one of them."""
     for entry in entries:
-        theirs = (
-            {} if entry.external is None else {"namespace": entry.external.namespace, "external_id": entry.external.id}
-        )
-        session.add(
-            Member(
-                id=new_member_id(),
-                course=course,
-                name=entry.name,
-                account=entry.key,
-                role=entry.role.value,
-                email=entry.email or None,
-                **theirs,
-            )
-        )
+        member = Member(id=new_member_id(), course=course, name=entry.name, account=entry.key, role=entry.role.value)
+        member.email = entry.email or None
+        if entry.external is not None:
+            member.namespace, member.external_id = entry.external.namespace, entry.external.id
+        session.add(member)
     try:
         session.flush()
     except IntegrityError as error:
         raise Conflict("Somebody entered the same people at this moment: import the roster again.") from error
 
 
-def change(session: Session, by: Identity | None, member: Member, changes: dict[str, Any]) -> None:
+def change_member(session: Session, by: Identity | None, member: Member, changes: dict[str, Any]) -> None:
     """Changes a member. With another role they sign in again, as after any change of it."""
     for name, value in changes.items():
         if name != "role":
@@ -151,27 +134,28 @@ def change(session: Session, by: Identity | None, member: Member, changes: dict[
     results.touch(session, member.course, member.id)
 
 
-def roster_of(session: Session, course: str) -> list[Entry]:
-    """The students and instructors of a course, as a roster in our own form: whom a name finds has no id."""
+def list_roster(session: Session, course: str) -> list[Entry]:
+    """Returns the students and instructors of a course, as a roster in our own form: whom a name finds has no id."""
     return [
-        entry_of(member, None if is_named(member) else known_as(member)) for member in people.enrolled(session, course)
+        make_entry(member, None if is_named(member) else known_as(member))
+        for member in people.enrolled(session, course)
     ]
 
 
-def roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
+def list_roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
     """As `roster_of`, each with an id: that of the namespace, else ours."""
     found = []
     for member in people.enrolled(session, course):
         known = known_as(member)
-        found.append(entry_of(member, known if known.namespace == namespace else External(OWN, member.id)))
+        found.append(make_entry(member, known if known.namespace == namespace else External(OWN, member.id)))
     return found
 
 
 def is_named(member: Member) -> bool:
-    """Whether an instructor or operator made the member by a name."""
+    """Says whether an instructor or operator made the member by a name."""
     return member.account is not None and member.account.startswith(NAMED)
 
 
-def entry_of(member: Member, external: External | None) -> Entry:
-    """A member as a row of a roster."""
+def make_entry(member: Member, external: External | None) -> Entry:
+    """Returns a member as a row of a roster."""
     return Entry(0, member.name, Role(member.role), member.email or "", external)

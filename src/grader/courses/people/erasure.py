@@ -12,20 +12,13 @@ from grader.store.upkeep import erasure
 
 
 def erase_learner(
-    database: Database,
-    session: Session,
-    *,
-    user: str | None = None,
-    member_id: str | None = None,
-    course: str | None = None,
-    by: Identity | None = None,
-) -> str:
-    """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name.
-
-    It cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer
-    of the learner waits for the grader.
-    """
-    member = found(session, course or DEFAULT_COURSE, user, member_id)
+    database: Database, session: Session, *, user: str | None = None, member_id: str | None = None,
+    course: str | None = None, by: Identity | None = None,
+) -> str:  # fmt: skip
+    """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name. It
+    cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer of the
+    learner waits for the grader."""
+    member = find_member(session, course or DEFAULT_COURSE, user, member_id)
     if member.role != Role.STUDENT:
         raise Unprocessable(f"{member.name} is no student: change the role first, or remove the member.")
     database.lock_learner(session, member.course, member.id)
@@ -36,8 +29,8 @@ def erase_learner(
     return name
 
 
-def found(session: Session, course: str, user: str | None, member_id: str | None) -> Member:
-    """The member of this name or id; a removed one too. Raises NotFound."""
+def find_member(session: Session, course: str, user: str | None, member_id: str | None) -> Member:
+    """Returns the member of this name or id; a removed one too. Raises NotFound."""
     member = session.get(Member, member_id) if member_id else people.with_account(session, course, f"name:{user}")
     if member is None or member.course != course:
         raise NotFound("There is no such member: those who chose their name themselves are found by --id alone.")

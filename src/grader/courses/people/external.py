@@ -41,7 +41,7 @@ class External:
 
 
 def checked(namespace: str, external_id: str) -> External:
-    """The person of this id. Raises Unprocessable if it cannot be one, or is in our own namespace."""
+    """Returns the person of this id. Raises Unprocessable if it cannot be one, or is in our own namespace."""
     if not NAMESPACES.fullmatch(namespace) or namespace == OWN:
         raise Unprocessable(
             f"A namespace is 1 to {NAMESPACE} letters, digits, dots, hyphens and underscores, and not {OWN!r}, which "
@@ -53,7 +53,7 @@ def checked(namespace: str, external_id: str) -> External:
 
 
 def known_as(member: Member) -> External:
-    """How other systems may name a member: by its own id where no other system knows it."""
+    """Says how other systems may name a member: by its own id where no other system knows it."""
     if member.namespace is None or member.external_id is None:
         return External(OWN, member.id)
     return External(member.namespace, member.external_id)
@@ -71,25 +71,23 @@ def member_for(session: Session, course: str, who: External, name: str | None, r
 
 
 def learner_behind(database: Database, service: Identity, who: External, name: str | None) -> Identity:
-    """The learner for whom a service acts, with the service's credential and a student's rights.
-
-    At first sight they become a member of the service's course. A `name` replaces the earlier one.
-    Raises Unprocessable, and Forbidden for a learner whom an instructor has removed.
-    """
+    """Returns the learner for whom a service acts, with the service's credential and a student's rights. At first sight
+    they become a member of the service's course. A `name` replaces the earlier one. Raises Unprocessable, and Forbidden
+    for a learner whom an instructor has removed."""
     if name is not None:
         checked_name("learner", name)
     with database.read() as session:
         member = stored_people.with_account(session, service.course, who.account)
     if member is None or (name is not None and member.name != name and member.removed_at is None):
         with database.write() as session:
-            member = entered(session, service, who, name)
+            member = enter(session, service, who, name)
     if member.removed_at is not None:
         raise Forbidden("An instructor has removed this learner from the course.")
     return Identity(member.id, member.name, Role.STUDENT, service.course, credential=service.credential)
 
 
-def entered(session: Session, service: Identity, who: External, name: str | None) -> Member:
-    """The member, made or renamed; an instructor keeps the name. Raises Unauthorized if the token has ended."""
+def enter(session: Session, service: Identity, who: External, name: str | None) -> Member:
+    """Returns the member, made or renamed; an instructor keeps the name. Raises Unauthorized if the token has ended."""
     members.require_credential(session, service)
     known = stored_people.with_account(session, service.course, who.account)
     member = member_for(session, service.course, who, name)

@@ -1,8 +1,6 @@
-"""Authentication and roles: who sent a request, by a bearer token or a browser session.
-
-Both are Credentials, as sign-in links are: `prefix_id_secret` with 256 random bits, of which only a hash is stored.
-The room `courses` issues and revokes them.
-"""
+"""Authentication and roles: who sent a request, by a bearer token or a browser session. Both are Credentials, as
+sign-in links are: `prefix_id_secret` with 256 random bits, of which only a hash is stored. The room `courses` issues
+and revokes them."""
 
 import hashlib
 import hmac
@@ -34,10 +32,8 @@ FAILED = "Send a valid token as `Authorization: Bearer ...`, or sign in."
 
 INVISIBLE = re.compile("[\\u034f\\u115f\\u1160\\u17b4\\u17b5\\u2800\\u3164\\uffa0]")
 """Letters, marks and symbols that show nothing: with one, two names look the same. `isprintable` refuses the others.
-
 Source: Unicode, Default_Ignorable_Code_Point in the categories L and M but for variation selectors, and the empty
-braille pattern.
-"""
+braille pattern."""
 
 
 class Role(StrEnum):
@@ -72,9 +68,7 @@ class Kind(StrEnum):
 @dataclass(frozen=True)
 class Identity:
     """An authenticated member of a course: `id` identifies it, `user` is its name, which need not be unique.
-
-    `by_cookie` requests may be forged by other sites: check their origin.
-    """
+    `by_cookie` requests may be forged by other sites: check their origin."""
 
     id: str
     user: str
@@ -105,15 +99,12 @@ class Identity:
             raise Forbidden(f"This needs a token with {wanted}; yours has: {', '.join(sorted(self.scopes))}.")
 
     def may_see(self, learner: str, course: str) -> bool:
-        """Whether this identity may see a submission in `course` of the learner with this id."""
+        """Says whether this identity may see a submission in `course` of the learner with this id."""
         return self.course == course and (self.is_instructor or self.id == learner)
 
 
 def authenticate(database: Database, authorization: str | None, cookies: Mapping[str, str]) -> Identity:
-    """Authenticates a request by its bearer token if it has one, else by its session cookie.
-
-    Raises Unauthorized.
-    """
+    """Authenticates a request by its bearer token if it has one, else by its session cookie. Raises Unauthorized."""
     kind, presented = presented_in(authorization, cookies)
     with database.read() as session:
         credential = find(session, kind, presented)
@@ -126,7 +117,7 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
 
 
 def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
-    """The kind and the text of the credential that a request carries; an empty text if it carries none."""
+    """Returns the kind and the text of the credential that a request carries; an empty text if it carries none."""
     if authorization is not None:
         scheme, _, token = authorization.partition(" ")
         return Kind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
@@ -134,17 +125,15 @@ def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple
 
 
 class Recalled:
-    """Who lately authenticated with which credential, for callers who ask themselves whether it still holds.
-
-    Only hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop.
-    """
+    """Who lately authenticated with which credential, for callers who ask themselves whether it still holds. Only
+    hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop."""
 
     def __init__(self, count: int = 10_000, clock: Callable[[], float] = time.monotonic) -> None:
         self._count, self._clock = count, clock
         self._kept: dict[str, tuple[float, Identity]] = {}
 
     def get(self, authorization: str | None, cookies: Mapping[str, str]) -> Identity | None:
-        """The identity, if it was put lately."""
+        """Returns the identity, if it was put lately."""
         until, identity = self._kept.get(self._key(authorization, cookies), (0.0, None))
         return identity if self._clock() < until else None
 
@@ -161,15 +150,9 @@ class Recalled:
 
 
 def issue(
-    session: Session,
-    kind: Kind,
-    member: Member,
-    lifetime: timedelta | None = None,
-    *,
-    scopes: frozenset[Scope] | None = None,
-    by: Identity | None = None,
-    platform: int | None = None,
-) -> str:
+    session: Session, kind: Kind, member: Member, lifetime: timedelta | None = None, *,
+    scopes: frozenset[Scope] | None = None, by: Identity | None = None, platform: int | None = None,
+) -> str:  # fmt: skip
     """Stores a new credential of the member, valid for `lifetime` or until it is revoked. Returns its text.
 
     It has the member's role, and is of no use as soon as they have another.
@@ -179,24 +162,17 @@ def issue(
     """
     credential_id, secret = secrets.token_hex(8), secrets.token_hex(32)
     credential = Credential(
-        id=credential_id,
-        kind=kind.value,
-        secret_hash=_hash(secret),
-        member=member.id,
-        user=member.name,
-        role=member.role,
-        course=member.course,
-        scopes=None if scopes is None else " ".join(sorted(scopes)),
-        created_by=None if by is None else by.user,
-        platform=platform,
+        id=credential_id, kind=kind.value, secret_hash=_hash(secret), member=member.id, user=member.name,
+        role=member.role, course=member.course, scopes=None if scopes is None else " ".join(sorted(scopes)),
+        created_by=None if by is None else by.user, platform=platform,
         expires_at=None if lifetime is None else now() + lifetime,
-    )
+    )  # fmt: skip
     credentials.add(session, credential)
     return f"{kind.value}_{credential_id}_{secret}"
 
 
 def find(session: Session, kind: Kind, presented: str) -> Credential | None:
-    """The credential with this text; None if it is unknown, revoked or expired."""
+    """Returns the credential with this text; None if it is unknown, revoked or expired."""
     prefix, _, rest = presented.partition("_")
     credential_id, _, secret = rest.partition("_")
     if prefix != kind.value or not credential_id.isalnum() or not credential_id.isascii():
@@ -208,13 +184,13 @@ def find(session: Session, kind: Kind, presented: str) -> Credential | None:
 
 
 def still_holds(session: Session, who: Identity) -> bool:
-    """Whether the credential that was presented has not ended meanwhile."""
+    """Says whether the credential that was presented has not ended meanwhile."""
     kind = Kind.SESSION if who.by_cookie else Kind.TOKEN
     return credentials.find(session, who.credential, kind.value, now()) is not None
 
 
 def identity_of(credential: Credential) -> Identity:
-    """The identity that a credential proves."""
+    """Returns the identity that a credential proves."""
     by_cookie = credential.kind == Kind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
     return Identity(
@@ -231,19 +207,19 @@ def checked_name(what: str, name: str) -> str:
 
 
 def visible_part(name: str) -> str:
-    """The name without characters that cannot be seen, which other systems may send."""
+    """Returns the name without characters that cannot be seen, which other systems may send."""
     return "".join(filter(str.isprintable, INVISIBLE.sub("", name)))
 
 
 def checked_role(role: str) -> Role:
-    """The role of this name. Raises Unprocessable if there is none."""
+    """Returns the role of this name. Raises Unprocessable if there is none."""
     if role not in set(Role):
         raise Unprocessable(f"The role is one of {', '.join(Role)}, not {role!r}.")
     return Role(role)
 
 
 def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
-    """The scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
+    """Returns the scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
     chosen = set(names)
     if not chosen or not chosen <= set(Scope):
         raise Unprocessable(f"The scopes are {', '.join(Scope)}.")
@@ -251,5 +227,5 @@ def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
 
 
 def _hash(secret: str) -> str:
-    """The sha256 of a secret. 256 random bits need no slow or salted hash."""
+    """Returns the sha256 of a secret. 256 random bits need no slow or salted hash."""
     return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()

@@ -39,11 +39,9 @@ class Invitation:
 def invite(
     session: Session, by: Identity | None, course: str | None, names: Sequence[str], role: Role | str = Role.STUDENT
 ) -> list[Invitation]:
-    """Makes each name a member with this role, and a link that opens one browser session.
-
-    A name that is a member already gets a new link; its earlier links end. Raises Unprocessable, Forbidden,
-    Unauthorized, and Conflict where one has another role already, which an invitation never changes.
-    """
+    """Makes each name a member with this role, and a link that opens one browser session. A name that is a member
+    already gets a new link; its earlier links end. Raises Unprocessable, Forbidden, Unauthorized, and Conflict where
+    one has another role already, which an invitation never changes."""
     checked = members.checked_person(role)
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")
@@ -68,7 +66,7 @@ def invite_member(session: Session, by: Identity | None, member: Member) -> Invi
 
 
 def pending(session: Session, course: str) -> Sequence[Credential]:
-    """The links of a course that were neither used nor revoked, newest first."""
+    """Returns the links of a course that were neither used nor revoked, newest first."""
     return credentials.alive_in(session, course, Kind.SIGN_IN, now())
 
 
@@ -98,10 +96,8 @@ def close_link(session: Session, by: Identity) -> None:
 
 
 def join(session: Session, code: str, name: str) -> BrowserSession:
-    """Makes a new learner of the course with this code, under a name of their own choice.
-
-    The name is a label and gives no access to the work of others who bear it. Raises Forbidden, Unprocessable.
-    """
+    """Makes a new learner of the course with this code, under a name of their own choice. The name is a label and gives
+    no access to the work of others who bear it. Raises Forbidden, Unprocessable."""
     course = courses.course_with_code(session, code)
     if course is None:
         raise Forbidden(CLOSED)

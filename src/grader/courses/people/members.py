@@ -1,7 +1,5 @@
 """The members of a course: named by an instructor, or come by themselves; who may act on whom, and who has which role.
-
-`give_role` is the only function that changes a role, whatever asks for it: pages, API, commands, rosters, platforms.
-"""
+`give_role` is the only function that changes a role, whatever asks for it: pages, API, commands, rosters, platforms."""
 
 import secrets
 from collections.abc import Sequence
@@ -27,7 +25,7 @@ STUDENTS_ALONE = "A restricted token and a service reach students alone: this ta
 
 
 def is_restricted(by: Identity | None) -> bool:
-    """Whether the caller reaches students alone: a token with scopes, or a service. `None` is the command line."""
+    """Says whether the caller reaches students alone: a token with scopes, or a service. `None` is the command line."""
     return by is not None and (by.scopes is not None or not by.is_instructor)
 
 
@@ -44,11 +42,9 @@ def require_credential(session: Session, by: Identity | None) -> None:
 
 
 def named(session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None) -> Member:
-    """The member of this name that an instructor or operator made; made now, with the role, at the first call.
-
-    Members who chose their name themselves are never found by it. One who was removed is a member again.
-    Raises Unprocessable, and Forbidden where `by` may not act on them.
-    """
+    """Returns the member of this name that an instructor or operator made; made now, with the role, at the first call.
+    Members who chose their name themselves are never found by it. One who was removed is a member again. Raises
+    Unprocessable, and Forbidden where `by` may not act on them."""
     name = checked_name("user", name)
     course = checked_name("course", DEFAULT_COURSE if course is None else course)
     if is_restricted(by):
@@ -60,7 +56,7 @@ def named(session: Session, name: str, role: Role, course: str | None = None, *,
 
 
 def other_roles(some: Sequence[Member]) -> str:
-    """Why these members get no link and no token for another role than theirs."""
+    """Says why these members get no link and no token for another role than theirs."""
     each = ", ".join(f"{one.name} ({one.role})" for one in some)
     return (
         f"In the course already with another role: {each}. Links and tokens change no role. Ask for the role that they "
@@ -75,7 +71,7 @@ def known(session: Session, name: str, course: str) -> bool:
 
 
 def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
-    """The member with this account; made now with the name and role at the first call."""
+    """Returns the member with this account; made now with the name and role at the first call."""
     if found := people.with_account(session, course, account):
         found.removed_at = None
         return found
@@ -92,9 +88,7 @@ def with_account(session: Session, account: str, name: str, role: Role, course: 
 
 def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
     """Makes a learner whose browser session is the only way back; without a name, one is made up. Raises Unprocessable.
-
-    The name is a label: others may bear it too.
-    """
+    The name is a label: others may bear it too."""
     chosen = f"learner-{secrets.token_hex(3)}" if name is None else checked_name("learner", name.strip())
     member = Member(id=new_member_id(), course=course, name=chosen, role=Role.STUDENT.value)
     session.add(member)
@@ -103,10 +97,8 @@ def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = N
 
 
 def remove(session: Session, by: Identity, member_id: str) -> None:
-    """Ends a member's tokens, sessions and links; the answers stay.
-
-    Raises NotFound, Conflict, Forbidden, Unauthorized.
-    """
+    """Ends a member's tokens, sessions and links; the answers stay. Raises NotFound, Conflict, Forbidden,
+    Unauthorized."""
     require_credential(session, by)
     member = other(session, by, member_id)
     credentials.revoke_all(session, member.id, now())
@@ -128,23 +120,19 @@ def give_role(
     session: Session, by: Identity | None, member: Member, role: Role, *, unsigned: str = COMMAND_LINE
 ) -> None:
     """Changes the role of a member, if it is another; every session, token and link of theirs ends with the old one.
-
-    Where `by` is None, the audit log names `unsigned`. Raises Forbidden for a restricted token and a service.
-    """
+    Where `by` is None, the audit log names `unsigned`. Raises Forbidden for a restricted token and a service."""
     if member.role == role:
         return
     if is_restricted(by):
         raise Forbidden(STUDENTS_ALONE)
     member.role = role.value
     credentials.revoke_all(session, member.id, now())
-    record(
-        session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, member=member.id,
-        role=role.value,
-    )  # fmt: skip
+    changed = {"member": member.id, "role": role.value}
+    record(session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, **changed)
 
 
 def checked_person(role: str) -> Role:
-    """The role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
+    """Returns the role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
     checked = checked_role(role)
     if checked is Role.SERVICE:
         raise Unprocessable("A service uses a token, not a link: grader token create --role service.")
@@ -152,7 +140,7 @@ def checked_person(role: str) -> Role:
 
 
 def other(session: Session, by: Identity, member_id: str) -> Member:
-    """A member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
+    """Returns a member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
     member = people.get(session, member_id, by.course)
     if member is None:
         raise NotFound("There is no such member.")

@@ -11,15 +11,15 @@ DIGITS = 4
 
 
 def marks_in(session: Session, course: str) -> Mapping[str, str]:
-    """The marks of the members of a course whose name another bears too, by id; of removed ones as well."""
-    return {one: mark_of(one) for one in people.namesakes(session, course)}
+    """Returns the marks of the members of a course whose name another bears too, by id; of removed ones as well."""
+    return {one: make_mark(one) for one in people.namesakes(session, course)}
 
 
-def mark_of(member: str) -> str:
-    """The mark of the member with this id, such as `…7f3a`."""
+def make_mark(member: str) -> str:
+    """Returns the mark of the member with this id, such as `…7f3a`."""
     return f"…{member[-DIGITS:]}"
 
 
 def marked(name: str, member: str | None, marks: Mapping[str, str]) -> str:
-    """A name with its mark, if it has one, as plain text."""
+    """Returns a name with its mark, if it has one, as plain text."""
     return f"{name} {marks[member]}" if member is not None and member in marks else name

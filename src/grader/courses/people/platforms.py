@@ -39,10 +39,8 @@ class Registration:
 
 @dataclass(frozen=True)
 class Person:
-    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role.
-
-    `email` is the address on the platform's roster, if it has one; it is shown, and never identifies a member.
-    """
+    """A user of a platform: `subject` identifies them for the issuer, and the platform's course gives the role. `email`
+    is the address on the platform's roster, if it has one; it is shown, and never identifies a member."""
 
     issuer: str
     subject: str
@@ -60,19 +58,14 @@ def require_administrator(by: Identity) -> None:
 
 def add(session: Session, by: Identity | None, given: Registration, deployment_id: str | None = None) -> PlatformRow:
     """Registers a platform, with its first deployment if that is known. Nobody comes from it until it is approved.
-
-    Raises Unprocessable, and Conflict if the issuer has a platform with this client id.
-    """
+    Raises Unprocessable, and Conflict if the issuer has a platform with this client id."""
     name = checked_name("platform", given.name)
     for field, value in (("issuer", given.issuer), ("client id", given.client_id)):
         if not 1 <= len(value) <= ID or not value.isprintable():
             raise Unprocessable(f"The {field} of a platform has 1 to {ID} printable characters.")
     if platforms.registered(session, given.issuer, given.client_id):
         raise Conflict("This issuer is registered with this client id already: remove that platform first.")
-    row = PlatformRow(
-        name=name, issuer=given.issuer, client_id=given.client_id, login_url=given.login_url, token_url=given.token_url,
-        keys_url=given.keys_url, token_audience=given.token_audience, origins=json.dumps(given.origins),
-    )  # fmt: skip
+    row = PlatformRow(**vars(given) | {"name": name, "origins": json.dumps(given.origins)})
     session.add(row)
     session.flush()
     if deployment_id:
@@ -83,7 +76,7 @@ def add(session: Session, by: Identity | None, given: Registration, deployment_i
 
 def approve(session: Session, by: Identity | None, platform_id: int, deployment_id: str | None = None) -> PlatformRow:
     """Approves a platform, and one deployment of it or all that wait. Raises NotFound."""
-    row = found(session, platform_id)
+    row = get_platform(session, platform_id)
     if deployment_id is not None and platforms.note_deployment(session, row.id, deployment_id) is None:
         raise Conflict("Too many deployments wait for approval: approve those, or remove the platform.")
     row.approved_at = row.approved_at or now()
@@ -94,13 +87,13 @@ def approve(session: Session, by: Identity | None, platform_id: int, deployment_
 
 def remove(session: Session, by: Identity | None, platform_id: int) -> None:
     """Removes a platform with all that its launches told. Members and answers stay. Raises NotFound."""
-    row = found(session, platform_id)
+    row = get_platform(session, platform_id)
     record(session, by, DEFAULT_COURSE, Action.PLATFORM_REMOVED, row.name, platform=row.id)
     platforms.remove(session, row)
 
 
-def found(session: Session, platform_id: int) -> PlatformRow:
-    """The platform with this id. Raises NotFound."""
+def get_platform(session: Session, platform_id: int) -> PlatformRow:
+    """Returns the platform with this id. Raises NotFound."""
     row = platforms.get(session, platform_id)
     if row is None:
         raise NotFound("There is no such platform.")
@@ -108,7 +101,7 @@ def found(session: Session, platform_id: int) -> PlatformRow:
 
 
 def course_exists(session: Session, course: str, known: Collection[str] = ()) -> bool:
-    """Whether somebody has this course already: a folder of its own, a member, or a link with a platform."""
+    """Says whether somebody has this course already: a folder of its own, a member, or a link with a platform."""
     if course == DEFAULT_COURSE or course in known:
         return True
     has_member, is_linked = exists().where(Member.course == course), exists().where(Context.course == course)
@@ -116,12 +109,10 @@ def course_exists(session: Session, course: str, known: Collection[str] = ()) ->
 
 
 def ask_for(session: Session, context_id: int, course: str, by: str, known: Collection[str] = ()) -> bool:
-    """Links a platform's course with a new course here, as an instructor of it asks. Returns whether it is linked.
-
-    A course that exists has instructors, who approve first. Raises NotFound, Unprocessable, and Conflict if it is
-    linked already.
-    """
-    context, course = context_with(session, context_id), checked_name("course", course.strip())
+    """Links a platform's course with a new course here, as an instructor of it asks. Returns whether it is linked. A
+    course that exists has instructors, who approve first. Raises NotFound, Unprocessable, and Conflict if it is linked
+    already."""
+    context, course = get_context(session, context_id), checked_name("course", course.strip())
     if context.course is not None:
         raise Conflict("This course is linked already. Start again from your learning platform.")
     is_new = not course_exists(session, course, known)
@@ -134,7 +125,7 @@ def ask_for(session: Session, context_id: int, course: str, by: str, known: Coll
 
 def link(session: Session, by: Identity | None, context_id: int, course: str) -> Context:
     """Links a platform's course with a course here: who teaches there is an instructor here. Raises NotFound."""
-    context, course = context_with(session, context_id), checked_name("course", course)
+    context, course = get_context(session, context_id), checked_name("course", course)
     if context.course not in (None, course):
         raise Conflict(f"This course is linked with {context.course!r}: unlink it first.")
     context.course, context.wanted, context.wanted_by = course, None, None
@@ -144,22 +135,22 @@ def link(session: Session, by: Identity | None, context_id: int, course: str) ->
 
 def unlink(session: Session, by: Identity | None, context_id: int) -> None:
     """Ends the link of a platform's course, or declines it. Raises NotFound."""
-    context = context_with(session, context_id)
+    context = get_context(session, context_id)
     course = context.course or context.wanted or DEFAULT_COURSE
     platforms.unlink(session, context)
     record(session, by, course, Action.CONTEXT_UNLINKED, context.title, context=context.id)
 
 
-def of_course(session: Session, by: Identity, context_id: int) -> Context:
-    """A platform's course that is linked with the instructor's, or asks to be. Raises NotFound."""
+def get_own_context(session: Session, by: Identity, context_id: int) -> Context:
+    """Returns a platform's course that is linked with the instructor's, or asks to be. Raises NotFound."""
     context = platforms.context_by_id(session, context_id)
     if context is None or by.course not in (context.course, context.wanted if context.course is None else None):
         raise NotFound("There is no such course of a platform.")
     return context
 
 
-def context_with(session: Session, context_id: int) -> Context:
-    """The platform's course with this id of ours. Raises NotFound."""
+def get_context(session: Session, context_id: int) -> Context:
+    """Returns the platform's course with this id of ours. Raises NotFound."""
     context = platforms.context_by_id(session, context_id)
     if context is None:
         raise NotFound("There is no such course of a platform.")
@@ -167,10 +158,8 @@ def context_with(session: Session, context_id: int) -> Context:
 
 
 def member_of(session: Session, context: Context, person: Person) -> Member:
-    """The member who a platform's user is in the linked course; made at the first call. The platform gives the role.
-
-    A subject belongs to one person of its issuer. Raises Forbidden if an instructor has removed the member.
-    """
+    """Returns the member who a platform's user is in the linked course; made at the first call. The platform gives the
+    role. A subject belongs to one person of its issuer. Raises Forbidden if an instructor has removed the member."""
     assert context.course is not None
     digest = hashlib.sha256(f"{person.issuer}\n{person.subject}".encode()).hexdigest()
     account = f"lti:{digest}"

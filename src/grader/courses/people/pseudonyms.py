@@ -17,7 +17,7 @@ class Blinding:
     secret: bytes = field(repr=False)
 
     def name(self, submission: Submission) -> str:
-        """The learner's pseudonym in this quiz: the same for all answers, and another one in the next quiz."""
+        """Returns the learner's pseudonym in this quiz: the same for all answers, and another one in the next quiz."""
         digest = self._keyed("name", submission.course, submission.quiz, submission.learner)
         return f"learner-{base64.b32encode(digest[:NAME_BYTES]).decode().lower()}"
 

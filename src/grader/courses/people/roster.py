@@ -27,10 +27,8 @@ PEOPLE = (Role.STUDENT, Role.INSTRUCTOR)
 
 @dataclass(frozen=True)
 class Entry:
-    """A person on a roster. `email` is None where the file has no such column, and empty where the cell is.
-
-    Without `external` the person is the member of this name that an instructor or operator made.
-    """
+    """A person on a roster. `email` is None where the file has no such column, and empty where the cell is. Without
+    `external` the person is the member of this name that an instructor or operator made."""
 
     line: int
     name: str
@@ -53,16 +51,16 @@ class Line:
     cells: Mapping[str, str]
 
     def get(self, column: str) -> str:
-        """The text of a cell, empty if the column is missing; a guard against formulas is taken off."""
+        """Returns the text of a cell, empty if the column is missing; a guard against formulas is taken off."""
         return unguarded(self.cells.get(column, "").strip())
 
     def fault(self, column: str, why: str) -> Fault:
-        """What is wrong with one cell."""
+        """Says what is wrong with one cell."""
         return Fault(self.file, f"line {self.number}, {column}", why)
 
 
-def decoded(file: str, data: bytes) -> str:
-    """The text of a file, with or without the mark of UTF-8. Raises Unprocessable."""
+def decode(file: str, data: bytes) -> str:
+    """Returns the text of a file, with or without the mark of UTF-8. Raises Unprocessable."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -71,9 +69,7 @@ def decoded(file: str, data: bytes) -> str:
 
 def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
     """The columns of a CSV file, and its rows; empty ones are left out. Columns are parted by commas or semicolons.
-
-    Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells.
-    """
+    Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells."""
     first = text.partition("\n")[0]
     delimiter = ";" if ";" in first and "," not in first else ","
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
@@ -98,10 +94,12 @@ def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
     return columns, [Line(file, number, dict(zip(columns, row, strict=False))) for number, row in rows[1:]]
 
 
-def required(file: str, columns: Sequence[str], wanted: Iterable[str], known: Iterable[str] | None = None) -> None:
+def require_columns(
+    file: str, columns: Sequence[str], wanted: Iterable[str], known: Iterable[str] | None = None
+) -> None:
     """Raises FaultyRows if a column is missing, there twice or, where `known` says which there are, unknown."""
     faults = [Fault(file, f"line 1, {name}", "the column is missing") for name in wanted if name not in columns]
-    faults += [Fault(file, f"line 1, {name}", "the column is there twice") for name in twice(columns)]
+    faults += [Fault(file, f"line 1, {name}", "the column is there twice") for name in find_repeated(columns)]
     if known is not None:
         listed = tuple(known)
         told = f"there is no such column: they are {', '.join(listed)}"
@@ -110,28 +108,26 @@ def required(file: str, columns: Sequence[str], wanted: Iterable[str], known: It
         raise FaultyRows(faults[:FAULTS_MAX])
 
 
-def twice(names: Sequence[str]) -> list[str]:
+def find_repeated(names: Sequence[str]) -> list[str]:
     """Names that occur more than once."""
     return sorted(name for name, count in Counter(names).items() if name and count > 1)
 
 
 def read_roster(text: str, namespace: str = NAMESPACE) -> list[Entry]:
-    """The people on a roster in our own form: `name`, and any of the other COLUMNS.
-
-    `namespace` is that of ids in rows that name none. Raises Unprocessable, and FaultyRows with all faults.
-    """
+    """Returns the people on a roster in our own form: `name`, and any of the other COLUMNS. `namespace` is that of ids
+    in rows that name none. Raises Unprocessable, and FaultyRows with all faults."""
     columns, rows = read_lines(FILE, text)
-    required(FILE, columns, ["name"], COLUMNS)
+    require_columns(FILE, columns, ["name"], COLUMNS)
     has_email = "email" in columns
-    return entries_of(rows, lambda row, note: entry_of(row, namespace, note, has_email=has_email))
+    return read_entries(rows, lambda row, note: read_entry(row, namespace, note, has_email=has_email))
 
 
 Note = Callable[[str, str], None]
 """Notes a fault of a column of the row that is read."""
 
 
-def entries_of(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None]) -> list[Entry]:
-    """What `read` makes of the rows. Raises FaultyRows if it notes faults, or a person is there twice."""
+def read_entries(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None]) -> list[Entry]:
+    """Says what `read` makes of the rows. Raises FaultyRows if it notes faults, or a person is there twice."""
     faults: list[Fault] = []
     found: dict[str, Entry] = {}
     for row in rows:
@@ -147,19 +143,19 @@ def entries_of(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None])
     return list(found.values())
 
 
-def entry_of(row: Line, namespace: str, note: Note, *, has_email: bool) -> Entry:
-    """The person in a row of our own form; faults are noted."""
-    role = role_in(row.get("role") or Role.STUDENT, note)
-    email = email_in(row.get("email"), note) if has_email else None
+def read_entry(row: Line, namespace: str, note: Note, *, has_email: bool) -> Entry:
+    """Returns the person in a row of our own form; faults are noted."""
+    role = read_role(row.get("role") or Role.STUDENT, note)
+    email = read_email(row.get("email"), note) if has_email else None
     external_id = row.get("external_id")
-    external = external_in(row.get("namespace") or namespace, external_id, note) if external_id else None
+    external = read_external(row.get("namespace") or namespace, external_id, note) if external_id else None
     if not external_id and row.get("namespace"):
         note("external_id", "is missing: a namespace says whose id it is")
-    return Entry(row.number, name_in(row.get("name"), note), role, email, external)
+    return Entry(row.number, read_name(row.get("name"), note), role, email, external)
 
 
-def name_in(name: str, note: Note) -> str:
-    """The name, if it can be one."""
+def read_name(name: str, note: Note) -> str:
+    """Returns the name, if it can be one."""
     try:
         return checked_name("person", name)
     except Unprocessable as error:
@@ -167,8 +163,8 @@ def name_in(name: str, note: Note) -> str:
         return name
 
 
-def role_in(role: str, note: Note) -> Role:
-    """The role, if a person can have it."""
+def read_role(role: str, note: Note) -> Role:
+    """Returns the role, if a person can have it."""
     if role not in PEOPLE:
         note("role", f"is {' or '.join(PEOPLE)}, or empty for a student; not {role!r}")
         return Role.STUDENT
@@ -176,19 +172,19 @@ def role_in(role: str, note: Note) -> Role:
 
 
 def is_email(text: str) -> bool:
-    """Whether a text can be an address."""
+    """Says whether a text can be an address."""
     return len(text) <= EMAIL and text.isprintable() and ADDRESS.fullmatch(text) is not None
 
 
-def email_in(email: str, note: Note) -> str:
-    """The address, if it can be one."""
+def read_email(email: str, note: Note) -> str:
+    """Returns the address, if it can be one."""
     if email and not is_email(email):
         note("email", f"is no address: one is name@host, of at most {EMAIL} characters")
     return email
 
 
-def external_in(namespace: str, external_id: str, note: Note) -> External | None:
-    """The person's id in another system, if it can be one; in the namespace `grader`, the id of a member."""
+def read_external(namespace: str, external_id: str, note: Note) -> External | None:
+    """Returns the person's id in another system, if it can be one; in the namespace `grader`, the id of a member."""
     if namespace == OWN:
         return External(OWN, external_id)
     try:
@@ -199,13 +195,7 @@ def external_in(namespace: str, external_id: str, note: Note) -> External | None
 
 
 def write_roster(entries: Iterable[Entry]) -> Iterator[str]:
-    """The lines of a roster in our own form, which `read_roster` reads back."""
-    return lines(chain([COLUMNS], map(cells_of, entries)))
-
-
-def cells_of(entry: Entry) -> list[str]:
-    """A person as a row of our own form."""
-    external = entry.external or External("", "")
-    return [
-        guarded(cell) for cell in (entry.name, entry.email or "", entry.role.value, external.namespace, external.id)
-    ]
+    """Returns the lines of a roster in our own form, which `read_roster` reads back."""
+    everybody = ((entry, entry.external or External("", "")) for entry in entries)
+    rows = ((entry.name, entry.email or "", entry.role.value, as_.namespace, as_.id) for entry, as_ in everybody)
+    return lines(chain([COLUMNS], ([guarded(cell) for cell in row] for row in rows)))

@@ -34,9 +34,7 @@ class BrowserSession:
 
 def create_sign_in_code(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
     """Creates a code that opens one browser session for a named member, for the operator, who also gives the role.
-
-    Raises Unprocessable.
-    """
+    Raises Unprocessable."""
     checked = checked_role(role)
     member = named(session, user, checked, course)
     give_role(session, None, member, checked)
@@ -44,10 +42,8 @@ def create_sign_in_code(session: Session, user: str, role: Role | str, course: s
 
 
 def start_session(session: Session, member: Member, platform: int | None = None) -> BrowserSession:
-    """Starts a browser session, and deletes sessions and codes that have ended.
-
-    `platform` is the learning platform that launched it; each launch opens another one, so they are short.
-    """
+    """Starts a browser session, and deletes sessions and codes that have ended. `platform` is the learning platform
+    that launched it; each launch opens another one, so they are short."""
     people.prune(session, credentials.prune(session, PRUNED, now()))
     is_short = member.role != Role.STUDENT or platform is not None
     lifetime = INSTRUCTOR_SESSION if is_short else LEARNER_SESSION
@@ -63,7 +59,7 @@ def start_anonymous_session(session: Session) -> BrowserSession:
 
 
 def identity_behind(session: Session, code: str) -> Identity | None:
-    """Who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
+    """Says who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
     credential = find(session, Kind.SIGN_IN, code)
     return None if credential is None else identity_of(credential)
 
@@ -79,17 +75,15 @@ def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:
 
 
 def create_return_code(session: Session, who: Identity) -> str:
-    """Creates a code with which the owner of a browser session comes back; it revokes the earlier ones.
-
-    An instructor's is as short as any other sign-in code: it must not outlive their session by half a year.
-    """
+    """Creates a code with which the owner of a browser session comes back; it revokes the earlier ones. An instructor's
+    is as short as any other sign-in code: it must not outlive their session by half a year."""
     credentials.revoke_all(session, who.id, now(), [Kind.SIGN_IN])
     member = session.get_one(Member, who.id)
     return issue(session, Kind.SIGN_IN, member, RETURN_CODE if member.role == Role.STUDENT else SIGN_IN_CODE)
 
 
 def is_only_in_browser(session: Session, who: Identity) -> bool:
-    """Whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
+    """Says whether the session is the learner's only way to the work: no name that an instructor knows, no account."""
     return session.get_one(Member, who.id).account is None
 
 

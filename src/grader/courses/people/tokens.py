@@ -27,20 +27,12 @@ DAYS_MAX = 3650
 
 
 def create_token(
-    session: Session,
-    user: str,
-    role: Role | str,
-    course: str | None = None,
-    *,
-    scopes: Iterable[str] | None = None,
-    lifetime: timedelta | None = None,
-    by: Identity | None = None,
-) -> str:
-    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict.
-
-    Without `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token
-    creates tokens of students alone, within its own scopes and its own time.
-    """
+    session: Session, user: str, role: Role | str, course: str | None = None, *,
+    scopes: Iterable[str] | None = None, lifetime: timedelta | None = None, by: Identity | None = None,
+) -> str:  # fmt: skip
+    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict. Without
+    `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token creates
+    tokens of students alone, within its own scopes and its own time."""
     checked, wanted = checked_role(role), None if scopes is None else checked_scopes(scopes)
     if by is not None and by.scopes is not None:
         require_within(session, by, by.scopes, wanted, lifetime)
@@ -69,15 +61,13 @@ def require_within(
 
 
 def tokens(session: Session, course: str) -> Sequence[Credential]:
-    """The tokens of a course that were not revoked and have not expired, newest first."""
+    """Returns the tokens of a course that were not revoked and have not expired, newest first."""
     return credentials.alive_in(session, course, Kind.TOKEN, now())
 
 
 def revoke(session: Session, token_id: str, course: str, by: Identity | None = None) -> None:
-    """Revokes one token by its id; a restricted token ends those of students and itself.
-
-    Raises NotFound if it is not one of the course, or has ended; Forbidden, Unauthorized.
-    """
+    """Revokes one token by its id; a restricted token ends those of students and itself. Raises NotFound if it is not
+    one of the course, or has ended; Forbidden, Unauthorized."""
     credential = credentials.find(session, token_id, Kind.TOKEN, now())
     if credential is None or credential.course != course:
         raise NotFound("There is no such token.")
@@ -99,15 +89,9 @@ def revoke_all(session: Session, user: str, course: str | None = None) -> int:
 
 
 def shown(credential: Credential) -> dict[str, Any]:
-    """A token or a link, without its secret."""
-    return {
-        "id": credential.id,
+    """Returns a token or a link, without its secret."""
+    names = ("id", "member", "role", "created_at", "created_by", "expires_at", "last_used_at")
+    return {name: getattr(credential, name) for name in names} | {
         "name": credential.user,
-        "member": credential.member,
-        "role": credential.role,
         "scopes": None if credential.scopes is None else credential.scopes.split(),
-        "created_at": credential.created_at,
-        "created_by": credential.created_by,
-        "expires_at": credential.expires_at,
-        "last_used_at": credential.last_used_at,
     }

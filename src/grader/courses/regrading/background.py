@@ -1,8 +1,6 @@
 """Regrading as jobs of the queue: a lane of a regrade at a time, in short pieces, so that live grading goes first.
-
 Every piece is stored in one transaction with the next job of its lane. A piece that was interrupted is done again; what
-it had stored is not.
-"""
+it had stored is not."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -108,7 +106,7 @@ class Regrading:
         items = regrades.waiting(session, regrade_id, int(lane), PIECE)
         if regrade.status not in UNFINISHED or not items:
             return None
-        return Piece(subject, int(lane), regrade, tuple(works_of(session, items)))
+        return Piece(subject, int(lane), regrade, tuple(read_works(session, items)))
 
     def run(self, started: Piece) -> JobOutcome:
         """Grades the submissions of a piece, as many as the time allows."""
@@ -214,10 +212,12 @@ class _Storing:
             item.new_status, item.new_points = done.verdict.status.value, done.verdict.points
         key = LearnerAt.of(submission)
         self.task.database.lock_learner(self.session, key.course, key.learner)
-        item.counted_before = points_of(find_result(self.session, key))
+        item.counted_before = get_points(find_result(self.session, key))
         if self.regrade.dry_run:
             self.session.flush()
-            item.counted_after = results.predict_points(self.session, self.library, key, changed_at(self.session, item))
+            item.counted_after = results.predict_points(
+                self.session, self.library, key, list_changed(self.session, item)
+            )
             return
         if done.outcome is Outcome.CHANGED and done.verdict is not None:
             results.append_verdict(
@@ -225,16 +225,16 @@ class _Storing:
             )
         else:
             results.recount(self.session, self.library, key)
-        item.counted_after = points_of(find_result(self.session, key))
+        item.counted_after = get_points(find_result(self.session, key))
 
 
-def points_of(result: Result | None) -> float | None:
-    """The points that count; None if nothing does."""
+def get_points(result: Result | None) -> float | None:
+    """Returns the points that count; None if nothing does."""
     return None if result is None else result.points
 
 
-def works_of(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
-    """The submissions of items, with what is known of them."""
+def read_works(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
+    """Yields the submissions of items, with what is known of them."""
     ids = [item.submission_id for item in items]
     found = {one.id: one for one in submissions.several(session, ids)}
     verdicts, reviewed = submissions.verdicts(session, found.values()), regrades.reviewed(session, ids)
@@ -243,8 +243,8 @@ def works_of(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
         yield Work(item.number, item.place, found.get(one), verdicts.get(one), one in reviewed)
 
 
-def changed_at(session: Session, item: RegradeItem) -> dict[str, tuple[Status, float]]:
-    """The new verdicts of the learner at the question so far, by submission."""
+def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status, float]]:
+    """Returns the new verdicts of the learner at the question so far, by submission."""
     return {
         one.submission_id: (Status(one.new_status), one.new_points or 0.0)
         for one in regrades.at_place(session, item.regrade_id, item.place)
@@ -253,6 +253,6 @@ def changed_at(session: Session, item: RegradeItem) -> dict[str, tuple[Status, f
 
 
 def is_same(old: Mapping[str, Any] | None, new: Verdict) -> bool:
-    """Whether a stored verdict says what the new one says: status, points, findings, evidence and explanation."""
+    """Says whether a stored verdict says what the new one says: status, points, findings, evidence and explanation."""
     told = new.model_dump(mode="json")
     return old is not None and all(old.get(name) == value for name, value in told.items() if name not in VOLATILE)

@@ -1,7 +1,7 @@
 """Regrades: which submissions, who started and cancelled them, and the difference that they make for each learner."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Literal
@@ -34,11 +34,8 @@ SCOPES: tuple[Scope, ...] = ("latest", "best", "all")
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which submissions to regrade: of a question or of all questions of a quiz.
-
-    `scope` takes each learner's latest attempt at a question, the best one, or everything that was handed in; or else
-    these submissions.
-    """
+    """Which submissions to regrade: of a question or of all questions of a quiz. `scope` takes each learner's latest
+    attempt at a question, the best one, or everything that was handed in; or else these submissions."""
 
     quiz: str
     question: str | None
@@ -55,35 +52,24 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     with database.read() as session:
         chosen = choose(session, who.course, quiz, questions, wanted.scope)
     regrade = Regrade(
-        id=new_id(),
-        course=who.course,
-        quiz=quiz.id,
-        question=wanted.question,
+        id=new_id(), course=who.course, quiz=quiz.id, question=wanted.question,
         scope=json.dumps(wanted.scope if isinstance(wanted.scope, str) else {"submission_ids": wanted.scope}),
-        dry_run=wanted.dry_run,
-        content_digest=library.digest(quiz.id),
-        status=QUEUED if chosen else DONE,
-        created_by=who.user,
-        finished_at=None if chosen else now(),
-    )
+        dry_run=wanted.dry_run, content_digest=library.digest(quiz.id), status=QUEUED if chosen else DONE,
+        created_by=who.user, finished_at=None if chosen else now(),
+    )  # fmt: skip
     with database.write() as session:
         database.lock(session, f"regrades\n{who.course}")
         refuse_more(session, regrade)
         regrades.add(session, regrade, chosen)
         for lane in sorted({item["place"] % LANES for item in chosen}):
             jobs.put(session, jobs.REGRADE, f"{regrade.id}:{lane}", share=regrade.id)
-        detail: dict[str, Any] = {
-            "quiz": quiz.id,
-            "question": wanted.question,
-            "dry_run": wanted.dry_run,
-            "submissions": len(chosen),
-        }
-        record(session, who, who.course, Action.REGRADED, regrade.id, **detail)
+        asked: dict[str, Any] = {"quiz": quiz.id, "question": wanted.question, "dry_run": wanted.dry_run}
+        record(session, who, who.course, Action.REGRADED, regrade.id, **asked, submissions=len(chosen))
     return regrade
 
 
-def wanted_of(tried: Regrade) -> Wanted:
-    """What a dry run has tried, to be applied."""
+def restore_wanted(tried: Regrade) -> Wanted:
+    """Says what a dry run has tried, to be applied."""
     scope: Any = json.loads(tried.scope)
     chosen = tuple(scope["submission_ids"]) if isinstance(scope, dict) else scope
     return Wanted(tried.quiz, tried.question, chosen, dry_run=False)
@@ -111,7 +97,7 @@ def cancel(session: Session, who: Identity, regrade_id: str) -> Regrade:
 
 
 def get(session: Session, regrade_id: str, course: str) -> Regrade:
-    """The regrade. Raises NotFound."""
+    """Returns the regrade. Raises NotFound."""
     found = regrades.find(session, regrade_id, course) if regrade_id.isalnum() else None
     if found is None:
         raise NotFound("There is no such regrade.")
@@ -121,11 +107,11 @@ def get(session: Session, regrade_id: str, course: str) -> Regrade:
 def choose(
     session: Session, course: str, quiz: Quiz, questions: list[str], scope: Scope | tuple[str, ...]
 ) -> list[dict[str, Any]]:
-    """The submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
+    """Returns the submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
     rows = regrades.candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
     extended = {row.learner: extensions.extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
-    chosen = [within(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
+    chosen = [select_rows(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
     places = enumerate(filter(None, chosen), 1)
     items = [
         {"place": place, "submission_id": row.id, "learner": row.learner, "question": row.question}
@@ -137,8 +123,10 @@ def choose(
     return [item | {"number": number} for number, item in enumerate(items, 1)]
 
 
-def within(rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, extension: Extension | None) -> list[Any]:
-    """Which of a learner's submissions at a question are in the scope; the best one with late multipliers."""
+def select_rows(
+    rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, extension: Extension | None
+) -> list[Any]:
+    """Says which of a learner's submissions at a question are in the scope; the best one with late multipliers."""
     if scope not in ("latest", "best"):
         return rows
     used = [row for row in rows if row.uses_attempt]
@@ -150,7 +138,7 @@ def within(rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, exte
 
 
 def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
-    """A regrade as plain JSON; `counts` are its items by outcome."""
+    """Returns a regrade as plain JSON; `counts` are its items by outcome."""
     names = (
         "id", "quiz", "question", "dry_run", "status", "reason", "content_digest", "created_by", "created_at",
         "finished_at",
@@ -163,12 +151,10 @@ def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
     }
 
 
-def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
-    """What the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their numbers.
-
-    `before` and `after` are the points that count, by the policy and the learner's extension; None where nothing does,
-    or where it is not known yet.
-    """
+def compare_points(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
+    """Says what the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their
+    numbers. `before` and `after` are the points that count, by the policy and the learner's extension; None where
+    nothing does, or where it is not known yet."""
     for place, several in groupby(rows, key=lambda row: row[0].place):
         theirs = list(several)
         items = [item for item, _ in theirs]
@@ -182,28 +168,23 @@ def differences(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict
             "before": before,
             "after": after,
             "difference": (after or 0.0) - (before or 0.0) if is_done else None,
-            "submissions": [submission_view(item) for item in items],
+            "submissions": [
+                {
+                    "submission_id": item.submission_id,
+                    "outcome": item.outcome,
+                    "old": view_points(item.old_status, item.old_points),
+                    "new": view_points(item.new_status, item.new_points),
+                }
+                for item in items
+            ],
         }
 
 
-def submission_view(item: RegradeItem) -> dict[str, Any]:
-    """One submission of a regrade as plain JSON."""
-    return {
-        "submission_id": item.submission_id,
-        "outcome": item.outcome,
-        "old": points_view(item.old_status, item.old_points),
-        "new": points_view(item.new_status, item.new_points),
-    }
-
-
-def points_view(status: str | None, points: float | None) -> dict[str, Any] | None:
-    """A verdict in short."""
+def view_points(status: str | None, points: float | None) -> dict[str, Any] | None:
+    """Returns a verdict in short."""
     return None if status is None else {"status": status, "points": points}
 
 
-def page_of(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
+def read_page(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
     """The differences of at most `limit` learners after a place; with `changed` those alone whose verdicts differ."""
-    rows: Sequence[tuple[RegradeItem, str | None]] = regrades.learners(
-        session, regrade_id, after, limit, "changed" if changed else None
-    )
-    return list(differences(rows))
+    return list(compare_points(regrades.learners(session, regrade_id, after, limit, "changed" if changed else None)))

@@ -26,11 +26,9 @@ class QuizStatistics:
 
 @dataclass(frozen=True)
 class Version:
-    """What the statistics of a quiz depend on: equal versions have equal statistics.
-
-    They are about all learners but `without`, who are instructors that try questions, and leave out the `hidden` pairs
-    of learner and question, whose marks the reader must not see yet.
-    """
+    """What the statistics of a quiz depend on: equal versions have equal statistics. They are about all learners but
+    `without`, who are instructors that try questions, and leave out the `hidden` pairs of learner and question, whose
+    marks the reader must not see yet."""
 
     course: str
     quiz: Quiz = field(compare=False)

@@ -38,38 +38,34 @@ class Stuck:
     last: datetime
 
 
-def stuck_in(session: Session, course: str, without: Collection[str]) -> list[Stuck]:
-    """The learners of a course who are stuck, those with the most attempts first; not the members `without`.
-
-    What a person marks is left out: there the learner waits, and bears a pseudonym.
-    """
+def find_stuck(session: Session, course: str, without: Collection[str]) -> list[Stuck]:
+    """Returns the learners of a course who are stuck, those with the most attempts first; not the members `without`.
+    What a person marks is left out: there the learner waits, and bears a pseudonym."""
     since = now() - RECENT
     tries = submissions.unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
-    runs = [run for run in runs_of(tries) if run[-1].learner not in without]
+    runs = [run for run in find_runs(tries) if run[-1].learner not in without]
     newest = [one.submission for run in runs for one in run[-ATTEMPTS_MIN:]]
-    return stuck_among(runs, submissions.verdicts_of(session, newest))
+    return select_stuck(runs, submissions.verdicts_of(session, newest))
 
 
-def runs_of(tries: Iterable[Try]) -> list[Sequence[Try]]:
-    """The last attempts of each learner at a question that gained no points; of `ATTEMPTS_MIN` or more. Pure.
-
-    `tries` are in order of the learner, the quiz, the question and time.
-    """
+def find_runs(tries: Iterable[Try]) -> list[Sequence[Try]]:
+    """Returns the last attempts of each learner at a question that gained no points; of `ATTEMPTS_MIN` or more. Pure.
+    `tries` are in order of the learner, the quiz, the question and time."""
     by_place = groupby(tries, key=lambda one: (one.learner, one.quiz, one.question))
-    runs = [without_gain(list(theirs)) for _, theirs in by_place]
+    runs = [drop_gains(list(theirs)) for _, theirs in by_place]
     return [run for run in runs if len(run) >= ATTEMPTS_MIN]
 
 
-def without_gain(tries: Sequence[Try]) -> Sequence[Try]:
-    """The attempts since the last one that got more points than the attempt before it."""
+def drop_gains(tries: Sequence[Try]) -> Sequence[Try]:
+    """Returns the attempts since the last one that got more points than the attempt before it."""
     start = len(tries) - 1
     while start > 0 and tries[start].points <= tries[start - 1].points:
         start -= 1
     return tries[start:]
 
 
-def stuck_among(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> list[Stuck]:
-    """The runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
+def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> list[Stuck]:
+    """Returns the runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
     found = []
     for run in runs:
         told = {verdicts[one.submission]["diagnosis"] for one in run[-ATTEMPTS_MIN:]}

@@ -32,8 +32,8 @@ class Today:
     more_dead: bool
 
 
-def today_of(desk: Desk, session: Session, who: Identity) -> Today:
-    """What waits in the course of an instructor. Reads at most `COUNTED_MAX` answers of each kind."""
+def read_today(desk: Desk, session: Session, who: Identity) -> Today:
+    """Says what waits in the course of an instructor. Reads at most `COUNTED_MAX` answers of each kind."""
     wanted = SubmissionFilter(who.course)
     here = (Delivery.course == who.course, Delivery.state == DEAD)
     dead = outbox.page(session, here, 0, DEAD_SHOWN + 1)

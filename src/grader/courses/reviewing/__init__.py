@@ -1,4 +1,2 @@
-"""Reviews by people: claims, marks, rubrics, saved comments, and what reviewers must not know.
-
-A review appends a verdict; earlier ones are kept.
-"""
+"""Reviews by people: claims, marks, rubrics, saved comments, and what reviewers must not know. A review appends a
+verdict; earlier ones are kept."""

@@ -31,18 +31,11 @@ class Blinded:
 
 
 def blinded(
-    desk: Desk,
-    session: Session,
-    who: Identity,
-    rows: Sequence[Submission],
-    verdicts: Mapping[str, Any],
-    *,
+    desk: Desk, session: Session, who: Identity, rows: Sequence[Submission], verdicts: Mapping[str, Any], *,
     always: bool = False,
-) -> Blinded:
-    """What an instructor may see of submissions whose newest verdicts are given; learners see their own as they are.
-
-    With `always`, answers that a person marks bear their pseudonyms also after the last decision.
-    """
+) -> Blinded:  # fmt: skip
+    """Says what an instructor may see of submissions whose newest verdicts are given; learners see their own as they
+    are. With `always`, answers that a person marks bear their pseudonyms also after the last decision."""
     if not who.is_instructor:
         return Blinded(verdicts, {})
     held = reviews.of_submissions(session, [row.id for row in rows])
@@ -53,14 +46,14 @@ def blinded(
 
 
 def is_marked(row: Submission, reviewed: Collection[str]) -> bool:
-    """Whether a person marks the submission, or has."""
+    """Says whether a person marks the submission, or has."""
     return row.status == NEEDS_REVIEW or row.id in reviewed
 
 
 def pseudonyms(
     desk: Desk, session: Session, who: Identity, marked: Sequence[Submission], *, always: bool
 ) -> dict[str, str]:
-    """The pseudonyms of submissions that a person marks, by id; without those that bear the learner's name."""
+    """Returns the pseudonyms of submissions that a person marks, by id; without those that bear the learner's name."""
     others = [row for row in marked if row.learner != who.id and desk.is_anonymous(row.quiz)]
     learners = {row.learner for row in others}
     waiting = reviews.undecided(session, who.course, desk.averaged, learners) if others and not always else set()
@@ -76,7 +69,7 @@ class Unseen:
 
 
 def unseen_by(session: Session, who: Identity) -> Unseen:
-    """The first marks in a course that this user must not see yet."""
+    """Returns the first marks in a course that this user must not see yet."""
     if not who.is_instructor:
         return Unseen()
     rows = reviews.unseen_marks(session, who.course, who.id)
@@ -107,6 +100,6 @@ def _difference(item: dict[str, Any], names: Mapping[str, str], unseen: Unseen, 
 
 
 def seen_detail(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
-    """The detail of an entry of the audit log, without the points of a first mark that is to stay unseen."""
+    """Returns the detail of an entry of the audit log, without the points of a first mark that is to stay unseen."""
     detail: dict[str, Any] = json.loads(entry.detail)
     return {} if entry.subject in unseen.submissions else detail

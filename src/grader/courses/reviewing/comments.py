@@ -41,7 +41,7 @@ def check(text: str) -> None:
 
 def change(session: Session, who: Identity, comment_id: str, text: str) -> SavedComment:
     """Changes the text of a comment. Raises NotFound."""
-    comment = found(session, who, comment_id)
+    comment = get_comment(session, who, comment_id)
     comment.text, comment.saved_by, comment.saved_at = text, who.user, now()
     record(session, who, who.course, Action.COMMENT_CHANGED, comment.id)
     return comment
@@ -49,13 +49,13 @@ def change(session: Session, who: Identity, comment_id: str, text: str) -> Saved
 
 def delete(session: Session, who: Identity, comment_id: str) -> None:
     """Deletes a comment; the reviews that used it stay. Raises NotFound."""
-    comment = found(session, who, comment_id)
+    comment = get_comment(session, who, comment_id)
     session.delete(comment)
     record(session, who, who.course, Action.COMMENT_DELETED, comment.id)
 
 
-def found(session: Session, who: Identity, comment_id: str) -> SavedComment:
-    """The comment of the caller's course. Raises NotFound."""
+def get_comment(session: Session, who: Identity, comment_id: str) -> SavedComment:
+    """Returns the comment of the caller's course. Raises NotFound."""
     comment = find_comment(session, comment_id, who.course) if comment_id.isalnum() else None
     if comment is None:
         raise NotFound("There is no such comment.")

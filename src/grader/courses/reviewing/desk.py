@@ -32,14 +32,14 @@ class Desk:
         session.refresh(submission)
 
     def question(self, submission: Submission) -> Question | None:
-        """The question as it is now; None if the content has lost it."""
+        """Returns the question as it is now; None if the content has lost it."""
         try:
             return self.library.question(submission.quiz, submission.question)
         except NotFound:
             return None
 
     def second_marking(self, submission: Submission) -> SecondMarking:
-        """The rule for second marks of the submission's quiz; by default no answer is marked twice."""
+        """Returns the rule for second marks of the submission's quiz; by default no answer is marked twice."""
         quiz = self.library.quizzes.get(submission.quiz)
         return (quiz and quiz.second_marking) or SecondMarking(share=0.0)
 
@@ -49,6 +49,6 @@ class Desk:
         return {quiz.id for quiz in self.library.quizzes.values() if quiz.policy.counts == "average"}
 
     def is_anonymous(self, quiz: str) -> bool:
-        """Whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""
+        """Says whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""
         found = self.library.quizzes.get(quiz)
         return found is None or found.anonymous

@@ -26,27 +26,26 @@ FOLLOWING = "a change of the rubric"
 
 
 def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
-    """The submissions that wait. A search by name finds nothing in anonymous quizzes."""
+    """Returns the submissions that wait. A search by name finds nothing in anonymous quizzes."""
     if wanted.user is None:
         return Queue(wanted, desk.averaged, second_for)
-    return Queue(
-        wanted, desk.averaged, second_for, {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
-    )
+    quizzes = {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
+    return Queue(wanted, desk.averaged, second_for, quizzes)
 
 
 def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:
     """Claims a submission, or prolongs the reviewer's own claim on it. Raises Conflict. The caller holds the lock."""
     clock = now()
-    free_for(session, submission, who)
+    require_free(session, submission, who)
     if second:
-        awaiting_second(session, submission, who)
+        require_second(session, submission, who)
     if reviews.claim_on(session, submission.id, clock) is None:
         record(session, who, who.course, Action.CLAIMED, submission.id)
     return reviews.put_claim(session, submission.id, who.id, who.user, clock + CLAIM)
 
 
 def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
-    """The submission that has waited longest for a claim. Raises NotFound."""
+    """Returns the submission that has waited longest for a claim. Raises NotFound."""
     found = reviews.oldest(session, queue, who.id, now())
     if found is None:
         raise NotFound("No submission needs a review here.")
@@ -70,7 +69,7 @@ def release(session: Session, who: Identity, submission: Submission) -> None:
         record(session, who, who.course, Action.RELEASED, submission.id)
 
 
-def free_for(session: Session, submission: Submission, who: Identity) -> None:
+def require_free(session: Session, submission: Submission, who: Identity) -> None:
     """Raises Conflict unless this reviewer may mark the submission now."""
     if submission.status not in AT_REST:
         raise Conflict("This submission is still being graded.")
@@ -79,8 +78,8 @@ def free_for(session: Session, submission: Submission, who: Identity) -> None:
         raise Conflict(f"{held.name} is reviewing this submission until {held.expires_at:%H:%M} UTC.")
 
 
-def awaiting_second(session: Session, submission: Submission, who: Identity) -> Review:
-    """The review that waits for a second mark by this reviewer. Raises Conflict."""
+def require_second(session: Session, submission: Submission, who: Identity) -> Review:
+    """Returns the review that waits for a second mark by this reviewer. Raises Conflict."""
     review = reviews.review_of(session, submission.id)
     if review is None or review.second != WAITING or submission.status != GRADED:
         raise Conflict("This submission does not wait for a second mark.")
@@ -90,24 +89,22 @@ def awaiting_second(session: Session, submission: Submission, who: Identity) -> 
 
 
 def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
-    """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable.
-
-    On an answer with two marks it is the third decision. The caller holds the submission.
-    """
-    free_for(session, submission, who)
-    earlier = newest(session, submission)
-    verdict = checked(earlier, desk.question(submission), mark)
+    """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable. On an answer with two marks
+    it is the third decision. The caller holds the submission."""
+    require_free(session, submission, who)
+    earlier = read_newest(session, submission)
+    verdict = apply_mark(earlier, desk.question(submission), mark)
     results.append_verdict(desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user)
-    review = review_after(desk, session, submission)
+    review = record_decision(desk, session, submission)
     review.reviewer, review.name, review.points = who.id, who.user, verdict.points
-    review.rubric = followed(desk.question(submission), mark)
+    review.rubric = find_fingerprint(desk.question(submission), mark)
     record(session, who, who.course, Action.REVIEWED, submission.id, before=earlier.points, after=verdict.points)
     reviews.drop_claim(session, submission.id)
     return verdict
 
 
-def review_after(desk: Desk, session: Session, submission: Submission) -> Review:
-    """The review of a submission after one more decision: the first draws whether there is a second mark."""
+def record_decision(desk: Desk, session: Session, submission: Submission) -> Review:
+    """Returns the review of a submission after one more decision: the first draws whether there is a second mark."""
     review = reviews.review_of(session, submission.id)
     if review is None:
         drawn = desk.blinding.is_drawn(submission, desk.second_marking(submission).share)
@@ -120,81 +117,69 @@ def review_after(desk: Desk, session: Session, submission: Submission) -> Review
 
 
 def mark_second(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Review:
-    """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable.
-
-    The caller holds the submission.
-    """
-    free_for(session, submission, who)
-    review = awaiting_second(session, submission, who)
+    """Keeps a second mark beside the first, which goes on counting. Raises Conflict, Unprocessable. The caller holds
+    the submission."""
+    require_free(session, submission, who)
+    review = require_second(session, submission, who)
     own = reviews.graders_verdicts(session, [submission.id])[submission.id]
     question = desk.question(submission)
-    review.second_points = checked(Verdict.model_validate(own), question, mark).points
+    review.second_points = apply_mark(Verdict.model_validate(own), question, mark).points
     review.second_reviewer, review.second_name, review.second_comment = who.id, who.user, mark.comment
     if mark.follows_rubric:
         review.second_ticked = json.dumps(mark.ticked)
-        review.rubric = review.rubric or followed(question, mark)
-    review.second = compared(desk, submission, review)
+        review.rubric = review.rubric or find_fingerprint(question, mark)
+    review.second = compare_marks(desk, submission, review)
     record(session, who, who.course, Action.MARKED_SECOND, submission.id, points=review.second_points)
     reviews.drop_claim(session, submission.id)
     return review
 
 
 def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identity | None) -> bool:
-    """Computes the marks of a submission again from the rubric as it is now. Returns whether its verdict changed.
-
-    `who` asked for it; None is for the service itself. Does nothing the second time.
-    """
+    """Computes the marks of a submission again from the rubric as it is now. Returns whether its verdict changed. `who`
+    asked for it; None is for the service itself. Does nothing the second time."""
     submission = session.get_one(Submission, submission_id)
     desk.hold(session, submission)
     review, question = session.get_one(Review, submission_id), desk.question(submission)
     if question is None or not rubric_of(question) or review.rubric in (None, fingerprint(question)):
         return False
-    earlier = newest(session, submission)
+    earlier = read_newest(session, submission)
     verdict = recomputed(earlier, question)
     if verdict is not earlier:
         results.append_verdict(
             desk.database, desk.library, session, submission, verdict, cause="rubric", reviewer=review.name
         )
         review.points = verdict.points
-        record(
-            session,
-            who,
-            submission.course,
-            Action.RECOMPUTED,
-            submission.id,
-            unsigned=FOLLOWING,
-            before=earlier.points,
-            after=verdict.points,
-        )
+        changed = {"before": earlier.points, "after": verdict.points}
+        record(session, who, submission.course, Action.RECOMPUTED, submission.id, unsigned=FOLLOWING, **changed)
     if review.second_ticked is not None:
         kept = {item.id for item in rubric_of(question)}.intersection(json.loads(review.second_ticked))
         review.second_points = rubric_points(items_of(question, kept), question.points)
     if review.second in (AGREED, DIFFERS):
-        review.second = compared(desk, submission, review)
+        review.second = compare_marks(desk, submission, review)
     review.rubric = fingerprint(question)
     return verdict is not earlier
 
 
-def newest(session: Session, submission: Submission) -> Verdict:
-    """The newest verdict on a submission that is at rest."""
+def read_newest(session: Session, submission: Submission) -> Verdict:
+    """Returns the newest verdict on a submission that is at rest."""
     return Verdict.model_validate(submissions.verdicts(session, [submission])[submission.id])
 
 
-def checked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
-    """The verdict after a mark. Raises Unprocessable."""
+def apply_mark(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
+    """Returns the verdict after a mark. Raises Unprocessable."""
     try:
         return marked(verdict, question, mark)
     except ValueError as error:
         raise Unprocessable(f"{error}.") from error
 
 
-def followed(question: Question | None, mark: Mark) -> str | None:
-    """The fingerprint of the rubric that a mark's points follow, if they do."""
+def find_fingerprint(question: Question | None, mark: Mark) -> str | None:
+    """Returns the fingerprint of the rubric that a mark's points follow, if they do."""
     return None if question is None or not mark.follows_rubric else fingerprint(question)
 
 
-def compared(desk: Desk, submission: Submission, review: Review) -> str:
-    """Whether the two marks agree."""
+def compare_marks(desk: Desk, submission: Submission, review: Review) -> str:
+    """Says whether the two marks agree."""
     assert review.second_points is not None
     agree = desk.second_marking(submission).agree(review.points, review.second_points)
     return AGREED if agree else DIFFERS

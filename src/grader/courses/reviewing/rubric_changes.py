@@ -21,11 +21,9 @@ AGAIN_S = 10.0
 log = structlog.get_logger()
 
 
-def outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str]:
-    """The ids of submissions whose marks were computed with another rubric, in a course.
-
-    Once a question has no rubric, its reviews stay as they are. Raises NotFound.
-    """
+def list_outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str]:
+    """Returns the ids of submissions whose marks were computed with another rubric, in a course. Once a question has no
+    rubric, its reviews stay as they are. Raises NotFound."""
     asked = desk.library.question(quiz, question)
     if not rubric_of(asked):
         return []
@@ -86,7 +84,7 @@ class Recomputing:
 
     def _recompute_question(self, course: str, quiz: str, question: str) -> None:
         desk, changed = self.desk_of(course), 0
-        for submission_id in outdated(desk, quiz, question, course):
+        for submission_id in list_outdated(desk, quiz, question, course):
             if self._stop.is_set():
                 return
             changed += recompute(desk, submission_id)

@@ -20,10 +20,8 @@ REPLAY_MAX = 1000
 
 
 def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> None:
-    """Puts changed results into the outbox, for every destination of their courses or `only` one.
-
-    The caller holds the learners' locks, and changes the results in this transaction.
-    """
+    """Puts changed results into the outbox, for every destination of their courses or `only` one. The caller holds the
+    learners' locks, and changes the results in this transaction."""
     queue(session, [row for row in outbox.note(session, changed, only) if not row.has_job])
 
 
@@ -59,20 +57,11 @@ def release_all(database: Database) -> None:
 
 
 def send_scores(
-    database: Database,
-    session: Session,
-    course: str,
-    quiz: str,
-    question: str = ALL,
-    *,
-    learner: str | None = None,
-    by: str = COMMAND_LINE,
-) -> None:
-    """Makes the scores of a quiz, or of one question, go to the learners' platforms from now on.
-
-    Safe to repeat: call it whenever a learner comes in by a link with a line item. What the `learner` has by then is
-    sent too.
-    """
+    database: Database, session: Session, course: str, quiz: str, question: str = ALL, *,
+    learner: str | None = None, by: str = COMMAND_LINE,
+) -> None:  # fmt: skip
+    """Makes the scores of a quiz, or of one question, go to the learners' platforms from now on. Safe to repeat: call
+    it whenever a learner comes in by a link with a line item. What the `learner` has by then is sent too."""
     made = outbox.add_scores(session, course, quiz, question, by)
     if learner is not None:
         database.lock_learner(session, course, learner)
@@ -81,10 +70,8 @@ def send_scores(
 
 
 def replay(session: Session, who: Identity | None, delivery_id: int, course: str | None) -> Delivery:
-    """Delivers a dead letter once more; a score even over what a person has entered at the platform.
-
-    `who` is None for the command line, and `course` for any course. Raises NotFound, and Conflict if it is not dead.
-    """
+    """Delivers a dead letter once more; a score even over what a person has entered at the platform. `who` is None for
+    the command line, and `course` for any course. Raises NotFound, and Conflict if it is not dead."""
     row = outbox.delivery(session, delivery_id, course)
     if row is None:
         raise NotFound("There is no such delivery.")

@@ -33,10 +33,8 @@ def new_secret() -> str:
 def create(
     database: Database, session: Session, who: Identity, url: str, private_hosts: Collection[str]
 ) -> Destination:
-    """Adds a webhook; its secret is shown this once.
-
-    Raises Unprocessable for a URL that is not allowed, and Conflict if there are too many.
-    """
+    """Adds a webhook; its secret is shown this once. Raises Unprocessable for a URL that is not allowed, and Conflict
+    if there are too many."""
     if find_spec("httpx2") is None:
         raise Unprocessable("Webhooks need a client for HTTP: pip install mujoco-grader[lti]")
     try:
@@ -52,7 +50,7 @@ def create(
 
 
 def get(session: Session, webhook_id: str, course: str) -> Destination:
-    """The webhook. Raises NotFound."""
+    """Returns the webhook. Raises NotFound."""
     found = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
     if found is None or found.kind != WEBHOOK:
         raise NotFound("There is no such webhook.")

@@ -1,4 +1,2 @@
-"""Measures how exact integrators are.
-
-It has reference solutions, the distance between runs, the order of convergence, and the drift of the energy.
-"""
+"""Measures how exact integrators are. It has reference solutions, the distance between runs, the order of convergence,
+and the drift of the energy."""

@@ -35,10 +35,8 @@ class Distance:
 
 
 def measure_distance(scene: Scene, one: TimeSeries, other: TimeSeries) -> Distance:
-    """Return the largest difference at any kept time; inf if one run ended earlier or is not finite.
-
-    Raises ValueError if the runs are kept at different times.
-    """
+    """Return the largest difference at any kept time; inf if one run ended earlier or is not finite. Raises ValueError
+    if the runs are kept at different times."""
     if len(one.time) != len(other.time):
         return Distance(inf, inf)
     if np.any(np.abs(one.time - other.time) > TIME_SLACK_S):
@@ -72,11 +70,8 @@ class Order:
 
 
 def fit_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> Order:
-    """Fit the order by least squares through three or more points.
-
-    Source: Student's t interval of a regression slope. Raises ValueError for fewer points, or errors that are zero
-    or not finite.
-    """
+    """Fit the order by least squares through three or more points. Source: Student's t interval of a regression slope.
+    Raises ValueError for fewer points, or errors that are zero or not finite."""
     h, e = np.asarray(timesteps_s, dtype=np.float64), np.asarray(error_values, dtype=np.float64)
     if len(h) < 3 or not np.all((e > 0) & np.isfinite(e)):
         raise ValueError("an order needs three or more positive, finite errors")

@@ -13,10 +13,8 @@ from grader.numerics.stepping import MujocoWarning, take_warnings
 
 @dataclass(frozen=True)
 class Drift:
-    """A run under one integrator: `time_s` (n,), `energy_j` (n,), and what a step cost [us].
-
-    The cost is measured on this machine. After a reset by MuJoCo the run goes on; `warnings` tell of it.
-    """
+    """A run under one integrator: `time_s` (n,), `energy_j` (n,), and what a step cost [us]. The cost is measured on
+    this machine. After a reset by MuJoCo the run goes on; `warnings` tell of it."""
 
     integrator: str
     time_s: Vector

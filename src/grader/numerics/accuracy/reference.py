@@ -26,10 +26,8 @@ TIMESTEP_S = 1e-15
 """Timestep [s] of the model: tiny, as an actuator with `actearly` acts on the activation one timestep ahead."""
 
 EVALUATIONS_MAX = 500_000
-"""Most evaluations of the right-hand side, about 4 s.
-
-Source: measured; a minute of the double pendulum takes 183,000, of the stiffest servo 260,000.
-"""
+"""Most evaluations of the right-hand side, about 4 s. Source: measured; a minute of the double pendulum takes 183,000,
+of the stiffest servo 260,000."""
 
 CHECK_INTERVAL = 16
 """Evaluations between two checks of count and rates; a check at every evaluation would cost 5 %."""
@@ -46,18 +44,11 @@ class Reference:
 
 
 def solve_dop853(
-    scene: Scene,
-    times_s: Values,
-    *,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-    forward: Forward = mujoco.mj_forward,
+    scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL, forward: Forward = mujoco.mj_forward
 ) -> Reference:
     """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
-
     Raises ValueError for times that do not ascend, and for a scene with an obstacle that `find_obstacle` names;
-    RuntimeError if the solver gives up.
-    """
+    RuntimeError if the solver gives up."""
     obstacle = find_obstacle(scene)
     if obstacle is not None:
         raise ValueError(f"a reference solution needs a scene without {obstacle}")
@@ -66,14 +57,8 @@ def solve_dop853(
         workspace.option.timestep = TIMESTEP_S
         data, nq, nv = workspace.data, int(workspace.model.nq), int(workspace.model.nv)
         start = np.concatenate([data.qpos, data.qvel, data.act])
-        values = solve(
-            build_rate(workspace, forward),
-            start,
-            np.asarray(times_s) + data.time,
-            start_s=data.time,
-            rtol=rtol,
-            atol=atol,
-        )
+        times = np.asarray(times_s) + data.time
+        values = solve(build_rate(workspace, forward), start, times, start_s=data.time, rtol=rtol, atol=atol)
         qpos = values[:, :nq].copy()
         for row in qpos:
             mujoco.mj_normalizeQuat(workspace.model, row)
@@ -98,20 +83,12 @@ def find_obstacle(scene: Scene) -> str | None:
 
 
 def solve(
-    rate: Callable[[float, Vector], Values],
-    start: Vector,
-    times_s: Values,
-    *,
-    start_s: float = 0.0,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-    method: Method = "DOP853",
-) -> NDArray[np.float64]:
-    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`.
-
-    Raises ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
-    number, or the method gives up.
-    """
+    rate: Callable[[float, Vector], Values], start: Vector, times_s: Values, *, start_s: float = 0.0,
+    rtol: float = RTOL, atol: float = ATOL, method: Method = "DOP853",
+) -> NDArray[np.float64]:  # fmt: skip
+    """y(t) (n, size) at ascending `times_s` for y' = rate(t, y), y(start_s) = start, by a method of `solve_ivp`. Raises
+    ValueError for times that do not go on from `start_s`, RuntimeError where a rate exceeds mjMAXVAL or is not a
+    number, or the method gives up."""
     times = np.asarray(times_s, dtype=np.float64)
     span = (start_s, float(times.max(initial=start_s)))
     if not (isfinite(span[1]) and span[0] < span[1] and times[0] >= start_s and np.all(np.diff(times) > 0)):
@@ -143,10 +120,8 @@ def _watch(rate: Callable[[float, Vector], Values], method: str) -> Callable[[fl
 
 
 def build_rate(workspace: Workspace, forward: Forward = mujoco.mj_forward) -> Callable[[float, Vector], Vector]:
-    """Returns the model's equations of motion: the derivative of (qpos, qvel, act) at a time [s] and such a state.
-
-    Each call writes into the data of the workspace. Quaternions turn by q' = q w / 2.
-    """
+    """Returns the model's equations of motion: the derivative of (qpos, qvel, act) at a time [s] and such a state. Each
+    call writes into the data of the workspace. Quaternions turn by q' = q w / 2."""
     model, data = workspace.model, workspace.data
     nq, nv, na = int(model.nq), int(model.nv), int(model.na)
     position_rate = _build_position_rate(model)

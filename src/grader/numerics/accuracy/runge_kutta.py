@@ -23,12 +23,8 @@ STAGES = (0.5, 0.5, 1.0)
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 """Source: Kutta's classical method, the tableau of MuJoCo's integrator RK4."""
 
-PLAIN_DYNAMICS = (
-    int(mjtDyn.mjDYN_NONE),
-    int(mjtDyn.mjDYN_INTEGRATOR),
-    int(mjtDyn.mjDYN_FILTER),
-    int(mjtDyn.mjDYN_FILTEREXACT),
-    int(mjtDyn.mjDYN_MUSCLE),
+PLAIN_DYNAMICS = tuple(
+    int(getattr(mjtDyn, f"mjDYN_{name}")) for name in ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE")
 )
 
 
@@ -113,11 +109,8 @@ def check_supported(model: mujoco.MjModel) -> None:
 def find_rotation_slices(model: mujoco.MjModel) -> tuple[slice, ...]:
     """Returns the slices of qvel with the angular velocities of ball and free joints."""
     offsets = {int(mjtJoint.mjJNT_BALL): 0, int(mjtJoint.mjJNT_FREE): 3}
-    starts = [
-        int(adr) + offsets[int(kind)]
-        for adr, kind in zip(model.jnt_dofadr, model.jnt_type, strict=True)
-        if int(kind) in offsets
-    ]
+    joints = zip(model.jnt_dofadr.tolist(), model.jnt_type.tolist(), strict=True)
+    starts = [address + offsets[kind] for address, kind in joints if kind in offsets]
     return tuple(slice(start, start + 3) for start in starts)
 
 
@@ -171,10 +164,8 @@ def _clamp(model: mujoco.MjModel, act: Vector) -> Vector:
 
 
 def _move_to_chart(rotations: tuple[slice, ...], chart: Vector, slope: Vector) -> None:
-    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame.
-
-    A rotation vector u of more than half a turn is replaced by the shorter one of the same rotation.
-    """
+    """Bortz' equation, in place: u' = w + u x w / 2 + b(|u|) u x (u x w), with the velocity w in the body's frame. A
+    rotation vector u of more than half a turn is replaced by the shorter one of the same rotation."""
     for where in rotations:
         ux, uy, uz = _shorten(*chart[where].tolist())
         wx, wy, wz = slope[where].tolist()

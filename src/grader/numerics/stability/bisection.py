@@ -19,10 +19,8 @@ SCAN_POINTS = 24
 """Grid cells without `scan_step_s`: windows narrower than a 24th of the range may be missed."""
 
 GUESS_ERROR = 5e-4
-"""Relative error of the linear prediction.
-
-Source: it is 0.4e-3 below the limit of the lesson's servo within 3 s, because gravity is weaker at large angles.
-"""
+"""Relative error of the linear prediction. Source: it is 0.4e-3 below the limit of the lesson's servo within 3 s,
+because gravity is weaker at large angles."""
 
 TINY = float_info.min
 """Replaces a spectral radius of 0 in logarithms."""
@@ -47,11 +45,9 @@ class Window:
 
 @dataclass(frozen=True)
 class Threshold:
-    """The lowest stable/unstable bracket found, with the conditions under which it holds.
-
-    `low` is stable and `high` unstable, both simulated; both are None unless `result` is BRACKET. `reason` explains
-    `result` in words. `windows` narrower than `scan_step_s` may be missed. `simulations` is the number of runs.
-    """
+    """The lowest stable/unstable bracket found, with the conditions under which it holds. `low` is stable and `high`
+    unstable, both simulated; both are None unless `result` is BRACKET. `reason` explains `result` in words. `windows`
+    narrower than `scan_step_s` may be missed. `simulations` is the number of runs."""
 
     low: Trial | None
     high: Trial | None
@@ -89,10 +85,8 @@ class _Search:
         return self.trials[timestep_s].stability
 
     def narrow(self, low_s: float, high_s: float, width_s: float, guess_s: float | None) -> tuple[float, float]:
-        """Narrow a bracket, whose ends differ in stability, to `width_s`; both ends remain simulated.
-
-        Timesteps near a guess are tried first, at growing distance, so that a good guess costs two runs.
-        """
+        """Narrow a bracket, whose ends differ in stability, to `width_s`; both ends remain simulated. Timesteps near a
+        guess are tried first, at growing distance, so that a good guess costs two runs."""
         lowest = self.stability(low_s)
         for probe in _guess_outwards(guess_s, width_s, low_s, high_s) if guess_s is not None else ():
             if low_s < probe < high_s:
@@ -106,21 +100,12 @@ class _Search:
 
 
 def find_threshold(
-    scene: Scene,
-    *,
-    low_s: float,
-    high_s: float,
-    horizon_s: float = 3.0,
-    integrator: int | None = None,
-    width_s: float = 1e-6,
-    criterion: Criterion = Criterion.ANY_WARNING,
-    scan_step_s: float | None = None,
-) -> Threshold:
-    """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`.
-
-    Scans the range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the
-    limit. Raises ValueError for an empty range, and for a width or step that is not positive and finite.
-    """
+    scene: Scene, *, low_s: float, high_s: float, horizon_s: float = 3.0, integrator: int | None = None,
+    width_s: float = 1e-6, criterion: Criterion = Criterion.ANY_WARNING, scan_step_s: float | None = None,
+) -> Threshold:  # fmt: skip
+    """Find the lowest timestep between `low_s` and `high_s` at which stability ends, to within `width_s`. Scans the
+    range in steps of `scan_step_s` (default: SCAN_POINTS cells), which also finds stable windows above the limit.
+    Raises ValueError for an empty range, and for a width or step that is not positive and finite."""
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
     if scan_step_s is not None and not scan_step_s > 0:
@@ -131,26 +116,16 @@ def find_threshold(
     grid = [float(h) for h in np.linspace(low_s, high_s, points + 1)]
     bracket, result, reason = _find_lowest_edge(search, grid, width_s)
     low, high = (search.trials[h] for h in bracket) if bracket else (None, None)
+    windows = _find_windows(search, grid, bracket[1], width_s) if bracket else ()
     return Threshold(
-        low=low,
-        high=high,
-        windows=_find_windows(search, grid, bracket[1], width_s) if bracket else (),
-        result=result,
-        reason=reason,
-        horizon_s=horizon_s,
-        criterion=criterion,
-        start=scene.start,
-        integrator=integrator,
-        scan_step_s=(high_s - low_s) / points,
-        simulations=len(search.trials),
-    )
+        low, high, windows, result, reason, horizon_s, criterion, scene.start, integrator,
+        scan_step_s=(high_s - low_s) / points, simulations=len(search.trials),
+    )  # fmt: skip
 
 
 def _predict_limit(search: _Search, low_s: float, high_s: float) -> float | None:
     """The timestep [s] at which linear growth of the start's acceleration reaches mjMAXVAL at the end of the horizon.
-
-    None if there is no equilibrium, or no such timestep in the range.
-    """
+    None if there is no equilibrium, or no such timestep in the range."""
     resting = find_equilibrium(search.scene)
     if resting is None:
         return None

@@ -1,7 +1,5 @@
-"""Detects linear growth behind a run that neither warned nor came to rest.
-
-A soft servo under gravity has it: beyond its linear stability limit gravity bounds the motion, and MuJoCo never warns.
-"""
+"""Detects linear growth behind a run that neither warned nor came to rest. A soft servo under gravity has it: beyond
+its linear stability limit gravity bounds the motion, and MuJoCo never warns."""
 
 from dataclasses import dataclass
 from math import log
@@ -13,21 +11,17 @@ from grader.numerics.scene import Scene, Vector
 from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum, find_least_accelerated
 
 CLEAR_GROWTH = 1.05
-"""Spectral radius above which a run without a warning may be called unstable.
-
-Source: the lesson's servo between its linear stability limit, 19.983 ms, and its limit within 300 s, 20.009 ms, has a
-spectral radius below 1.01 and counts as stable.
-"""
+"""Spectral radius above which a run without a warning may be called unstable. Source: the lesson's servo between its
+linear stability limit, 19.983 ms, and its limit within 300 s, 20.009 ms, has a spectral radius below 1.01 and counts as
+stable."""
 
 CERTAINTY = 2.0
 """Factor, in the logarithm of growth, by which numerical growth must exceed what would raise a warning within the run,
 and the growth of the exact motion."""
 
 REFINEMENT = 256
-"""The growth of the exact motion is measured with steps this many times shorter.
-
-RADIUS_NOISE then amounts to less than 1e-4 of growth per whole step.
-"""
+"""The growth of the exact motion is measured with steps this many times shorter. RADIUS_NOISE then amounts to less than
+1e-4 of growth per whole step."""
 
 RESOLVED = 1.02
 """Growth per short step above which the short step is too long too: it would be 150 per whole step."""
@@ -43,10 +37,8 @@ class Growth:
 
 def measure_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: int, motion: float) -> Growth:
     """Measure the growth of small motions about the scene's equilibrium over `steps`, from `motion` [rad/s2, m/s2].
-
     Does not count growth that could not have raised a warning within these steps, nor that of an equilibrium which is
-    unstable in the exact motion. Raises mujoco.FatalError for a model that MuJoCo cannot linearise.
-    """
+    unstable in the exact motion. Raises mujoco.FatalError for a model that MuJoCo cannot linearise."""
     resting = find_least_accelerated(scene)
     moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
     radius = float(moduli[0])
@@ -55,9 +47,8 @@ def measure_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: i
     clause = f", but small motions grow {radius:.6g} times a step"
     if not _is_noticeable(radius, steps, motion):
         return Growth(False, clause)
-    numerical = moduli[_compute_logs(moduli) > CERTAINTY * _compute_exact_growth(resting, timestep_s, integrator)].max(
-        initial=0.0
-    )
+    exact = _compute_exact_growth(resting, timestep_s, integrator)
+    numerical = moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=0.0)
     if not _is_noticeable(float(numerical), steps, motion):
         return Growth(False, f"{clause}, as in the exact motion")
     return Growth(True, f"{clause}: large ones are bounded")

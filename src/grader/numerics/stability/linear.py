@@ -30,10 +30,8 @@ REST = 1e-9
 
 @lru_cache(maxsize=128)
 def find_equilibrium(scene: Scene) -> Scene | None:
-    """Find the scene's equilibrium, starting at qpos0, with the scene's controls; None if there is none.
-
-    The result is cached per scene.
-    """
+    """Find the scene's equilibrium, starting at qpos0, with the scene's controls; None if there is none. The result is
+    cached per scene."""
     # The residual decides, not the solver's status, which is "no progress" for a root at rounding level.
     resting, residual = _find_rest(scene, "hybr")
     return resting if residual <= REST else None
@@ -69,10 +67,8 @@ def _find_rest(scene: Scene, method: Literal["hybr", "lm"]) -> tuple[Scene, floa
 
 
 def linearise_step(scene: Scene, *, timestep_s: float | None = None, integrator: int | None = None) -> Matrix:
-    """d(next state)/d(state) at the scene's start, (2 nv + na, 2 nv + na), positions as tangent vectors.
-
-    Uses `mjd_transitionFD`, or central differences of whole steps for RK4, which it does not support.
-    """
+    """d(next state)/d(state) at the scene's start, (2 nv + na, 2 nv + na), positions as tangent vectors. Uses
+    `mjd_transitionFD`, or central differences of whole steps for RK4, which it does not support."""
     with scene.borrow(timestep_s=timestep_s, integrator=integrator, skip=True) as workspace:
         if int(workspace.option.integrator) == mjtIntegrator.mjINT_RK4:
             return difference_step(workspace)
@@ -124,10 +120,8 @@ def find_spectral_limit(
     scene: Scene, *, low_s: float, high_s: float, integrator: int | None = None, width_s: float = 1e-9
 ) -> float | None:
     """The linear stability limit [s]: the lowest timestep at which the spectral radius at the equilibrium passes 1.
-
-    Returns None if it does not pass 1 between `low_s` and `high_s`, and `low_s` if it exceeds 1 there.
-    Raises ValueError if there is no equilibrium, or the range is empty.
-    """
+    Returns None if it does not pass 1 between `low_s` and `high_s`, and `low_s` if it exceeds 1 there. Raises
+    ValueError if there is no equilibrium, or the range is empty."""
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
     resting = find_equilibrium(scene)

@@ -9,10 +9,8 @@ import numpy as np
 @dataclass(frozen=True)
 class Servo:
     """A servo: inertia I [kg m2], gains kp [N m/rad] and kv [N m s/rad], stiffness m g L [N m/rad] of gravity at rest.
-
-    Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises
-    ValueError unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0).
-    """
+    Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises ValueError
+    unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0)."""
 
     inertia: float
     kp: float
@@ -53,10 +51,8 @@ class Servo:
 
     @property
     def rk4_s(self) -> float:
-        """RK4: the first h > 0 at which |R(h lambda)| = 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 [s].
-
-        lambda are the roots of I x^2 + c x + K; |R|^2 - 1 is a polynomial in h.
-        """
+        """RK4: the first h > 0 at which |R(h lambda)| = 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 [s]. lambda are the
+        roots of I x^2 + c x + K; |R|^2 - 1 is a polynomial in h."""
         limit = inf
         for eigenvalue in np.roots([self.inertia, self.kv, self.stiffness]).astype(complex):
             growth = np.poly1d([eigenvalue**k / f for k, f in ((4, 24), (3, 6), (2, 2), (1, 1), (0, 1))])

@@ -1,8 +1,5 @@
-"""Decides by simulation whether a timestep is stable: whether MuJoCo warns within a horizon.
-
-This holds for a finite run from one start; `linear.find_spectral_limit` decides for unlimited time and small
-amplitudes.
-"""
+"""Decides by simulation whether a timestep is stable: whether MuJoCo warns within a horizon. This holds for a finite
+run from one start; `linear.find_spectral_limit` decides for unlimited time and small amplitudes."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -23,10 +20,8 @@ STEPS_EXTENDED = 64
 
 DECAYED = 1e-10
 """A run in which the motion of every joint decays to this share of the first is stable; linear growth is not checked.
-
 Source: the lesson's damper leaves 1e-14 after 3 s. MuJoCo rejects a start beyond 1e10, so that less than 1 rad/s2 or
-m/s2 remains in any case.
-"""
+m/s2 remains in any case."""
 
 
 class Criterion(StrEnum):
@@ -73,14 +68,9 @@ class BracketCheck:
 
 
 def check_bracket(
-    scene: Scene,
-    low_s: float,
-    high_s: float,
-    horizon_s: float = 3.0,
-    *,
-    integrator: int | None = None,
+    scene: Scene, low_s: float, high_s: float, horizon_s: float = 3.0, *, integrator: int | None = None,
     criterion: Criterion = Criterion.ANY_WARNING,
-) -> BracketCheck:
+) -> BracketCheck:  # fmt: skip
     """Simulate both ends of a claimed bracket. Raises ValueError if `low_s` is not below `high_s`."""
     if 0 < high_s <= low_s < inf:
         raise ValueError(f"a bracket must ascend: {low_s} s is not below {high_s} s")
@@ -89,13 +79,9 @@ def check_bracket(
 
 
 def try_timestep(
-    scene: Scene,
-    timestep_s: float,
-    horizon_s: float,
-    *,
-    integrator: int | None = None,
+    scene: Scene, timestep_s: float, horizon_s: float, *, integrator: int | None = None,
     criterion: Criterion = Criterion.ANY_WARNING,
-) -> Trial:
+) -> Trial:  # fmt: skip
     """Run the scene from its start for `horizon_s` (rounded to whole steps) at `timestep_s`."""
     if not (isfinite(timestep_s) and timestep_s > 0):
         return Trial(timestep_s, Stability.UNDECIDED, "the timestep is not a positive number of seconds")
@@ -126,10 +112,8 @@ def _classify_run(scene: Scene, workspace: Workspace, steps: int, criterion: Cri
     if steps < STEPS_MIN:
         more = STEPS_EXTENDED - max(steps, 1)
         if advance(workspace, more) < more:
-            return (
-                Stability.UNDECIDED,
-                f"no warning in the {steps} steps of the horizon, too few to decide: later ones warn",
-            )
+            few = f"no warning in the {steps} steps of the horizon, too few to decide"
+            return Stability.UNDECIDED, f"{few}: later ones warn"
     silent = f"no warning within {steps} steps"
     timestep_s = float(workspace.option.timestep)
     motion = _measure_motion(*first, timestep_s)

@@ -34,19 +34,19 @@ def origin_of(url: object) -> str:
 
 
 def is_at(origin: str, url: object) -> bool:
-    """Whether an address is at this origin, which is written in any form."""
+    """Says whether an address is at this origin, which is written in any form."""
     own = origin_of(origin)
     return own != "" and origin_of(url) == own
 
 
 def is_of_platform(url: object) -> bool:
-    """Whether a platform may have this address: https, or http on the machine itself, for trying out."""
+    """Says whether a platform may have this address: https, or http on the machine itself, for trying out."""
     parts = parsed(url)
     return parts is not None and (parts.scheme == "https" or parts.hostname in LOOPBACK)
 
 
 def with_query(url: str, **added: str) -> str:
-    """The address with parameters added to those that it has."""
+    """Returns the address with parameters added to those that it has."""
     parts = urlsplit(url)
     query = parse_qsl(parts.query, keep_blank_values=True) + list(added.items())
     return urlunsplit(parts._replace(query=urlencode(query)))

@@ -34,11 +34,9 @@ class Arrival:
 
 
 def arrive(database: Database, session: Session, launch: Launch) -> Arrival | None:
-    """Records what the launch tells, and finds who comes and where to. Raises Forbidden for a removed member.
-
-    A learner's scores go to the platform from now on, where the launch grants that.
-    None if the launch's deployment is not approved; one that is new is noted, to be approved.
-    """
+    """Records what the launch tells, and finds who comes and where to. Raises Forbidden for a removed member. A
+    learner's scores go to the platform from now on, where the launch grants that. None if the launch's deployment is
+    not approved; one that is new is noted, to be approved."""
     deployment = platforms.note_deployment(session, launch.platform.id, launch.deployment_id)
     if deployment is None or deployment.approved_at is None:
         return None
@@ -64,7 +62,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
 
 
 def recorded(session: Session, context: Context, launch: Launch) -> ResourceLink:
-    """The launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
+    """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
     link = platforms.resource_link(session, context.id, launch.link_id)
     if launch.quiz is not None and (link.quiz, link.question) != (launch.quiz, launch.question):
         link.quiz, link.question = launch.quiz, launch.question

@@ -26,8 +26,6 @@ TEACHES_AS = f"{MEMBERSHIP}/Instructor#"
 
 
 def teaches(roles: Iterable[str]) -> bool:
-    """Whether one of the roles is an instructor's or teaching assistant's of the course.
-
-    A role in the institution is not one of this course. Source: LTI 1.3 core, appendix A.2.
-    """
+    """Says whether one of the roles is an instructor's or teaching assistant's of the course. A role in the institution
+    is not one of this course. Source: LTI 1.3 core, appendix A.2."""
     return any(role in TEACHES or role.startswith(TEACHES_AS) for role in roles)

@@ -1,7 +1,5 @@
-"""The answer to a platform's request to choose content: signed links to quizzes and questions.
-
-Source: LTI Deep Linking 2.0, sections 3 and 4.
-"""
+"""The answer to a platform's request to choose content: signed links to quizzes and questions. Source: LTI Deep Linking
+2.0, sections 3 and 4."""
 
 import secrets
 import time
@@ -50,15 +48,10 @@ class Choice:
 
 
 def response(
-    sign: Callable[[dict[str, Any]], str],
-    platform: Platform,
-    deployment_id: str,
-    selection: Selection,
-    *,
-    choices: Iterable[Choice],
-    launch_url: str,
-) -> str:
-    """The signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
+    sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: Selection, *,
+    choices: Iterable[Choice], launch_url: str,
+) -> str:  # fmt: skip
+    """Returns the signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""
     now = int(time.time())
     items = [content_item(choice, launch_url, with_line_item=selection.takes_line_items) for choice in choices]
     claims: dict[str, Any] = {
@@ -78,7 +71,7 @@ def response(
 
 
 def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> dict[str, Any]:
-    """A link, with its column of the gradebook and its dates."""
+    """Returns a link, with its column of the gradebook and its dates."""
     item: dict[str, Any] = {
         "type": "ltiResourceLink",
         "title": choice.title,
@@ -98,6 +91,6 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
 
 
 def span(start: datetime | None, end: datetime | None) -> dict[str, str]:
-    """The dates that are given, as ISO 8601."""
+    """Returns the dates that are given, as ISO 8601."""
     given = {"startDateTime": start, "endDateTime": end}
     return {name: moment.isoformat() for name, moment in given.items() if moment is not None}

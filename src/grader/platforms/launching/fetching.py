@@ -5,11 +5,14 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
 from grader.errors import Unauthorized
+
+if TYPE_CHECKING:  # it needs the packages of the extra
+    from grader.platforms.sending.outgoing import Response
 
 log = structlog.get_logger()
 
@@ -24,28 +27,12 @@ MODULUS_CHARACTERS_MAX = 1400
 """Of an RSA key of 8192 bits in base64; larger ones take long to verify with."""
 
 
-class Answer(Protocol):
-    """The response to a request."""
-
-    @property
-    def status(self) -> int:
-        """The HTTP status."""
-
-    @property
-    def headers(self) -> Mapping[str, str]:
-        """The headers; their names in any case."""
-
-    @property
-    def body(self) -> bytes:
-        """The body, of limited size."""
-
-
 class Requester(Protocol):
     """Sends requests to addresses that others have chosen, safely. `lms.outgoing.Outgoing` is one."""
 
     async def request(
         self, method: str, url: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None
-    ) -> Answer:
+    ) -> "Response":
         """Sends one request and reads the response. Raises an exception where the address may not be asked."""
 
 
@@ -67,11 +54,8 @@ class PlatformKeys:
         self._sets: dict[str, KeySet] = {}
 
     async def key(self, url: str, kid: str) -> dict[str, Any]:
-        """The public JWK with this `kid` at an address.
-
-        Asks once more for an unknown `kid`, which is how keys are rotated, and then rests for `COOL_DOWN_S`.
-        Raises Unauthorized.
-        """
+        """Returns the public JWK with this `kid` at an address. Asks once more for an unknown `kid`, which is how keys
+        are rotated, and then rests for `COOL_DOWN_S`. Raises Unauthorized."""
         held = self._held(url)
         async with held.turn:
             if self._clock() - held.fetched_at >= FRESH_S:
@@ -109,7 +93,7 @@ class PlatformKeys:
 
 
 def keys_in(body: bytes) -> dict[str, dict[str, Any]]:
-    """The RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
+    """Returns the RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
     try:
         listed = json.loads(body)["keys"][:KEYS_MAX]
         usable = [one for one in listed if one["kty"] == "RSA" and one.get("use", "sig") == "sig"]

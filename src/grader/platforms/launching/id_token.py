@@ -1,7 +1,5 @@
-"""Checks the signature and the claims of an `id_token`.
-
-Source: 1EdTech Security Framework 1.1, section 5.1.3; OpenID Connect Core 1.0, section 3.1.3.7.
-"""
+"""Checks the signature and the claims of an `id_token`. Source: 1EdTech Security Framework 1.1, section 5.1.3; OpenID
+Connect Core 1.0, section 3.1.3.7."""
 
 import base64
 import json
@@ -27,7 +25,7 @@ ALGORITHM = "RS256"
 async def verify(
     token: str, platform: Platform, nonce: str, keys: PlatformKeys, clock: Callable[[], float] = time.time
 ) -> dict[str, Any]:
-    """The claims of a token that `platform` has signed for the login with this nonce. Raises Unauthorized."""
+    """Returns the claims of a token that `platform` has signed for the login with this nonce. Raises Unauthorized."""
     if len(token) > TOKEN_CHARACTERS_MAX or token.count(".") != 2:
         raise Unauthorized("The launch holds no token that can be read.")
     kid = kid_in(header_of(token))
@@ -38,7 +36,7 @@ async def verify(
 
 
 def header_of(token: str) -> dict[str, Any]:
-    """The header of a token, which nothing has proved yet. Raises Unauthorized."""
+    """Returns the header of a token, which nothing has proved yet. Raises Unauthorized."""
     text = token.partition(".")[0]
     try:
         return object_in(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
@@ -47,7 +45,7 @@ def header_of(token: str) -> dict[str, Any]:
 
 
 def kid_in(header: dict[str, Any]) -> str:
-    """The key's id. Keys that the header itself brings along are not looked at. Raises Unauthorized."""
+    """Returns the key's id. Keys that the header itself brings along are not looked at. Raises Unauthorized."""
     if header.get("alg") != ALGORITHM:
         raise Unauthorized(f"The launch is not signed with {ALGORITHM}.")
     if "crit" in header:
@@ -59,7 +57,7 @@ def kid_in(header: dict[str, Any]) -> str:
 
 
 def signed_payload(token: str, key: dict[str, Any]) -> bytes:
-    """What the token's owner has signed with the key. Raises Unauthorized."""
+    """Says what the token's owner has signed with the key. Raises Unauthorized."""
     from joserfc import jws
     from joserfc.errors import JoseError
     from joserfc.jwk import RSAKey
@@ -73,7 +71,7 @@ def signed_payload(token: str, key: dict[str, Any]) -> bytes:
 
 
 def object_in(text: bytes) -> dict[str, Any]:
-    """The JSON object in a text. Raises Unauthorized."""
+    """Returns the JSON object in a text. Raises Unauthorized."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -109,7 +107,7 @@ def check_times(claims: dict[str, Any], at: float) -> None:
 
 
 def moment_in(claims: dict[str, Any], name: str) -> float:
-    """A moment in seconds since 1970. Raises Unauthorized if it is missing, or no number."""
+    """Returns a moment in seconds since 1970. Raises Unauthorized if it is missing, or no number."""
     value = claims.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LATEST:
         raise Unauthorized(f"The launch does not say `{name}` as a number.")

@@ -1,7 +1,5 @@
-"""Reads what a verified launch says: who comes, from which course, by which link, and what the platform offers.
-
-Source: LTI 1.3 core, section 5; LTI Advantage: AGS 2.0, NRPS 2.0, Deep Linking 2.0.
-"""
+"""Reads what a verified launch says: who comes, from which course, by which link, and what the platform offers. Source:
+LTI 1.3 core, section 5; LTI Advantage: AGS 2.0, NRPS 2.0, Deep Linking 2.0."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,11 +40,9 @@ class Selection:
 
 @dataclass(frozen=True)
 class Launch:
-    """A verified launch. `subject` is None where the platform does not say who comes.
-
-    `link_id` is empty, and `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads
-    to, if it says so itself.
-    """
+    """A verified launch. `subject` is None where the platform does not say who comes. `link_id` is empty, and
+    `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads to, if it says so
+    itself."""
 
     platform: Platform
     deployment_id: str
@@ -64,7 +60,7 @@ class Launch:
 
 
 def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> Launch:
-    """The launch that verified claims describe. `origin` is where this tool is reached. Raises Unauthorized."""
+    """Returns the launch that verified claims describe. `origin` is where this tool is reached. Raises Unauthorized."""
     if claims.get(f"{words.CLAIM}version") != words.VERSION:
         raise Unauthorized(f"The launch is not of LTI {words.VERSION}.")
     message = claims.get(f"{words.CLAIM}message_type")
@@ -78,24 +74,19 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
     quiz, question = chosen_in(part(claims, f"{words.CLAIM}custom"), str(target or ""))
     services = part(claims, words.NRPS_CLAIM)
     return Launch(
-        platform=platform,
-        deployment_id=identifier(claims, f"{words.CLAIM}deployment_id"),
-        subject=identifier(claims, "sub") if "sub" in claims else None,
-        name=name_in(claims),
-        teaches=words.teaches(roles_in(claims)),
-        context_id=identifier(context, "id") if context else "",
+        platform=platform, deployment_id=identifier(claims, f"{words.CLAIM}deployment_id"),
+        subject=identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
+        teaches=words.teaches(roles_in(claims)), context_id=identifier(context, "id") if context else "",
         context_title=label(context.get("title")) or label(context.get("label")),
-        link_id="" if is_selection else identifier(part(claims, f"{words.CLAIM}resource_link"), "id"),
-        quiz=quiz,
-        question=question,
-        gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
+        link_id="" if is_selection else identifier(part(claims, f"{words.CLAIM}resource_link"), "id"), quiz=quiz,
+        question=question, gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
         members_url=address(services.get("context_memberships_url")),
         selection=selection_in(claims) if is_selection else None,
-    )
+    )  # fmt: skip
 
 
 def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
+    """Returns a claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
     found = claims.get(name)
     if found is not None and not isinstance(found, dict):
         raise Unauthorized(f"The launch's claim {name} is no object.")
@@ -103,7 +94,7 @@ def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def identifier(claims: Mapping[str, Any], name: str) -> str:
-    """An identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
+    """Returns an identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
     found = claims.get(name)
     if not isinstance(found, str) or not 1 <= len(found) <= ID or not found.isprintable():
         short = name.removeprefix(words.CLAIM)
@@ -112,18 +103,18 @@ def identifier(claims: Mapping[str, Any], name: str) -> str:
 
 
 def label(text: object) -> str:
-    """A text as it may be shown: printable, and no longer than a name. Empty for anything else."""
+    """Returns a text as it may be shown: printable, and no longer than a name. Empty for anything else."""
     return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
 
 
 def name_in(claims: Mapping[str, Any]) -> str:
-    """The user's name as far as the platform tells it."""
+    """Returns the user's name as far as the platform tells it."""
     whole, given, family, user = (label(claims.get(claim)) for claim in NAME_CLAIMS)
     return whole or f"{given} {family}".strip()[:NAME] or user or "learner"
 
 
 def roles_in(claims: Mapping[str, Any]) -> list[str]:
-    """The roles; the list may be empty, but not missing. Raises Unauthorized."""
+    """Returns the roles; the list may be empty, but not missing. Raises Unauthorized."""
     roles = claims.get(f"{words.CLAIM}roles")
     if not isinstance(roles, list) or not all(isinstance(role, str) for role in roles[:ROLES_MAX]):
         raise Unauthorized("The launch does not list the user's roles.")
@@ -139,18 +130,18 @@ def chosen_in(custom: Mapping[str, Any], target: str) -> tuple[str | None, str |
 
 
 def short(text: object) -> str | None:
-    """The id of a quiz or question; None for what cannot be one."""
+    """Returns the id of a quiz or question; None for what cannot be one."""
     is_id = isinstance(text, str) and 1 <= len(text) <= QUIZ_CHARACTERS_MAX and text.isprintable()
     return str(text) if is_id else None
 
 
 def address(url: object) -> str:
-    """An address that requests may be sent to; empty for anything else."""
+    """Returns an address that requests may be sent to; empty for anything else."""
     return str(url) if is_of_platform(url) else ""
 
 
 def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
-    """The services that the launch grants."""
+    """Returns the services that the launch grants."""
     listed = claim.get("scope")
     granted = listed if isinstance(listed, list) else []
     scopes = tuple(scope for scope in words.SCOPES if scope in granted)

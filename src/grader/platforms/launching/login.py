@@ -1,14 +1,11 @@
-"""The login that precedes a launch: third-party initiated login of OpenID Connect.
-
-Source: 1EdTech Security Framework 1.1, section 5.1.1; LTI OIDC Login with Client Side postMessages 1.0.
-"""
+"""The login that precedes a launch: third-party initiated login of OpenID Connect. Source: 1EdTech Security Framework
+1.1, section 5.1.1; LTI OIDC Login with Client Side postMessages 1.0."""
 
 import hmac
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
 
 from sqlalchemy.orm import Session
 
@@ -27,11 +24,9 @@ STORAGE = "lti_storage_target"
 
 @dataclass(frozen=True)
 class Login:
-    """A login in progress. `state` finds it again; `key` proves that the same browser comes back.
-
-    `address` is where the platform signs the launch. `storage` names the platform's frame that keeps the key for
-    browsers that keep no cookies of ours; empty where it has none.
-    """
+    """A login in progress. `state` finds it again; `key` proves that the same browser comes back. `address` is where
+    the platform signs the launch. `storage` names the platform's frame that keeps the key for browsers that keep no
+    cookies of ours; empty where it has none."""
 
     platform: Platform
     state: str
@@ -50,10 +45,8 @@ class Answered:
 
 @dataclass(frozen=True)
 class Unbound:
-    """A login whose browser did not prove itself. It stays valid.
-
-    `fields` begin it again; `storage` names the platform's frame that may still hold the key.
-    """
+    """A login whose browser did not prove itself. It stays valid. `fields` begin it again; `storage` names the
+    platform's frame that may still hold the key."""
 
     platform: Platform
     fields: dict[str, str]
@@ -61,7 +54,7 @@ class Unbound:
 
 
 def fields_in(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """The parameters of a login. Raises Unprocessable if one is there twice, or too long."""
+    """Returns the parameters of a login. Raises Unprocessable if one is there twice, or too long."""
     known = [(name, value) for name, value in pairs if name in FIELDS]
     fields = dict(known)
     if len(fields) < len(known):
@@ -72,10 +65,8 @@ def fields_in(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
 
 
 def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
-    """Begins a login at a registered platform. `origin` is where this tool is reached.
-
-    Raises Unprocessable for a missing or foreign parameter, and Unauthorized for an unknown platform.
-    """
+    """Begins a login at a registered platform. `origin` is where this tool is reached. Raises Unprocessable for a
+    missing or foreign parameter, and Unauthorized for an unknown platform."""
     if not fields.get("login_hint"):
         raise Unprocessable("The login has no login_hint: start it from your learning platform.")
     if not is_at(origin, fields.get("target_link_uri")):
@@ -94,7 +85,7 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
 
 
 def platform_of(session: Session, fields: Mapping[str, str]) -> Platform:
-    """The approved platform that begins a login. Raises Unauthorized."""
+    """Returns the approved platform that begins a login. Raises Unauthorized."""
     issuer = fields.get("iss", "")
     found = platforms.registered(session, issuer, fields.get("client_id"))
     if not found:
@@ -113,33 +104,29 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     if body is None or row is None or row.approved_at is None:
         raise Unauthorized("This launch was used already, or is too old. Start it again from your learning platform.")
     if not hmac.compare_digest(body["key"], tickets.hash_of(key)):
-        return unbound(platforms.view(row), body)
+        fields: dict[str, str] = body["fields"]
+        again = {name: value for name, value in fields.items() if name != STORAGE}
+        return Unbound(platforms.view(row), again, fields.get(STORAGE, ""))
     if tickets.take(session, PURPOSE, state) is None:
         raise Unauthorized("This launch was used already. Start it again from your learning platform.")
     return Answered(platforms.view(row), body["nonce"])
 
 
-def unbound(platform: Platform, body: Mapping[str, Any]) -> Unbound:
-    """The login as it is told to a browser that has not proved itself."""
-    fields = {name: value for name, value in body["fields"].items() if name != STORAGE}
-    return Unbound(platform, fields, body["fields"].get(STORAGE, ""))
-
-
 def name_of(state: str) -> str:
-    """What the browser's key of a login is called, in a cookie or in the platform's storage."""
+    """Says what the browser's key of a login is called, in a cookie or in the platform's storage."""
     return f"grader_lti_{tickets.hash_of(state)[:16]}"
 
 
 def login_url(origin: str) -> str:
-    """Where platforms begin a login."""
+    """Says where platforms begin a login."""
     return f"{origin}/lti/login"
 
 
 def launch_url(origin: str) -> str:
-    """The redirect URI to register: where launches are posted to."""
+    """Returns the redirect URI to register: where launches are posted to."""
     return f"{origin}/lti/launch"
 
 
 def keys_url(origin: str) -> str:
-    """Where platforms fetch this tool's public keys."""
+    """Says where platforms fetch this tool's public keys."""
     return f"{origin}/lti/keys.json"

@@ -1,7 +1,5 @@
-"""Dynamic Registration: a platform hands over its configuration, and gets this tool's.
-
-Source: LTI Dynamic Registration 1.0; OpenID Connect Dynamic Client Registration 1.0.
-"""
+"""Dynamic Registration: a platform hands over its configuration, and gets this tool's. Source: LTI Dynamic Registration
+1.0; OpenID Connect Dynamic Client Registration 1.0."""
 
 import json
 from collections.abc import Mapping
@@ -37,7 +35,7 @@ class Registered:
 
 
 def tool_configuration(origin: str) -> dict[str, Any]:
-    """What this tool tells platforms of itself; learners' addresses are not asked for."""
+    """Says what this tool tells platforms of itself; learners' addresses are not asked for."""
     launch = launch_url(origin)
     return {
         "application_type": "web",
@@ -84,7 +82,7 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
 
 
 def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
-    """What a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
+    """Says what a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
     issuer = configuration.get("issuer")
     if not isinstance(issuer, str) or urlsplit(issuer).hostname != urlsplit(url).hostname:
         raise Unprocessable("The platform's configuration is of another host than its issuer.")
@@ -97,21 +95,16 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
     family = label(about.get("product_family_code")) if isinstance(about, dict) else ""
     audience = configuration.get("authorization_server")
     return Registration(
-        name=f"{family} {urlsplit(issuer).hostname}".strip(),
-        issuer=issuer,
-        client_id="",
-        login_url=login,
-        token_url=token,
-        keys_url=keys,
-        token_audience=audience if isinstance(audience, str) else "",
+        name=f"{family} {urlsplit(issuer).hostname}".strip(), issuer=issuer, client_id="", login_url=login,
+        token_url=token, keys_url=keys, token_audience=audience if isinstance(audience, str) else "",
         origins=tuple(dict.fromkeys((origin_of(issuer), origin_of(login)))),
-    )
+    )  # fmt: skip
 
 
 async def exchanged(
     requester: Requester, method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
 ) -> dict[str, Any]:
-    """The JSON object that a platform answers. Raises Unprocessable."""
+    """Returns the JSON object that a platform answers. Raises Unprocessable."""
     sent = {"Accept": "application/json", **(headers or {})}
     try:
         answer = await requester.request(method, url, headers=sent, body=body)

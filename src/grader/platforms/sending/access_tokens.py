@@ -1,14 +1,12 @@
-"""Access tokens of platforms: client credentials with a signed assertion, kept until they expire.
-
-Source: 1EdTech Security Framework 1.0, section 4.1; RFC 7523.
-"""
+"""Access tokens of platforms: client credentials with a signed assertion, kept until they expire. Source: 1EdTech
+Security Framework 1.0, section 4.1; RFC 7523."""
 
 import secrets
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlencode
 
 from grader.domain.platform import Platform
@@ -26,11 +24,8 @@ DEFAULT_S = 300.0
 KEPT_MAX = 1000
 
 
-class Sign(Protocol):
-    """Signs claims with the tool's key: RS256, as a compact JWT."""
-
-    def __call__(self, claims: dict[str, Any]) -> str:
-        """The JWT."""
+Sign = Callable[[dict[str, Any]], str]
+"""Signs claims with the tool's key: RS256, as a compact JWT."""
 
 
 class NoToken(Exception):
@@ -55,19 +50,11 @@ class AccessTokens:
     _kept: dict[Key, tuple[float, str]] = field(default_factory=dict)
 
     async def request(
-        self,
-        platform: Platform,
-        scopes: Collection[str],
-        method: str,
-        url: str,
-        *,
-        headers: Mapping[str, str],
+        self, platform: Platform, scopes: Collection[str], method: str, url: str, *, headers: Mapping[str, str],
         body: bytes | None = None,
-    ) -> Response:
-        """Sends a request with a token for these scopes, which is renewed once after a 401.
-
-        Raises NoToken, RefusedURL, Unreachable.
-        """
+    ) -> Response:  # fmt: skip
+        """Sends a request with a token for these scopes, which is renewed once after a 401. Raises NoToken, RefusedURL,
+        Unreachable."""
         key = (platform.issuer, platform.client_id, tuple(sorted(scopes)))
         for last in (False, True):
             token = await self._token(platform, key)

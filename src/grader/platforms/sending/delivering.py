@@ -36,7 +36,7 @@ class Sender(Protocol):
     """Delivers to one kind of destination."""
 
     def prepare(self, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
-        """What `send` needs, or a reply if nothing is sent now. In a transaction, with the row locked."""
+        """Says what `send` needs, or a reply if nothing is sent now. In a transaction, with the row locked."""
 
     async def send(self, prepared: Any) -> Reply:
         """Sends it, outside of any transaction."""
@@ -136,7 +136,7 @@ class Delivering:
 
 
 def prepared(sender: Sender, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
-    """What is sent. A fault of ours must not stop the rows behind this one: it is tried again by the schedule."""
+    """Says what is sent. A fault of ours must not stop the rows behind this one: it is tried again by the schedule."""
     try:
         return sender.prepare(session, row, destination)
     except SQLAlchemyError:

@@ -1,7 +1,5 @@
-"""The line item of a resource at a platform: found by its `resourceId`, or created, by one sender at a time.
-
-Source: LTI Assignment and Grade Services 2.0, section 3.2.
-"""
+"""The line item of a resource at a platform: found by its `resourceId`, or created, by one sender at a time. Source:
+LTI Assignment and Grade Services 2.0, section 3.2."""
 
 import json
 import re
@@ -9,10 +7,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import timedelta
 from http import HTTPStatus
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
-from grader.domain.platform import Platform
+from grader.domain.platform import ScoreTarget
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Dead, Failed, Later
@@ -39,38 +37,6 @@ BUSY_S = 1.0
 NEXT = re.compile(r'<([^>]*)>\s*;[^,]*\brel="?next"?', re.IGNORECASE)
 
 
-class Target(Protocol):
-    """Where the score of one learner goes: from the launch of a resource link. Empty texts and None say the same."""
-
-    @property
-    def platform(self) -> Platform:
-        """The platform's registration."""
-
-    @property
-    def line_item_url(self) -> str | None:
-        """The line item that the platform has declared for the resource link, if it has."""
-
-    @property
-    def line_items_url(self) -> str | None:
-        """The line items service of the context."""
-
-    @property
-    def scopes(self) -> Collection[str]:
-        """The scopes that the launch granted."""
-
-    @property
-    def lti_user_id(self) -> str:
-        """The learner's `sub` at the platform."""
-
-    @property
-    def resource_link_id(self) -> str | None:
-        """The resource link, if the learner came by one."""
-
-    @property
-    def resource_id(self) -> str:
-        """What we call the quiz or question: the `resourceId` of its line item."""
-
-
 class CallFailed(Exception):
     """A platform answered with an error that the caller classifies."""
 
@@ -80,10 +46,8 @@ class CallFailed(Exception):
 
 
 def with_path(url: str, part: str, **query: str) -> str:
-    """A URL with one more path segment, if any, and more query parameters: the ones that it has stay.
-
-    Moodle and others hand out line items such as `.../lineitem?type_id=2`.
-    """
+    """Returns a URL with one more path segment, if any, and more query parameters: the ones that it has stay. Moodle
+    and others hand out line items such as `.../lineitem?type_id=2`."""
     parts = urlsplit(url)
     path = f"{parts.path.rstrip('/')}/{part}" if part else parts.path
     asked = [*parse_qsl(parts.query, keep_blank_values=True), *query.items()]
@@ -91,7 +55,7 @@ def with_path(url: str, part: str, **query: str) -> str:
 
 
 def next_page(response: Response, url: str) -> str | None:
-    """The address of the next page after `url`, if the response names one."""
+    """Returns the address of the next page after `url`, if the response names one."""
     found = NEXT.search(response.headers.get("link", ""))
     return None if found is None else urljoin(url, found[1])
 
@@ -104,12 +68,12 @@ class LineItems:
     tokens: AccessTokens
     lease: timedelta = LEASE
 
-    def place_of(self, target: Target) -> Place:
-        """The row that holds the line item of a target."""
-        return Place(target.line_items_url or "", target.resource_id)
+    def place_of(self, target: ScoreTarget) -> Place:
+        """Returns the row that holds the line item of a target."""
+        return Place(target.line_items_url, target.resource_id)
 
-    async def url_of(self, target: Target, label: str, maximum: float) -> str:
-        """The URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
+    async def url_of(self, target: ScoreTarget, label: str, maximum: float) -> str:
+        """Returns the URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
         if target.line_item_url:
             return target.line_item_url
         if not target.line_items_url or not {LINE_ITEM, READ_LINE_ITEM} & {*target.scopes}:
@@ -129,14 +93,14 @@ class LineItems:
                 line_items.keep(session, place, url)
         return url
 
-    def forget(self, target: Target) -> None:
+    def forget(self, target: ScoreTarget) -> None:
         """Forgets the line item of a target, so that the next score looks it up again."""
         with self.database.write() as session:
             line_items.forget(session, self.place_of(target))
 
-    async def _found(self, target: Target) -> str | None:
-        """The line item with our resource id, if there is one: platforms may ignore the filter."""
-        url: str | None = with_path(target.line_items_url or "", "", resource_id=target.resource_id)
+    async def _found(self, target: ScoreTarget) -> str | None:
+        """Returns the line item with our resource id, if there is one: platforms may ignore the filter."""
+        url: str | None = with_path(target.line_items_url, "", resource_id=target.resource_id)
         for _ in range(PAGES_MAX):
             if url is None:
                 return None
@@ -148,19 +112,19 @@ class LineItems:
             url = next_page(response, url)
         return None
 
-    async def _created(self, target: Target, label: str, maximum: float) -> str:
+    async def _created(self, target: ScoreTarget, label: str, maximum: float) -> str:
         if LINE_ITEM not in target.scopes:
             raise Failed(Dead("The platform has no line item for this, and lets us create none."))
         item: dict[str, Any] = {"label": label, "scoreMaximum": maximum, "resourceId": target.resource_id}
         if target.resource_link_id:
             item["resourceLinkId"] = target.resource_link_id
-        url = target.line_items_url or ""
+        url = target.line_items_url
         headers = {"Content-Type": MEDIA, "Accept": MEDIA}
         response = await self._call(target, "POST", url, headers, json.dumps(item).encode())
         return url_in(response.json(), url)
 
     async def _call(
-        self, target: Target, method: str, url: str, headers: dict[str, str], body: bytes | None = None
+        self, target: ScoreTarget, method: str, url: str, headers: dict[str, str], body: bytes | None = None
     ) -> Response:
         response = await self.tokens.request(
             target.platform, wanted(target.scopes), method, url, headers=headers, body=body
@@ -171,7 +135,7 @@ class LineItems:
 
 
 def url_in(item: Any, base: str) -> str:
-    """The URL of a line item as the platform returned it. Raises Unreachable."""
+    """Returns the URL of a line item as the platform returned it. Raises Unreachable."""
     found = item.get("id") if isinstance(item, dict) else None
     if not isinstance(found, str) or not found:
         raise Unreachable("The platform's line item has no id.")
@@ -179,6 +143,6 @@ def url_in(item: Any, base: str) -> str:
 
 
 def wanted(granted: Collection[str]) -> list[str]:
-    """The scopes that sending scores asks for: those that it needs, and of them only the granted ones."""
+    """Returns the scopes that sending scores asks for: those that it needs, and of them only the granted ones."""
     needed = [SCORE, READ_RESULT, LINE_ITEM if LINE_ITEM in granted else READ_LINE_ITEM]
     return [scope for scope in needed if scope in granted]

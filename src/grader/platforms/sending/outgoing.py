@@ -54,7 +54,7 @@ class Response:
         return self.body[:300].decode(errors="replace")
 
     def json(self) -> Any:
-        """The body as JSON. Raises Unreachable if it is none."""
+        """Returns the body as JSON. Raises Unreachable if it is none."""
         try:
             return json.loads(self.body)
         except (ValueError, RecursionError) as error:
@@ -69,7 +69,7 @@ async def resolve(host: str, port: int) -> list[Address]:
 
 @cache
 def certificates() -> ssl.SSLContext:
-    """The authorities that the system trusts; to read them takes longer than a request."""
+    """Returns the authorities that the system trusts; to read them takes longer than a request."""
     return ssl.create_default_context()
 
 
@@ -84,18 +84,11 @@ class Outgoing:
     body_max: int = field(default=BODY_MAX)
 
     async def request(
-        self,
-        method: str,
-        url: str,
-        *,
-        headers: Mapping[str, str] | None = None,
-        body: bytes | None = None,
+        self, method: str, url: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None,
         reads: bool = True,
-    ) -> Response:
-        """Sends one request; without `reads` only the status and headers of the answer are read.
-
-        Raises RefusedURL for a URL that is not allowed, and Unreachable.
-        """
+    ) -> Response:  # fmt: skip
+        """Sends one request; without `reads` only the status and headers of the answer are read. Raises RefusedURL for
+        a URL that is not allowed, and Unreachable."""
         endpoint = endpoint_of(url, self.private_hosts)
         try:
             async with asyncio.timeout(self.time_max_s):
@@ -107,7 +100,7 @@ class Outgoing:
             raise Unreachable(f"The request failed: {type(error).__name__}.") from error
 
     async def _addresses(self, endpoint: Endpoint) -> list[Address]:
-        """Every address of the host. Raises RefusedURL if one of them is not public."""
+        """Returns every address of the host. Raises RefusedURL if one of them is not public."""
         known = literal(endpoint.host)
         found = [known] if known is not None else await self.resolve(endpoint.host, endpoint.port)
         if not found:
@@ -118,15 +111,12 @@ class Outgoing:
         return found
 
     def _request(self, method: str, url: str, headers: Mapping[str, str] | None, body: bytes | None) -> httpx2.Request:
-        sent = {"Accept-Encoding": "identity", "User-Agent": "mujoco-grader", "Connection": "close"} | dict(
-            headers or {}
-        )
-        return httpx2.Request(method, url, headers=sent, content=body)
+        return httpx2.Request(method, url, headers=HEADERS | dict(headers or {}), content=body)
 
     async def _first_of(
         self, addresses: list[Address], endpoint: Endpoint, request: httpx2.Request, reads: bool
     ) -> Response:
-        """The answer of the first address that takes a connection."""
+        """Renders the answer of the first address that takes a connection."""
         for address in addresses[:-1]:
             try:
                 return await self._send(address, endpoint, request, reads)

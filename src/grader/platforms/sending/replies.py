@@ -69,7 +69,7 @@ class Failed(Exception):
 
 
 def retry_after_s(headers: Mapping[str, str], now: datetime) -> float:
-    """The pause that a server asks for with `Retry-After`, in seconds or as a date [s]; 0 if it does not."""
+    """Returns the pause that a server asks for with `Retry-After`, in seconds or as a date [s]; 0 if it does not."""
     text = headers.get("retry-after", "").strip()
     if text.isascii() and text.isdecimal():
         return min(float(text[:9]), RETRY_MAX_S)

@@ -4,7 +4,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Protocol, Self
+from typing import Any, Self
+
+from grader.store.tables import Result
 
 FULLY_GRADED, PENDING_MANUAL = "FullyGraded", "PendingManual"
 
@@ -15,22 +17,6 @@ SAME = 0.01
 """Points by which a platform's copy may differ: gradebooks round to hundredths."""
 
 CANVAS = "https://canvas.instructure.com/lti/submission"
-
-
-class Counted(Protocol):
-    """What counts for a learner at a question: a result."""
-
-    @property
-    def points(self) -> float:
-        """Points that count."""
-
-    @property
-    def max_points(self) -> float:
-        """Points that the question is worth."""
-
-    @property
-    def is_final(self) -> bool:
-        """Whether no grading is to come."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +34,7 @@ class Score:
         return self.grading == FULLY_GRADED
 
     def body(self, user: str, timestamp: datetime) -> bytes:
-        """The JSON document of the score service. Canvas is told not to count it as one more submission."""
+        """Returns the JSON document of the score service. Canvas is told not to count it as one more submission."""
         points = {} if self.given is None else {"scoreGiven": self.given, "scoreMaximum": self.maximum}
         document = {
             "userId": user,
@@ -61,7 +47,7 @@ class Score:
         return json.dumps(document).encode()
 
     def is_at(self, result: "PlatformResult") -> bool:
-        """Whether a platform shows this score; it may have scaled it to another maximum."""
+        """Says whether a platform shows this score; it may have scaled it to another maximum."""
         if self.given is None or result.score is None:
             return self.given is None and result.score is None
         shown = result.score if result.maximum is None else result.score / result.maximum * self.maximum
@@ -73,7 +59,7 @@ class Score:
 
     @classmethod
     def from_json(cls, stored: str) -> Self:
-        """What `to_json` has made."""
+        """Says what `to_json` has made."""
         return cls(*json.loads(stored))
 
 
@@ -86,7 +72,7 @@ class PlatformResult:
 
     @classmethod
     def of(cls, listed: Any, user: str) -> Self:
-        """The result of a user in the answer of the result service; without a score if there is none."""
+        """Returns the result of a user in the answer of the result service; without a score if there is none."""
         for item in listed if isinstance(listed, list) else ():
             if isinstance(item, dict) and str(item.get("userId")) == user:
                 score, maximum = item.get("resultScore"), item.get("resultMaximum")
@@ -95,16 +81,13 @@ class PlatformResult:
 
 
 def number(given: Any) -> float | None:
-    """A JSON number; None for anything else."""
+    """Returns a JSON number; None for anything else."""
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 
 
-def score_of(results: Mapping[str, Counted], worth: Mapping[str, float], question: str) -> Score | None:
-    """The score of one question, or with an empty `question` of the whole quiz.
-
-    `results` are the learner's, by question, and `worth` the points of the quiz's questions. None if there is nothing
-    to score.
-    """
+def score_of(results: Mapping[str, Result], worth: Mapping[str, float], question: str) -> Score | None:
+    """Returns the score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
+    question, and `worth` the points of the quiz's questions. None if there is nothing to score."""
     if question:
         found = {question: results[question]} if question in results else {}
         asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}

@@ -20,9 +20,10 @@ from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, Role
 from grader.courses.rules.policy import Shown
 from grader.domain.addresses import RefusedURL
+from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
-from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, Target, wanted, with_path
+from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, wanted, with_path
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, score_of
@@ -47,19 +48,16 @@ SECOND = timedelta(seconds=1)
 LibraryNow = Callable[[Session, str, str], Library]
 """The content of (course, quiz) as servers use it now."""
 
-
-ScoreTarget = Callable[[Session, str, str, str, str], Target | None]
+FindTarget = Callable[[Session, str, str, str, str], ScoreTarget | None]
 """Where the score of (course, learner, quiz, question) goes, or with an empty question that of the whole quiz."""
 
 
 @dataclass(frozen=True)
 class Prepared:
     """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
+    `is_contested` if another score of ours may still arrive and replace the one that the platform shows."""
 
-    `is_contested` if another score of ours may still arrive and replace the one that the platform shows.
-    """
-
-    target: Target
+    target: ScoreTarget
     score: Score
     label: str
     timestamp: datetime
@@ -74,7 +72,7 @@ class Scores:
     """The sender of scores."""
 
     current_library: LibraryNow
-    score_target: ScoreTarget
+    score_target: FindTarget
     tokens: AccessTokens
     line_items: LineItems
     clock: Callable[[], datetime] = now
@@ -91,7 +89,8 @@ class Scores:
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
             return Unneeded()
         asked = [row.question] if row.question else [*theirs]
-        if (held := withheld(read_access_of(session, library, row), row.quiz, asked, self.clock())) is not None:
+        access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
+        if (held := withheld(access, row.quiz, asked, self.clock())) is not None:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
@@ -136,7 +135,7 @@ class Scores:
                 return Again(str(failed))
 
     async def _result(self, prepared: Prepared, url: str) -> PlatformResult | None:
-        """What the platform shows now; None if it does not let us read it."""
+        """Says what the platform shows now; None if it does not let us read it."""
         target = prepared.target
         if READ_RESULT not in target.scopes:
             return None
@@ -162,19 +161,19 @@ class Scores:
         return self.reply_to(response)
 
     async def _call(
-        self, target: Target, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
+        self, target: ScoreTarget, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
     ) -> Response:
         scopes = wanted(target.scopes)
         return await self.tokens.request(target.platform, scopes, method, url, headers=headers, body=body)
 
-    def _gone(self, target: Target, response: Response) -> Reply:
-        """A line item that we found ourselves is looked up anew at the next try, which a person decides on."""
+    def _gone(self, target: ScoreTarget, response: Response) -> Reply:
+        """Returns a line item that we found ourselves is looked up anew at the next try, which a person decides on."""
         if not target.line_item_url:
             self.line_items.forget(target)
         return Dead(f"The platform has no such line item or learner: 404 {response.text}".strip())
 
     def reply_to(self, response: Response) -> Reply:
-        """Whether another try may help after an answer that is no success."""
+        """Says whether another try may help after an answer that is no success."""
         status, text = response.status, f"The platform answered {response.status} {response.text}".strip()
         throttled = status == HTTPStatus.FORBIDDEN and THROTTLED in response.text.lower()
         if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or throttled:
@@ -183,7 +182,7 @@ class Scores:
 
 
 def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced: bool) -> bool:
-    """Whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
+    """Says whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
     if forced:
         return True
     if not score.is_final and any(one.is_final for one in (*tried, *([sent] if sent is not None else []))):
@@ -192,11 +191,9 @@ def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced:
 
 
 def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bool:
-    """Whether another score may still arrive and replace this one, where the platform shows this one.
-
-    `tried` is in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing
-    replaces this score if its tries all came after those of others, and it was not `sent` before them.
-    """
+    """Says whether another score may still arrive and replace this one, where the platform shows this one. `tried` is
+    in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing replaces this
+    score if its tries all came after those of others, and it was not `sent` before them."""
     same = [replace(one, activity=score.activity) == score for one in tried]
     if all(same):
         return False
@@ -205,7 +202,7 @@ def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bo
 
 
 def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
-    """The reply without sending, from what the platform shows; None if the score is to be sent."""
+    """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, found):
         return Sent(prepared.score.to_json())
     if prepared.forced or not is_a_persons(prepared, found):
@@ -214,7 +211,7 @@ def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
 
 
 def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:
-    """The reply to a 400 or 409, which may say that the platform has something newer."""
+    """Returns the reply to a 400 or 409, which may say that the platform has something newer."""
     refusal = f"The platform answered {response.status} {response.text}".strip()
     if found is None:
         return Dead(f"{refusal} (what it has may not be read)")
@@ -236,30 +233,23 @@ def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
 
 
 def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
-    """Whether a person has entered what the platform shows.
-
-    A score of zero before our first one counts as none: platforms enter it by themselves when an answer is late.
-    """
+    """Says whether a person has entered what the platform shows. A score of zero before our first one counts as none:
+    platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
     is_first_zero = prepared.is_first and not found.score
     return found.score is not None and not is_first_zero and not any(one.is_at(found) for one in ours)
 
 
 def overridden(found: PlatformResult) -> str:
-    """The reason of a dead letter that a person's grade stands against."""
+    """Returns the reason of a dead letter that a person's grade stands against."""
     of = "" if found.maximum is None else f" of {found.maximum:g}"
     return f"Overridden by a person: the platform has {found.score:g}{of}. Replay it to replace that."
 
 
 def is_no_student(session: Session, row: Delivery) -> bool:
-    """Whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
+    """Says whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
     member = session.get(Member, row.learner)
     return member is None or member.role != Role.STUDENT
-
-
-def read_access_of(session: Session, library: Library, row: Delivery) -> LearnerAccess:
-    """Where the learner stands."""
-    return read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
 
 
 def withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:

@@ -1,7 +1,5 @@
-"""Sends webhooks after Standard Webhooks 1: a thin message, signed, under an id that stays through all tries.
-
-Source: https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md
-"""
+"""Sends webhooks after Standard Webhooks 1: a thin message, signed, under an id that stays through all tries. Source:
+https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md"""
 
 import base64
 import hashlib
@@ -74,7 +72,7 @@ class Webhooks:
 
 
 def message(row: Delivery, result: Result) -> bytes:
-    """The body: what changed, by ids alone. The receiver asks for the rest."""
+    """Returns the body: what changed, by ids alone. The receiver asks for the rest."""
     told: dict[str, Any] = {
         "course": row.course,
         "quiz": row.quiz,
@@ -86,7 +84,7 @@ def message(row: Delivery, result: Result) -> bytes:
 
 
 def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
-    """The headers of one try, with the time of this try."""
+    """Returns the headers of one try, with the time of this try."""
     timestamp = str(int(moment.timestamp()))
     signed = b".".join((prepared.id.encode(), timestamp.encode(), prepared.body))
     signatures = " ".join(signature(secret, signed) for secret in prepared.secrets)
@@ -99,6 +97,6 @@ def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
 
 
 def signature(secret: str, signed: bytes) -> str:
-    """The signature of a message with a secret `whsec_...`."""
+    """Returns the signature of a message with a secret `whsec_...`."""
     key = base64.b64decode(secret.removeprefix(SECRET_PREFIX))
     return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode()

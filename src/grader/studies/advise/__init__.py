@@ -1,4 +1,2 @@
-"""Chooses integrator and timestep for one model.
-
-It measures the error of every setting against a reference solution, and picks the cheapest that meets a tolerance.
-"""
+"""Chooses integrator and timestep for one model. It measures the error of every setting against a reference solution,
+and picks the cheapest that meets a tolerance."""

@@ -48,10 +48,8 @@ CURE = "start it in motion with --key, --qpos, --qvel, --ctrl or --perturb, or g
 @dataclass(frozen=True)
 class Start:
     """The start of the run: a keyframe by name or index, parts of the state that replace its own, and a perturbation.
-
     Without a keyframe it is keyframe 0 if there is one, else qpos0. `perturb` [rad/s, m/s] adds to every velocity a
-    number drawn from [-perturb, perturb] with a fixed seed.
-    """
+    number drawn from [-perturb, perturb] with a fixed seed."""
 
     key: int | str | None = None
     qpos: Values | None = None
@@ -130,15 +128,9 @@ class Advice:
 
 
 def advise(
-    model: str | Path,
-    quantity: str | None = None,
-    tol: float | None = None,
-    seconds: float | None = None,
-    *,
-    start: Start | None = None,
-    budget_s: float = BUDGET_S,
-    progress: Say = lambda _: None,
-) -> Advice:
+    model: str | Path, quantity: str | None = None, tol: float | None = None, seconds: float | None = None, *,
+    start: Start | None = None, budget_s: float = BUDGET_S, progress: Say = lambda _: None,
+) -> Advice:  # fmt: skip
     """Measure a model and choose integrator and timestep.
 
     `model` is MJCF text or the path of a file; `quantity` an expression of the labs, by default all positions; `tol`
@@ -158,7 +150,8 @@ def advise(
             budget_s=budget_s,
             progress=progress,
         )
-        return Advice(found, describe_steps(scene, found), list_skips(scene))
+        skips = (f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)
+        return Advice(found, describe_steps(scene, found), tuple(skips))
     except QuantityStill as error:
         raise Unprocessable(f"{error}: {CURE}") from error
     except (ValueError, RuntimeError, LabError) as error:
@@ -182,9 +175,7 @@ def build_scene(model: str | Path, start: Start) -> Scene:
 
 def compile_quantity(expression: str, scene: Scene) -> Quantity:
     """Compile a lab expression, such as `data.qpos[0]` or `lib.sitePos('tip')[2]`, into a function of (model, data).
-
-    Raises ContentError if it does not compile, ValueError if its value at the start is not a finite number.
-    """
+    Raises ContentError if it does not compile, ValueError if its value at the start is not a finite number."""
     program = compile_program(expression, "expression", "--quantity")
 
     def evaluate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -229,11 +220,9 @@ def find_energy_loss(scene: Scene) -> str | None:
 
 
 def find_binding_stiffness(scene: Scene, candidates: Sequence[Candidate]) -> str | None:
-    """Return why a timestep of the range is unstable under implicitfast, or None.
-
-    Reads the linear stability limit at the equilibrium of a scene without constraints first, then the warnings of the
-    measured runs. Instability at the shortest timestep belongs to the equilibrium or the motion, and does not count.
-    """
+    """Return why a timestep of the range is unstable under implicitfast, or None. Reads the linear stability limit at
+    the equilibrium of a scene without constraints first, then the warnings of the measured runs. Instability at the
+    shortest timestep belongs to the equilibrium or the motion, and does not count."""
     constrained = any(need.needed and need.part == "constraints" for need in scene.needs)
     if not (constrained or scene.model.nhistory) and find_equilibrium(scene) is not None:
         low_s, high_s = LIMIT_SPAN_S
@@ -245,8 +234,3 @@ def find_binding_stiffness(scene: Scene, candidates: Sequence[Candidate]) -> str
     if warned is None or warned.timestep_s == min(c.timestep_s for c in own):
         return None
     return f"{describe_setting(warned)} warned: {warned.warning}"
-
-
-def list_skips(scene: Scene) -> tuple[str, ...]:
-    """Parts of the engine that the scene provably does not need, each with the reason."""
-    return tuple(f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)

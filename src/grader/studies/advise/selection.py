@@ -62,12 +62,9 @@ Say = Callable[[str], object]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measured setting.
-
-    `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu` is the CPU time per
-    simulated second of the one run, which the rest of the machine may disturb; `warning` names the first warning and
-    its time.
-    """
+    """A measured setting. `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu`
+    is the CPU time per simulated second of the one run, which the rest of the machine may disturb; `warning` names the
+    first warning and its time."""
 
     integrator: Integrator
     timestep_s: float
@@ -110,16 +107,10 @@ class OutOfTime(RuntimeError):
 
 
 def select(
-    scene: Scene,
-    *,
-    tolerance: float,
-    seconds: float,
-    quantity: Quantity | None = None,
-    integrators: Sequence[Integrator] = PREFERENCE,
-    timesteps_s: Sequence[float] = TIMESTEPS_S,
-    budget_s: float = inf,
-    progress: Say = lambda _: None,
-) -> Selection:
+    scene: Scene, *, tolerance: float, seconds: float, quantity: Quantity | None = None,
+    integrators: Sequence[Integrator] = PREFERENCE, timesteps_s: Sequence[float] = TIMESTEPS_S,
+    budget_s: float = inf, progress: Say = lambda _: None,
+) -> Selection:  # fmt: skip
     """Measure candidates over `seconds` and choose the cheapest that meets `tolerance`.
 
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
@@ -139,15 +130,8 @@ def select(
     with ThreadPoolExecutor(CORES) as pool:
         able = [integrator for integrator in integrators if find_refusal(scene.model, integrator) is None]
         offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
-        survey = _Survey(
-            _Meter(scene, seconds, quantity),
-            tolerance,
-            offered,
-            until=time.monotonic() + budget_s,
-            progress=progress,
-            pool=pool,
-        )
-        return survey.select()
+        meter, until = _Meter(scene, seconds, quantity), time.monotonic() + budget_s
+        return _Survey(meter, tolerance, offered, until=until, progress=progress, pool=pool).select()
 
 
 def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float] = TIMESTEPS_S) -> None:
@@ -242,11 +226,8 @@ class _Meter:
 
 
 def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Reference:
-    """States at `times`, between two kept ones by linear interpolation.
-
-    The reference keeps a state within one of its own timesteps on both sides of each time: the error is of second order
-    in that timestep.
-    """
+    """States at `times`, between two kept ones by linear interpolation. The reference keeps a state within one of its
+    own timesteps on both sides of each time: the error is of second order in that timestep."""
     after = np.clip(np.searchsorted(run.time, times - 1e-9), 0, len(run.time) - 1)
     before = np.where(np.abs(run.time[after] - times) < 1e-9, after, np.maximum(after - 1, 0))
     width = run.time[after] - run.time[before]
@@ -261,21 +242,13 @@ def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Refer
 
 
 class _Survey:
-    """Measures settings once each, within a budget of wall time.
-
-    `offered` holds the timesteps [s] to choose from for each integrator, the largest first; `measured` what was found.
-    """
+    """Measures settings once each, within a budget of wall time. `offered` holds the timesteps [s] to choose from for
+    each integrator, the largest first; `measured` what was found."""
 
     def __init__(
-        self,
-        meter: _Meter,
-        tolerance: float,
-        offered: Mapping[Integrator, Sequence[float]],
-        *,
-        until: float,
-        progress: Say,
-        pool: ThreadPoolExecutor,
-    ) -> None:
+        self, meter: _Meter, tolerance: float, offered: Mapping[Integrator, Sequence[float]], *, until: float,
+        progress: Say, pool: ThreadPoolExecutor,
+    ) -> None:  # fmt: skip
         self.meter, self.tolerance, self.offered = meter, tolerance, offered
         self.until, self.progress, self.pool = until, progress, pool
         self.measured: dict[Setting, Candidate] = {}
@@ -305,10 +278,8 @@ class _Survey:
         except RuntimeError as error:
             return _cannot_tell(str(error))
         if not self.doubt <= REFERENCE_SHARE * self.tolerance:
-            why = (
-                f"the reference itself is uncertain by {self.doubt:.2g}, too much for a tolerance of {self.tolerance:g}"
-            )
-            return _cannot_tell(why, self.doubt)
+            much = f"too much for a tolerance of {self.tolerance:g}"
+            return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
         self.take(runs, reference)
         self.refine(reference)
         return self.choose(own)
@@ -327,11 +298,9 @@ class _Survey:
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
 
     def reference(self, times_s: Vector) -> Rollout | Reference:
-        """Returns the reference solution; `doubt` becomes its distance to the second-best solution.
-
-        Smooth scenes use DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the
-        difference estimates the remaining error of a first-order method.
-        """
+        """Returns the reference solution; `doubt` becomes its distance to the second-best solution. Smooth scenes use
+        DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the difference estimates
+        the remaining error of a first-order method."""
         solve = self.solve if find_obstacle(self.meter.scene) is None else self.step
         best: Rollout | Reference | None = None
         for finer in solve(times_s):
@@ -445,18 +414,14 @@ class _Survey:
                 reason += f"; the best, {describe_setting(least)}, has an error of {least.error:.2g}"
         else:
             margin = self.tolerance / best.error if best.error else inf
-            reason = (
-                f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {best.cost:g}"
-            )
-            reason += " evaluations a second"
-            if lucky := [
-                describe_setting(c) for c in candidates if c.cost < best.cost and self.passes(c) and self.by_accident(c)
-            ]:
+            cost = f"{best.cost:g} evaluations a second"
+            reason = f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {cost}"
+            cheaper = [c for c in candidates if c.cost < best.cost]
+            if lucky := [describe_setting(c) for c in cheaper if self.passes(c) and self.by_accident(c)]:
                 reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
         told = self.doubt / REFERENCE_SHARE
-        return Selection(
-            best, margin, reason + late, self.doubt, candidates, find_front(candidates), self.measured[own], told
-        )
+        front = find_front(candidates)
+        return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own], told)
 
 
 def _rank(candidate: Candidate) -> tuple[float, int]:

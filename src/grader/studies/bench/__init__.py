@@ -1,7 +1,5 @@
 """Benchmarks that anyone can repeat: run time against error, stability, what skipping saves, and the service itself.
-
-The service never imports this package. Only the pictures need matplotlib, the extra `bench`.
-"""
+The service never imports this package. Only the pictures need matplotlib, the extra `bench`."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -14,10 +12,8 @@ STUDIES = (*PHYSICS, "service")
 
 
 def run(name: str, out: Path, quick: bool) -> None:
-    """Run a study into the folder `out`; see Study.run.
-
-    Raises Unprocessable for an unknown name, and where matplotlib is not installed.
-    """
+    """Run a study into the folder `out`; see Study.run. Raises Unprocessable for an unknown name, and where matplotlib
+    is not installed."""
     if name not in STUDIES:
         raise Unprocessable(f"there is no benchmark {name!r}; there are {', '.join(STUDIES)}")
     if find_spec("matplotlib") is None:

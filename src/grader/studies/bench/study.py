@@ -32,6 +32,11 @@ UNRELATED = {"__init__", "floors", "lines", "loops"}
 NOT_MEASURING = ("draw", "summarise", "rows")
 """How the names of functions begin that only evaluate records."""
 
+COLOURS = {
+    "Euler": "#4477aa", "RK4": "#ee6677", "implicit": "#228833", "implicitfast": "#ccbb44", "discrete": "#aa3377",
+}  # fmt: skip
+"""Of the integrators. Source: Paul Tol's bright scheme, which colour-blind readers can tell apart."""
+
 LOOK: Any = {
     "font.size": 9,
     "axes.grid": True,
@@ -50,10 +55,8 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Measurement(ABC):
-    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart.
-
-    What is not `timed` reads nothing from `done`; it is measured first, on all cores side by side.
-    """
+    """Something to measure. A study derives a class for each kind; the fields tell measurements of a kind apart. What
+    is not `timed` reads nothing from `done`; it is measured first, on all cores side by side."""
 
     timed: ClassVar[bool] = True
 
@@ -86,11 +89,9 @@ def select_kind(records: Records, kind: type[KindT]) -> dict[KindT, Record]:
 
 @dataclass(frozen=True)
 class Study:
-    """`plan(quick)` lists what to measure, in order; the other functions only evaluate records.
-
-    `draw` makes the figures, by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that
-    changing them does not discard what was measured.
-    """
+    """`plan(quick)` lists what to measure, in order; the other functions only evaluate records. `draw` makes the
+    figures, by file name. Functions that only evaluate begin with a word of NOT_MEASURING, so that changing them does
+    not discard what was measured."""
 
     name: str
     plan: Callable[[bool], Sequence[Measurement]]
@@ -98,23 +99,16 @@ class Study:
     draw: Mapping[str, Callable[[Records, Record], Figure]]
 
     def run(self, out: Path, quick: bool) -> None:
-        """Run the study; interrupted and started again with the same `out`, it resumes.
-
-        Writes `<name>.jsonl` (each measurement as it is finished), `<name>.json` (machine, versions, summary),
-        `<name>.csv` and each picture as SVG and PNG.
-        """
+        """Run the study; interrupted and started again with the same `out`, it resumes. Writes `<name>.jsonl` (each
+        measurement as it is finished), `<name>.json` (machine, versions, summary), `<name>.csv` and each picture as SVG
+        and PNG."""
         prepare()
         console = Console(stderr=True)
         out.mkdir(parents=True, exist_ok=True)
-        journal = Journal(
-            out / f"{self.name}.jsonl", compute_digest(read_versions(), compute_code_digest(self.name), quick)
-        )
-        summary: Record = {
-            "benchmark": self.name,
-            "quick": quick,
-            "machine": describe_machine(),
-            "versions": read_versions(),
-        }
+        context = compute_digest(read_versions(), compute_code_digest(self.name), quick)
+        journal = Journal(out / f"{self.name}.jsonl", context)
+        summary: Record = {"benchmark": self.name, "quick": quick}
+        summary |= {"machine": describe_machine(), "versions": read_versions()}
         try:
             records = carry_out(self.name, self.plan(quick), journal, console, quick)
         except KeyboardInterrupt:
@@ -142,10 +136,8 @@ class Study:
 
 @dataclass(frozen=True)
 class Journal:
-    """Finished measurements on disk, one JSON line each.
-
-    Only lines of the same context (versions, code, scenes) are read; the others stay in the file.
-    """
+    """Finished measurements on disk, one JSON line each. Only lines of the same context (versions, code, scenes) are
+    read; the others stay in the file."""
 
     path: Path
     context: str
@@ -171,10 +163,8 @@ class Journal:
 def carry_out(
     title: str, plan: Sequence[Measurement], journal: Journal, console: Console, quick: bool = False
 ) -> dict[Measurement, Record]:
-    """Measure what the journal does not hold yet, with a progress bar; return all records.
-
-    What is timed is measured alone and in order, after the others. Raises ValueError where two measurements are equal.
-    """
+    """Measure what the journal does not hold yet, with a progress bar; return all records. What is timed is measured
+    alone and in order, after the others. Raises ValueError where two measurements are equal."""
     if len(set(plan)) != len(plan):
         raise ValueError(f"{title}: two measurements are the same")
     kept = journal.read()
@@ -233,9 +223,7 @@ def compute_digest(*parts: object) -> str:
 
 def compute_code_digest(study: str) -> str:
     """Returns a digest of what a study measures with: numerics, scenes, its own module and those that studies share.
-
-    Comments, docstrings and the functions of NOT_MEASURING are left out.
-    """
+    Comments, docstrings and the functions of NOT_MEASURING are left out."""
     others = UNRELATED.union(STUDIES) - {study}
     room = "service" if study == "service" else "physics"
     own = [path for path in (*ROOM.glob("*.py"), *ROOM.glob(f"{room}/*.py")) if path.stem not in others]

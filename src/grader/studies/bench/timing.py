@@ -1,7 +1,5 @@
-"""CPU time as paired ratios: the work and a yardstick take turns in one run, so that load on the machine cancels.
-
-Also switches the profiling timer that MuJoCo's Python wheel installs and `mj_resetCallbacks` removes.
-"""
+"""CPU time as paired ratios: the work and a yardstick take turns in one run, so that load on the machine cancels. Also
+switches the profiling timer that MuJoCo's Python wheel installs and `mj_resetCallbacks` removes."""
 
 import ctypes
 import time
@@ -40,17 +38,14 @@ LEAST, MOST = 6, 200
 """Numbers of pairs: the extremes of fewer than six enclose the median with a confidence below 95 %."""
 
 SAMPLE_S = 1e-3, 5e-2
-"""Shortest sample [s], far above the clock's resolution and the cost of reading it; and the longest that is repeated
-to last as long as one of the other work.
-"""
+"""Shortest sample [s], far above the clock's resolution and the cost of reading it; and the longest that is repeated to
+last as long as one of the other work."""
 
 
 @dataclass(frozen=True)
 class TimeRatio:
-    """CPU time of the work over that of the yardstick: median `ratio` of the `pairs`, with its 95 % interval.
-
-    `seconds` and `yardstick_s` are the shortest CPU times of one call in this thread [s].
-    """
+    """CPU time of the work over that of the yardstick: median `ratio` of the `pairs`, with its 95 % interval. `seconds`
+    and `yardstick_s` are the shortest CPU times of one call in this thread [s]."""
 
     ratio: float
     interval: tuple[float, float]
@@ -60,18 +55,14 @@ class TimeRatio:
 
     @property
     def least(self) -> float:
-        """The shortest time of the work over that of the yardstick.
-
-        What disturbs a sample only adds to its time, so on a busy machine this is steadier than the median.
-        """
+        """The shortest time of the work over that of the yardstick. What disturbs a sample only adds to its time, so on
+        a busy machine this is steadier than the median."""
         return self.seconds / self.yardstick_s
 
 
 def count_calls(*works: Callable[[], object]) -> list[int]:
-    """Call each work twice, then return how often to call each so that all samples last equally long within SAMPLE_S.
-
-    A short sample right after a long one of another work would measure cold caches.
-    """
+    """Call each work twice, then return how often to call each so that all samples last equally long within SAMPLE_S. A
+    short sample right after a long one of another work would measure cold caches."""
     once = []
     for work in works:
         work()
@@ -90,10 +81,8 @@ def measure_sample(work: Callable[[], object], calls: int) -> float:
 
 
 def measure_pairs(work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2) -> TimeRatio:
-    """Measure pairs for `budget_s` of CPU time [s]: at least LEAST of them, at most MOST.
-
-    The order within a pair alternates, so that a drift of the clock frequency does not favour either side.
-    """
+    """Measure pairs for `budget_s` of CPU time [s]: at least LEAST of them, at most MOST. The order within a pair
+    alternates, so that a drift of the clock frequency does not favour either side."""
     works, taken = (work, yardstick), list[list[float]]()
     counts = count_calls(*works)
     end = time.thread_time() + budget_s
@@ -113,10 +102,7 @@ RESAMPLES = 2000
 
 def compute_median_interval(pairs: Sequence[float], over: Sequence[float] = (1.0,)) -> tuple[float, float]:
     """Returns the 95 % confidence interval of the median of independent pairs, or of its quotient over that of others.
-
-    The percentile bootstrap; the same pairs give the same interval.
-    Source: Efron 1979, doi 10.1214/aos/1176344552.
-    """
+    The percentile bootstrap; the same pairs give the same interval. Source: Efron 1979, doi 10.1214/aos/1176344552."""
     medians = resample_medians(tuple(pairs), 0) / resample_medians(tuple(over), 1)
     low, high = np.percentile(medians, (2.5, 97.5)).tolist()
     return low, high

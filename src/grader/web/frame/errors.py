@@ -25,7 +25,7 @@ OURS = ("Something went wrong on our side", "It is noted. What you handed in is 
 
 
 def error_page(scope: Scope, problem: Response) -> Response | None:
-    """The page of a problem document, with its status and headers, for a browser that opens a page; else None."""
+    """Renders a problem document as a page, with its status and headers, for a browser that opens a page; else None."""
     accepted = Headers(scope=scope).get("accept", "")
     if scope["path"].startswith(NOT_PAGES) or "text/html" not in accepted:
         return None

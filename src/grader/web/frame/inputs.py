@@ -17,16 +17,16 @@ RowId = Annotated[int, Path(ge=1, le=ROW_ID_MAX)]
 """The number of a row, in a path."""
 
 
-async def visitor_of(request: Request) -> Identity | None:
+async def get_visitor(request: Request) -> Identity | None:
     """Returns the user of the browser, whom the middleware has identified; None without a valid session."""
     identity: Identity | None = request.state.identity
     return identity
 
 
-Visitor = Annotated[Identity | None, Depends(visitor_of)]
+Visitor = Annotated[Identity | None, Depends(get_visitor)]
 
 
-def instructor(who: Identity | None) -> Identity:
+async def require_instructor(who: Visitor) -> Identity:
     """Returns the instructor of the browser. Raises Unauthorized, Forbidden."""
     if who is None:
         raise Unauthorized("Sign in first.")
@@ -34,7 +34,10 @@ def instructor(who: Identity | None) -> Identity:
     return who
 
 
-async def form_fields_of(request: Request) -> dict[str, list[str]]:
+Instructor = Annotated[Identity, Depends(require_instructor)]
+
+
+async def read_form_fields(request: Request) -> dict[str, list[str]]:
     """Reads the values of every field of the form that the browser sent."""
     return await run_in_threadpool(parse_form, await request.body())
 
@@ -47,12 +50,12 @@ def parse_form(body: bytes) -> dict[str, list[str]]:
         raise Unprocessable(f"A form has at most {FIELDS_MAX} fields.") from error
 
 
-FormFields = Annotated[dict[str, list[str]], Depends(form_fields_of)]
+FormFields = Annotated[dict[str, list[str]], Depends(read_form_fields)]
 
 
-async def form_of(fields: FormFields) -> dict[str, str]:
+async def read_form(fields: FormFields) -> dict[str, str]:
     """Reads the form that the browser sent; of a repeated field, the first."""
     return {name: values[0] for name, values in fields.items()}
 
 
-Form = Annotated[dict[str, str], Depends(form_of)]
+Form = Annotated[dict[str, str], Depends(read_form)]

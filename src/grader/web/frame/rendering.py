@@ -1,6 +1,7 @@
 """Rendering of the templates, with the headers that every page has."""
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,11 @@ from jinja2 import ChoiceLoader, FileSystemLoader, FunctionLoader
 
 from grader.courses.rules.policy import spoken
 from grader.gate.services import services_in
+from grader.questions import installed_kinds, template_of
 from grader.store import platforms
 from grader.web.frame.assets import static
 from grader.web.text import numbers
 from grader.web.text.prose import cached_prose
-from grader.web.text.question_templates import load_template
 from grader.web.verdict import card
 
 ROOM = Path(__file__).parents[1]
@@ -24,19 +25,17 @@ POLICY = "Content-Security-Policy"
 
 
 def security_policy(framed_by: Iterable[str] = (), posts_to: Iterable[str] = ()) -> str:
-    """The security policy of a page that these origins may show in a frame, and whose forms may go to others.
-
-    Scripts, styles and fonts come from files of this service only; authors may show pictures from other sites.
-    """
+    """Returns the security policy of a page that these origins may show in a frame, and whose forms may go to others.
+    Scripts, styles and fonts come from files of this service only; authors may show pictures from other sites."""
     return (
         "default-src 'none'; script-src 'self'; style-src 'self'; font-src 'self'; img-src 'self' data: https:; "
-        f"connect-src 'self'; form-action {source_list(posts_to)}; base-uri 'none'; "
-        f"frame-ancestors {source_list(framed_by)}"
+        f"connect-src 'self'; form-action {join_sources(posts_to)}; base-uri 'none'; "
+        f"frame-ancestors {join_sources(framed_by)}"
     )
 
 
-def source_list(origins: Iterable[str]) -> str:
-    """The service itself and these origins."""
+def join_sources(origins: Iterable[str]) -> str:
+    """Returns the service itself and these origins."""
     return " ".join(("'self'", *origins))
 
 
@@ -46,16 +45,30 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "private, no-cache",
 }
+PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
+
+
+def load_kind_template(name: str) -> tuple[str, str, Callable[[], bool]] | None:
+    """Loads the template of a kind of question, `kinds/KIND.html`, which lies beside the kind's code: its text, its
+    path, and whether the text is current, for Jinja2's FunctionLoader."""
+    found = re.fullmatch(r"kinds/(.+)\.html", name)
+    kind = installed_kinds().get(found[1]) if found else None
+    if kind is None:
+        return None
+    path = template_of(kind)
+    return path.read_text(encoding="utf-8"), str(path), lambda: True
+
 
 templates = Jinja2Templates(directory=ROOM / "templates")
-templates.env.loader = ChoiceLoader([FileSystemLoader(ROOM / "templates"), FunctionLoader(load_template)])
+templates.env.loader = ChoiceLoader([FileSystemLoader(ROOM / "templates"), FunctionLoader(load_kind_template)])
 templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "fraction": numbers.fraction,
-    "lines_linked": card.lines_linked,
+    "lines_linked": card.link_lines,
     "number": numbers.number,
-    "plain": numbers.field_text,
+    "plain": "{:.12g}".format,
     "points": numbers.points,
     "prose": cached_prose,
     "spoken": spoken,
@@ -67,19 +80,17 @@ templates.env.filters |= {
 def page(
     request: Request, template: str, status: int = 200, more: Mapping[str, str] | None = None, **context: Any
 ) -> Response:
-    """Renders a template, with the headers that every page has, and `more`.
-
-    In a session that a learning platform launched, the platform may show the page in a frame.
-    """
+    """Renders a template, with the headers that every page has, and `more`. In a session that a learning platform
+    launched, the platform may show the page in a frame."""
     headers = HEADERS | dict(more or {})
     who = getattr(request.state, "identity", None)
     if who is not None and who.platform is not None and POLICY not in (more or {}):
-        headers[POLICY] = security_policy(origins_of(request, who.platform))
+        headers[POLICY] = security_policy(list_origins(request, who.platform))
     return templates.TemplateResponse(request, template, context, status_code=status, headers=headers)
 
 
-def origins_of(request: Request, platform_id: int) -> tuple[str, ...]:
-    """The origins whose pages may show ours in a frame; none once the platform is removed."""
+def list_origins(request: Request, platform_id: int) -> tuple[str, ...]:
+    """Returns the origins whose pages may show ours in a frame; none once the platform is removed."""
     with services_in(request.app).database.read() as session:
         row = platforms.get(session, platform_id)
         return () if row is None else platforms.view(row).origins

@@ -1,4 +1,1 @@
-"""Pages of instructors: one module a page.
-
-No page needs a script.
-"""
+"""Pages of instructors: one module a page. No page needs a script."""

@@ -24,47 +24,47 @@ ALL_INTEGRATORS = "all integrators"
 CURE = "Draw more numbers, from wider ranges; or raise luck in the question's file, and say why in x-luck."
 
 
-def told(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list[str]]]:
-    """The sentences of a certificate under their headings; none where nothing was measured."""
+def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list[str]]]:
+    """Returns the sentences of a certificate under their headings; none where nothing was measured."""
     if not certificate.measured:
         return []
     method = {
-        "stage": stages, "threshold": threshold, "measurement": measurement, "expression": expression,
-        "options": options, "outcome": outcome,
+        "stage": describe_stages, "threshold": describe_threshold, "measurement": describe_measurement,
+        "expression": describe_expression, "options": describe_options, "outcome": describe_outcome,
     }[certificate.method]  # fmt: skip
-    simulated, found = method(certificate.measured, unit_of(asked))
-    headed = [("Simulated", [simulated]), ("Came out", found), ("The key", [key(asked, certificate)])]
+    simulated, found = method(certificate.measured, find_unit(asked))
+    headed = [("Simulated", [simulated]), ("Came out", found), ("The key", [describe_key(asked, certificate)])]
     return [(heading, [unbroken(line) for line in lines]) for heading, lines in headed]
 
 
-def unit_of(asked: AnswerKey) -> str:
-    """The unit of a number that is asked for; empty where none is."""
+def find_unit(asked: AnswerKey) -> str:
+    """Returns the unit of a number that is asked for; empty where none is."""
     return (asked.unit or "") if isinstance(asked, NumberKey) else ""
 
 
-def amount(value: float | None, unit: str) -> str:
-    """A number with its unit, if it has one."""
+def format_amount(value: float | None, unit: str) -> str:
+    """Returns a number with its unit, if it has one."""
     return quantity(value, unit, DIGITS) if unit else number(value, DIGITS)
 
 
-def key(asked: AnswerKey, certificate: Certificate) -> str:
-    """What the key says, and how far the simulation is from it."""
+def describe_key(asked: AnswerKey, certificate: Certificate) -> str:
+    """Says what the key says, and how far the simulation is from it."""
     if not isinstance(asked, NumberKey):
         same = "the same" if certificate.answer == certificate.expected else "another answer"
         return f"“{plain_text(asked.options[int(certificate.expected)])}”: the simulation finds {same}."
-    unit, tolerance = unit_of(asked), certificate.tolerance
+    unit, tolerance = find_unit(asked), certificate.tolerance
     if certificate.answer is None or tolerance is None:
-        return f"{amount(certificate.expected, unit)}."
+        return f"{format_amount(certificate.expected, unit)}."
     off = abs(certificate.answer - certificate.expected)
     share = f", {100 * off / tolerance:.0f}{NARROW}% of the tolerance" if tolerance else ""
     return (
-        f"{amount(certificate.expected, unit)}, with a tolerance of {amount(tolerance, unit)}. "
+        f"{format_amount(certificate.expected, unit)}, with a tolerance of {format_amount(tolerance, unit)}. "
         f"What came out is {quantity(off, unit, 2) if unit else number(off, 2)} away{share}."
     )
 
 
-def stages(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
-    """The call of mj_step that fills a field."""
+def describe_stages(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
+    """Returns the call of mj_step that fills a field."""
     first = measured["filled by"]
     before, _, after = measured["calls"].get(first, "").partition(", then ")
     found = (
@@ -75,69 +75,69 @@ def stages(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
     return f"The calls of mj_step one by one, with {measured['field']} read before and after each.", [found]
 
 
-def threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
-    """The bracket of a largest stable timestep."""
-    stable, unstable = amount(measured["stable at"], unit), amount(measured["unstable at"], unit)
+def describe_threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
+    """Returns the bracket of a largest stable timestep."""
+    stable, unstable = format_amount(measured["stable at"], unit), format_amount(measured["unstable at"], unit)
     simulated = f"{measured['integrator']} at ever closer timesteps, until {measured['compared with']} lay between two."
     return simulated, [f"Stable at {stable}, unstable at {unstable}."]
 
 
-def measurement(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
-    """A measured value at finer timesteps, and from nudged starts."""
+def describe_measurement(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
+    """Returns a measured value at finer timesteps, and from nudged starts."""
     found = [
-        f"{amount(measured[h], unit)} at {'the timestep' if h == 'h/1' else f'a {place} of it'}"
+        f"{format_amount(measured[h], unit)} at {'the timestep' if h == 'h/1' else f'a {place} of it'}"
         for h, place in (("h/1", ""), ("h/2", "half"), ("h/4", "quarter"))
     ]
-    nudged = " and ".join(amount(value, unit) for value in measured["nudged"])
+    nudged = " and ".join(format_amount(value, unit) for value in measured["nudged"])
     simulated = "The run at its timestep, at finer ones, and from starts that are shifted by less than can be seen."
     return simulated, [f"{', '.join(found)}.", f"From the shifted starts {nudged}."]
 
 
-def expression(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
-    """The value of a closed form."""
-    return "Nothing: a closed form was evaluated.", [f"{amount(measured['value'], unit)}."]
+def describe_expression(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
+    """Returns the value of a closed form."""
+    return "Nothing: a closed form was evaluated.", [f"{format_amount(measured['value'], unit)}."]
 
 
-def options(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
-    """What happened under each option's setting."""
+def describe_options(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
+    """Says what happened under each option's setting."""
     each = {plain_text(name): run for name, run in measured.items() if name != ALL_INTEGRATORS}
     lengths = {run["seconds"] for run in each.values() if "seconds" in run}
     length = f", {quantity(max(lengths), 's')} each" if lengths else ""
-    lines = [f"{name}: {run_in_words(run)}." for name, run in each.items()]
+    lines = [f"{name}: {describe_run(run)}." for name, run in each.items()]
     if ALL_INTEGRATORS in measured:
         lines += [
-            f"{name}, which is no option: {'stable' if run['stable'] else 'unstable'}{up_to(run['limit_ms'])}."
+            f"{name}, which is no option: {'stable' if run['stable'] else 'unstable'}{describe_limit(run['limit_ms'])}."
             for name, run in measured[ALL_INTEGRATORS].items()
             if not run["is_option"]
         ]
     return f"The lab under the setting of each option{length}.", lines
 
 
-def run_in_words(run: Mapping[str, Any]) -> str:
-    """How one run ended."""
+def describe_run(run: Mapping[str, Any]) -> str:
+    """Says how one run ended."""
     if "warning" in run:
         return f"MuJoCo warned of {run['warning']} at {quantity(run['time'], 's')}"
     if "stable" in run:
         return "stable to the end" if run["stable"] else "unstable"
-    return true_or_not(run["holds"], {name: value for name, value in run.items() if name != "holds"})
+    return describe_truth(run["holds"], {name: value for name, value in run.items() if name != "holds"})
 
 
-def up_to(limit_ms: float | None) -> str:
-    """The limit of an integrator, if there is one."""
+def describe_limit(limit_ms: float | None) -> str:
+    """Returns the limit of an integrator, if there is one."""
     return "" if limit_ms is None else f"; its limit is {quantity(limit_ms, 'ms')}"
 
 
-def outcome(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
-    """Which options' claims were true."""
+def describe_outcome(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
+    """Says which options' claims were true."""
     lines = []
     for option, found in measured.items():
         more = {name: value for name, value in found.items() if name != "true"} if isinstance(found, dict) else {}
-        lines.append(f"{plain_text(option)}: {true_or_not(found['true'] if more else found, more)}.")
+        lines.append(f"{plain_text(option)}: {describe_truth(found['true'] if more else found, more)}.")
     return "The lab once, then at finer timesteps and from shifted starts.", lines
 
 
-def true_or_not(holds: Any, more: Mapping[str, Any]) -> str:
-    """Whether a claim is true, and the number that decided."""
+def describe_truth(holds: Any, more: Mapping[str, Any]) -> str:
+    """Says whether a claim is true, and the number that decided."""
     numbers = ", ".join(
         f"the last value is {value}" if name == "final" else NUMBERS[name].format(number(value, DIGITS))
         for name, value in more.items()
@@ -145,15 +145,15 @@ def true_or_not(holds: Any, more: Mapping[str, Any]) -> str:
     return f"{'true' if holds else 'not true'}{f' ({numbers})' if numbers else ''}"
 
 
-def luck_told(luck: Luck) -> tuple[str, tuple[str, ...]]:
-    """The chance that a fixed answer passes an exercise, and what to do where it is too large."""
-    passes = f"passes with a chance of at most {share(luck.chance)}" if luck.chance < 1 else "passes every time"
+def describe_luck(luck: Luck) -> tuple[str, tuple[str, ...]]:
+    """Returns the chance that a fixed answer passes an exercise, and what to do where it is too large."""
+    passes = f"passes with a chance of at most {format_chance(luck.chance)}" if luck.chance < 1 else "passes every time"
     always = "A script that returns the same answer whatever it is asked"
-    return f"{always} {passes}; at most {share(luck.allowed)} is allowed.", () if luck.why is None else (CURE,)
+    return f"{always} {passes}; at most {format_chance(luck.allowed)} is allowed.", () if luck.why is None else (CURE,)
 
 
-def share(chance: float) -> str:
-    """A chance in per cent, or as one in so many, rounded down to two figures."""
+def format_chance(chance: float) -> str:
+    """Returns a chance in per cent, or as one in so many, rounded down to two figures."""
     if chance >= 0.01 or chance == 0:
         return f"{100 * chance:.0f}{NARROW}%"
     if chance <= 1e-9:

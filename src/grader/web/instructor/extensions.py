@@ -15,11 +15,11 @@ from grader.errors import Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import extensions, people
 from grader.store.tables import ExtensionRow, Member
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.lesson import day
-from grader.web.learner.pages import sign_in_page
-from grader.web.text.questions import count
+from grader.web.learner.lesson import format_day
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.questions import format_count
 
 PAGE = "/instructor/extensions"
 TICKED = "learner-"
@@ -36,12 +36,12 @@ def show(
 ) -> Response:
     """The dates of a quiz, and its extensions; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return shown(request, services, who, quiz)
+        return show_sign_in(request, services, who)
+    return render(request, services, who, quiz)
 
 
-def shown(request: Request, services: Services, who: Identity, quiz: str, status: int = 200, **more: Any) -> Response:
-    """The page of a quiz, of the first one without a choice, with the outcome of a form."""
+def render(request: Request, services: Services, who: Identity, quiz: str, status: int = 200, **more: Any) -> Response:
+    """Renders the page of a quiz, of the first one without a choice, with the outcome of a form."""
     library = services.library_for(who)
     quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
@@ -49,7 +49,8 @@ def shown(request: Request, services: Services, who: Identity, quiz: str, status
     chosen = library.quiz(quiz) if quiz else quizzes[0]
     with services.database.read() as session:
         given = [
-            {"name": name, "row": row, **told(row)} for row, name in extensions.of_quiz(session, who.course, chosen.id)
+            {"name": name, "row": row, **describe_dates(row)}
+            for row, name in extensions.of_quiz(session, who.course, chosen.id)
         ]
         published = extensions.published(session, who.course, [chosen.id]).get(chosen.id)
         learners, marks = people.learners(session, who.course, BOXES + 1), marks_in(session, who.course)
@@ -59,60 +60,56 @@ def shown(request: Request, services: Services, who: Identity, quiz: str, status
         "marks": marks,
         "quizzes": quizzes,
         "quiz": chosen,
-        "dates": dates_of(chosen.policy),
+        "dates": describe_policy(chosen.policy),
         "given": given,
-        "published": published and day(published),
+        "published": published and format_day(published),
         "typed": {},
         "counts_attempts": chosen.policy.attempts is not None or any(one.attempts for one in chosen.questions),
     }
     return page(request, "extensions.html", status, who=who, **(context | more))
 
 
-def told(granted: Extension | ExtensionRow) -> dict[str, str | None]:
-    """The moments of an extension in words."""
+def describe_dates(granted: Extension | ExtensionRow) -> dict[str, str | None]:
+    """Returns the moments of an extension in words."""
     moments = {"due": granted.due, "until": granted.until}
-    return {name: None if moment is None else day(moment) for name, moment in moments.items()}
+    return {name: None if moment is None else format_day(moment) for name, moment in moments.items()}
 
 
-def dates_of(policy: Any) -> dict[str, str]:
-    """What the policy of a quiz says of dates and attempts, in words."""
+def describe_policy(policy: Any) -> dict[str, str]:
+    """Says what the policy of a quiz says of dates and attempts, in words."""
     moments = {"opens": policy.opens, "due": policy.due, "late until": policy.late and policy.late.until}
-    dates = {name: day(moment) for name, moment in moments.items() if moment is not None}
+    dates = {name: format_day(moment) for name, moment in moments.items() if moment is not None}
     return dates | {"attempts": "any number" if policy.attempts is None else str(policy.attempts)}
 
 
 @router.post(PAGE)
-def grant(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now.
-
-    Takes it back where nothing is given. Shows the page again with what was typed if it is refused.
-    """
-    who, quiz = instructor(who), form.get("quiz", "")
+def grant(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
+    """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now. Takes it
+    back where nothing is given. Shows the page again with what was typed if it is refused."""
+    quiz = form.get("quiz", "")
     library = services.library_for(who)
     library.quiz(quiz)
     try:
-        granted = granted_by(form)
+        granted = parse_extension(form)
         with services.database.write() as session:
-            chosen = chosen_by(form, people.learners(session, who.course), marks := marks_in(session, who.course))
+            chosen = choose_learners(form, people.learners(session, who.course), marks := marks_in(session, who.course))
             for learner in sorted(chosen, key=lambda one: one.id):  # in one order, so that two pages never deadlock
                 results.grant(services.database, library, session, learner, quiz, granted=granted, by=who)
             names = [marked(one.name, one.id, marks) for one in chosen]
     except Unprocessable as error:
-        return shown(request, services, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
-    return shown(request, services, who, quiz, done=[f"{name}: {in_words(granted)}" for name in names])
+        return render(request, services, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
+    return render(request, services, who, quiz, done=[f"{name}: {describe_extension(granted)}" for name in names])
 
 
-def chosen_by(form: Mapping[str, str], learners: Sequence[Member], marks: Mapping[str, str]) -> list[Member]:
-    """The learners whom a form ticks (`learner-ID`) or names, each once, by name.
-
-    Raises Unprocessable where no learner is chosen, or with a line for each name that no learner or several bear.
-    """
+def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: Mapping[str, str]) -> list[Member]:
+    """Returns the learners whom a form ticks (`learner-ID`) or names, each once, by name. Raises Unprocessable where no
+    learner is chosen, or with a line for each name that no learner or several bear."""
     named: dict[str, list[Member]] = {}
     for one in learners:
         for name in {one.name, marked(one.name, one.id, marks)}:
             named.setdefault(" ".join(name.split()), []).append(one)
     wanted = dict.fromkeys(name for line in form.get("names", "").splitlines() if (name := " ".join(line.split())))
-    troubles = [trouble_of(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]
+    troubles = [explain_refusal(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]
     ticked = {name.removeprefix(TICKED) for name in form if name.startswith(TICKED)}
     if gone := ticked - {one.id for one in learners}:
         troubles.append(f"{len(gone)} of those ticked: no learner of this course any more.")
@@ -126,27 +123,27 @@ def chosen_by(form: Mapping[str, str], learners: Sequence[Member], marks: Mappin
     return [one for one in learners if one.id in ticked]
 
 
-def trouble_of(name: str, bearers: int) -> str:
-    """Why a typed name is refused."""
+def explain_refusal(name: str, bearers: int) -> str:
+    """Says why a typed name is refused."""
     if bearers:
         return f"{name}: {bearers} learners bear this name. Add the mark that stands behind it, or tick the right one."
     return f"{name}: no learner of this course has this name."
 
 
-def in_words(granted: Extension) -> str:
-    """What a learner has after a form."""
+def describe_extension(granted: Extension) -> str:
+    """Says what a learner has after a form."""
     if granted == Extension():
         return "has no extension any more"
     parts = [
         f"{words} {moment}"
-        for words, moment in zip(("due", "late until"), told(granted).values(), strict=True)
+        for words, moment in zip(("due", "late until"), describe_dates(granted).values(), strict=True)
         if moment
     ]
-    return ", ".join(parts + ([count(granted.attempts, "further attempt")] if granted.attempts else []))
+    return ", ".join(parts + ([format_count(granted.attempts, "further attempt")] if granted.attempts else []))
 
 
-def granted_by(form: dict[str, str]) -> Extension:
-    """The extension that a form asks for; its moments are in UTC. Raises Unprocessable."""
+def parse_extension(form: dict[str, str]) -> Extension:
+    """Returns the extension that a form asks for; its moments are in UTC. Raises Unprocessable."""
     moments = {name: f"{form[name]}Z" for name in ("due", "until") if form.get(name)}
     try:
         attempts = int(form.get("attempts") or 0)
@@ -159,9 +156,8 @@ def granted_by(form: dict[str, str]) -> Extension:
 
 
 @router.post(f"{PAGE}/publication")
-def publish(services: AppServices, who: Visitor, form: Form) -> Response:
+def publish(services: AppServices, who: Instructor, form: Form) -> Response:
     """Publishes the feedback of a quiz, or withholds it again. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     quiz = services.library_for(who).quiz(form.get("quiz", ""))
     with services.database.write() as session:
         if "withhold" in form:

@@ -22,14 +22,14 @@ from grader.questions import Question, Quiz, kind_of
 from grader.store import people, results, submissions
 from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
 from grader.store.submissions import SubmissionFilter
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.people import origin_of
-from grader.web.learner.pages import sign_in_page
-from grader.web.text.lessons import lessons_of
-from grader.web.text.questions import titles_of
+from grader.web.instructor.people import describe_origin
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.lessons import group_lessons
+from grader.web.text.questions import list_titles
 from grader.web.text.statuses import NOT_ANSWERED, REPLACED, STATUSES, WAITS, Told
-from grader.web.verdict.work import Given, given_in_full
+from grader.web.verdict.work import Given, read_in_full
 
 PAGE = "/instructor/gradebook"
 ROWS = 100
@@ -82,18 +82,18 @@ def gradebook(
 ) -> Response:  # fmt: skip
     """Learners by questions of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
     chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
     shown = {"find": find.replace("\0", ""), "show": show if show in SHOWS else SHOWS[0]}
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
-    rows = rows_of(services, who, chosen, start, **shown, **order)
+    rows = list_rows(services, who, chosen, start, **shown, **order)
     with services.database.read() as session:
         absent = people.without_results(session, who.course, [chosen.id], shown["find"], ABSENT + 1)
         marks = marks_in(session, who.course)
-    titles = titles_of(services.library_for(who))
+    titles = list_titles(services.library_for(who))
     context: dict[str, Any] = {
         **shown,
         **order,
@@ -113,26 +113,26 @@ def gradebook(
     return page(request, "gradebook.html", who=who, **context)
 
 
-def rows_of(services: Services, who: Identity, quiz: Quiz, start: int, **wanted: Any) -> list[Row]:
-    """One learner more than a page has."""
+def list_rows(services: Services, who: Identity, quiz: Quiz, start: int, **wanted: Any) -> list[Row]:
+    """Returns one learner more than a page has."""
     with services.database.read() as session:
         without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
         reviewer = who.id if unseen else ""
         ranking = Ranking(who.course, quiz.id, len(quiz.questions), without, reviewer=reviewer, **wanted)
         found = results.ranked(session, ranking, start, ROWS + 1)
         theirs = results.of_learners(session, who.course, quiz.id, [learner for learner, _ in found])
-    return [row_of(learner, name, theirs[learner], quiz, unseen) for learner, name in found]
+    return [make_row(learner, name, theirs[learner], quiz, unseen) for learner, name in found]
 
 
-def row_of(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
+def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
     """A learner with all results in a quiz, also at questions that it has lost; what is `unseen` adds no points."""
-    cells = {one.question: cell_of(one, unseen) for one in theirs}
+    cells = {one.question: make_cell(one, unseen) for one in theirs}
     points = math.fsum(one.points for one in theirs if not is_in(unseen, one))
     return Row(learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points)
 
 
-def cell_of(result: Any, unseen: Collection[LearnerAt]) -> Cell:
-    """A result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
+def make_cell(result: Any, unseen: Collection[LearnerAt]) -> Cell:
+    """Returns a result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
     if is_in(unseen, result) or not (result.is_final or result.points):
         return Cell(WAITS)
     if not result.is_final:
@@ -145,24 +145,17 @@ def cell_of(result: Any, unseen: Collection[LearnerAt]) -> Cell:
 
 
 def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
-    """Whether a result is a first mark that this reviewer must not see yet; there are seldom any."""
+    """Says whether a result is a first mark that this reviewer must not see yet; there are seldom any."""
     return bool(unseen) and LearnerAt(result.course, result.learner, result.quiz, result.question) in unseen
 
 
 @router.get("/instructor/learners/{learner}")
 def story(
-    request: Request,
-    learner: str,
-    services: AppServices,
-    who: Visitor,
-    *,
+    request: Request, learner: str, services: AppServices, who: Instructor, *,
     before: Annotated[str, Query(max_length=32)] = "",
-) -> Response:
-    """Every answer of a learner with its verdict, by question; of those under review without a name, how many.
-
-    Raises Unauthorized, Forbidden, NotFound.
-    """
-    who = instructor(who)
+) -> Response:  # fmt: skip
+    """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
+    Unauthorized, Forbidden, NotFound."""
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
         rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
@@ -172,37 +165,33 @@ def story(
         seen = blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
         counts = results.everywhere(session, who.course, learner)
         unseen = unseen_by(session, who).results
-        shown = [(row, given_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
+        shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
         marks = marks_in(session, who.course)
     given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
-    cells = {at: cell_of(result, unseen) for at, result in counts.items()}
+    cells = {at: make_cell(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
-    parts = parts_of(services.library_for(who), given, cells)
+    parts = group_answers(services.library_for(who), given, cells)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
     counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
     total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
-        total=total, member=member, origin="" if member is None else origin_of(member), marks=marks,
-        lessons=lessons_of(services.library_for(who).quizzes),
+        total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
+        lessons=group_lessons(services.library_for(who).quizzes),
     )  # fmt: skip
 
 
-def parts_of(
-    library: Library,
-    given: Sequence[tuple[str, str, Given | None]],
-    cells: Mapping[tuple[str, str], Cell],
+def group_answers(
+    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell]
 ) -> list[dict[str, Any]]:
-    """The answers by question, in the order of the content; questions that it has lost come last.
-
-    None stands for an answer that bears a pseudonym for its reviewers.
-    """
-    order = [(quiz.id, one.id) for quiz in library.quizzes.values() for one in quiz.questions]
-    titles, questions = titles_of(library), questions_of(library)
-    places = {at: place for place, at in enumerate(order)}
+    """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
+    for an answer that bears a pseudonym for its reviewers."""
+    titles = list_titles(library)
+    questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
+    places = {at: place for place, at in enumerate(questions)}
 
     def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
-        return places.get(one[:2], len(order)), one[0], one[1]
+        return places.get(one[:2], len(places)), one[0], one[1]
 
     return [
         {
@@ -213,8 +202,8 @@ def parts_of(
             "answers": [
                 (
                     answer,
-                    told_answer(questions.get((at[1], at[2])), answer),
-                    told_in(library, at[1], answer, is_newest=place == 0),
+                    show_answer(questions.get((at[1], at[2])), answer),
+                    describe_state(library, at[1], answer, is_newest=place == 0),
                 )
                 for place, answer in enumerate(answers)
                 if answer is not None
@@ -226,18 +215,13 @@ def parts_of(
     ]
 
 
-def questions_of(library: Library) -> dict[tuple[str, str], Question]:
-    """All questions, by (quiz, question)."""
-    return {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
-
-
-def told_answer(question: Question | None, given: Given) -> str:
-    """An answer in words; as it was typed where the content has lost the question."""
+def show_answer(question: Question | None, given: Given) -> str:
+    """Returns an answer in words; as it was typed where the content has lost the question."""
     return given.text if question is None else kind_of(question).show(question, given.answer)
 
 
-def told_in(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Told:
-    """The state of an answer: an earlier one no longer waits for a person, unless all attempts count."""
+def describe_state(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Told:
+    """Returns the state of an answer: an earlier one no longer waits for a person, unless all attempts count."""
     found = library.quizzes.get(quiz)
     waits = is_newest or given.is_decided or given.verdict is None or (found and found.policy.counts == "average")
     return given.told if waits else REPLACED

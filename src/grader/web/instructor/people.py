@@ -20,10 +20,9 @@ from grader.gate.services import AppServices, Services
 from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
 from grader.store.tables import ROW_ID_MAX, Credential, Member
-from grader.web.frame.inputs import Form, Visitor, instructor
-from grader.web.frame.rendering import page
-from grader.web.learner.pages import sign_in_page
-from grader.web.platform.frames import PRIVATE
+from grader.web.frame.inputs import Form, Instructor, Visitor
+from grader.web.frame.rendering import PRIVATE, page
+from grader.web.learner.pages import show_sign_in
 
 PAGE = "/instructor/people"
 ROWS = 50
@@ -54,11 +53,11 @@ def show(
 ) -> Response:  # fmt: skip
     """The people of a course: members after the first `start`, audit entries before a number; else how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return shown(request, services, who, start=start, before=before)
+        return show_sign_in(request, services, who)
+    return render(request, services, who, start=start, before=before)
 
 
-def shown(
+def render(
     request: Request, services: Services, who: Identity, status: int = 200, *, start: int = 0,
     before: int | None = None, **more: Any,
 ) -> Response:  # fmt: skip
@@ -68,13 +67,13 @@ def shown(
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
         link = courses.link_of(session, who.course)
         context: dict[str, Any] = {
-            "members": member_rows(session, who, members[:ROWS]),
+            "members": list_members(session, who, members[:ROWS]),
             "more_members": start + ROWS if len(members) > ROWS else None,
             "invitations": [
                 tokens.shown(one) for one in invitations.pending(session, who.course) if is_invitation(one)
             ],
             "tokens": [tokens.shown(one) for one in tokens.tokens(session, who.course)],
-            "audit": [(one, *subject_of(one)) for one in entries[:ROWS]],
+            "audit": [(one, *describe_subject(one)) for one in entries[:ROWS]],
             "marks": marks_in(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
         }
@@ -88,22 +87,22 @@ def shown(
         "is_open": services.sessions.anonymous,
         **SUBJECTS,
     }
-    return page(request, "people.html", status, PRIVATE, who=who, **(SUBJECTS | context | more))
+    return page(request, "people.html", status, PRIVATE, who=who, **(context | more))
 
 
 def is_invitation(link: Credential) -> bool:
-    """Whether a pending link is an invitation, and not a learner's own to come back."""
+    """Says whether a pending link is an invitation, and not a learner's own to come back."""
     return link.expires_at is not None and link.expires_at - link.created_at < 2 * invitations.INVITATION
 
 
-def member_rows(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
+def list_members(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
     """Members with where they come from, and whether another has the same address."""
     launched = platforms.courses_of(session, [one.id for one in members])
     twins = people.sharing_email(session, who.course, members)
     return [
         {
             "row": one,
-            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or origin_of(one),
+            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or describe_origin(one),
             "has_twin": bool(twins.get(one.id)),
             "is_self": one.id == who.id,
         }
@@ -111,8 +110,8 @@ def member_rows(session: Session, who: Identity, members: Sequence[Member]) -> l
     ]
 
 
-def origin_of(member: Member) -> str:
-    """Where a member comes from who was launched by no platform."""
+def describe_origin(member: Member) -> str:
+    """Says where a member comes from who was launched by no platform."""
     way = "browser" if member.account is None else member.account.partition(":")[0]
     if way == "lms":
         known = known_as(member)
@@ -120,8 +119,8 @@ def origin_of(member: Member) -> str:
     return WAYS.get(way, way)
 
 
-def subject_of(entry: AuditEntry) -> tuple[str, str | None]:
-    """The object of an audited action in words, and the id of the member if it names one."""
+def describe_subject(entry: AuditEntry) -> tuple[str, str | None]:
+    """Returns the object of an audited action in words, and the id of the member if it names one."""
     detail = json.loads(entry.detail)
     if entry.action == Action.EXTENDED and detail:  # that of an erased learner is empty
         return f"{entry.subject}, {detail['name']}", detail["member"]
@@ -129,9 +128,8 @@ def subject_of(entry: AuditEntry) -> tuple[str, str | None]:
 
 
 @router.post(f"{PAGE}/invitations")
-def invite(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def invite(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Makes a single-use link for each name, and shows them this once; shows the page again if it is refused."""
-    who = instructor(who)
     names = [name for line in form.get("names", "").splitlines() if (name := line.strip())]
     try:
         if not names:
@@ -141,29 +139,29 @@ def invite(request: Request, services: AppServices, who: Visitor, form: Form) ->
         with services.database.write() as session:
             made = invitations.invite(session, who, who.course, names, form.get("role", ""))
     except CallerError as error:
-        return shown(request, services, who, 422, typed=form, trouble=str(error))
-    return with_links(request, services, who, made)
+        return render(request, services, who, 422, typed=form, trouble=str(error))
+    return render_links(request, services, who, made)
 
 
-def with_links(request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]) -> Response:
-    """The page with new links, which are shown this once."""
+def render_links(
+    request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]
+) -> Response:
+    """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
-    return shown(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
+    return render(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
 
 
 @router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
-def revoke_invitation(invitation: str, services: AppServices, who: Visitor) -> Response:
+def revoke_invitation(invitation: str, services: AppServices, who: Instructor) -> Response:
     """Ends a link that was not used. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     with services.database.write() as session:
         invitations.revoke(session, who, invitation)
     return RedirectResponse(f"{PAGE}#invitations-title", 303)
 
 
 @router.post(f"{PAGE}/link")
-def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
+def change_link(services: AppServices, who: Instructor, form: Form) -> Response:
     """Makes a new course link, or with `close` ends it. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     with services.database.write() as session:
         if "close" in form:
             invitations.close_link(session, who)
@@ -173,12 +171,10 @@ def change_link(services: AppServices, who: Visitor, form: Form) -> Response:
 
 
 @router.post(f"{PAGE}/members/{{member_id}}")
-def change_member(request: Request, member_id: str, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which.
-
-    Shows the page again if it is refused. Raises Unauthorized, Forbidden.
-    """
-    who, do = instructor(who), form.get("do", "")
+def change_member(request: Request, member_id: str, services: AppServices, who: Instructor, form: Form) -> Response:
+    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which. Shows the
+    page again if it is refused. Raises Unauthorized, Forbidden."""
+    do = form.get("do", "")
     try:
         with services.database.write() as session:
             if do == "remove":
@@ -193,19 +189,16 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
     except Unauthorized:
         raise
     except CallerError as error:
-        return shown(request, services, who, 409, trouble=str(error))
+        return render(request, services, who, 409, trouble=str(error))
     if do == "link":
-        return with_links(request, services, who, [made])
+        return render_links(request, services, who, [made])
     return RedirectResponse(f"{PAGE}#members-title", 303)
 
 
 @router.post(f"{PAGE}/tokens")
-def create_token(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Creates a token and shows it this once; shows the page again if it is refused.
-
-    Asks first, before a name that the course does not know becomes a new user.
-    """
-    who = instructor(who)
+def create_token(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
+    """Creates a token and shows it this once; shows the page again if it is refused. Asks first, before a name that the
+    course does not know becomes a new user."""
     scopes = [one for one in Scope if f"scope-{one}" in form]
     user = form.get("user", "").strip()
     try:
@@ -213,19 +206,19 @@ def create_token(request: Request, services: AppServices, who: Visitor, form: Fo
             is_known = rules.known(session, user, who.course)
             bear_it = people.bearers(session, who.course, user)
         if not is_known and form.get("new") != user:
-            return shown(request, services, who, typed=form, unknown=user, bear_it=bear_it)
+            return render(request, services, who, typed=form, unknown=user, bear_it=bear_it)
         with services.database.write() as session:
             text = tokens.create_token(
                 session, user, form.get("role", ""), who.course, scopes=scopes or None,
-                lifetime=lifetime_of(form.get("days", "")), by=who,
+                lifetime=parse_lifetime(form.get("days", "")), by=who,
             )  # fmt: skip
     except CallerError as error:
-        return shown(request, services, who, 422, typed=form, trouble=str(error))
-    return shown(request, services, who, token=(user, text))
+        return render(request, services, who, 422, typed=form, trouble=str(error))
+    return render(request, services, who, token=(user, text))
 
 
-def lifetime_of(days: str) -> timedelta | None:
-    """How long a token is to be valid; None for no end. Raises Unprocessable."""
+def parse_lifetime(days: str) -> timedelta | None:
+    """Says how long a token is to be valid; None for no end. Raises Unprocessable."""
     if not days.strip():
         return None
     if not days.strip().isdecimal() or not 1 <= int(days) <= tokens.DAYS_MAX:
@@ -234,9 +227,8 @@ def lifetime_of(days: str) -> timedelta | None:
 
 
 @router.post(f"{PAGE}/tokens/{{token_id}}/revoke")
-def revoke_token(token_id: str, services: AppServices, who: Visitor) -> Response:
+def revoke_token(token_id: str, services: AppServices, who: Instructor) -> Response:
     """Ends a token. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     with services.database.write() as session:
         tokens.revoke(session, token_id, who.course, who)
     return RedirectResponse(f"{PAGE}#tokens-title", 303)

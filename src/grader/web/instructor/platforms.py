@@ -1,8 +1,6 @@
-"""`/instructor/lti`: learning platforms, and their courses that are linked with ours. It needs no script.
-
-Every instructor sees the courses of platforms that are linked with the own course, or ask to be. Instructors of the
-course `default` also administer the platforms.
-"""
+"""`/instructor/lti`: learning platforms, and their courses that are linked with ours. It needs no script. Every
+instructor sees the courses of platforms that are linked with the own course, or ask to be. Instructors of the course
+`default` also administer the platforms."""
 
 from typing import Any
 
@@ -17,9 +15,10 @@ from grader.errors import CallerError
 from grader.gate.services import AppServices, Services
 from grader.platforms import administration
 from grader.platforms.tool import MISSING, addresses
-from grader.web.frame.inputs import Form, RowId, Visitor, instructor
-from grader.web.frame.rendering import page
-from grader.web.platform.frames import PRIVATE, LtiTool
+from grader.web.frame.inputs import Form, Instructor, RowId, Visitor
+from grader.web.frame.rendering import PRIVATE, page
+from grader.web.learner.pages import show_sign_in
+from grader.web.platform.frames import LtiTool
 
 PAGE = "/instructor/lti"
 
@@ -30,12 +29,12 @@ router = APIRouter(include_in_schema=False)
 def show(request: Request, services: AppServices, who: Visitor) -> Response:
     """The platforms and their courses; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
-    return shown(request, services, who)
+        return show_sign_in(request, services, who)
+    return render(request, services, who)
 
 
-def shown(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
-    """The page as it is now, with the outcome of a form."""
+def render(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
+    """Renders the page as it is now, with the outcome of a form."""
     administers = who.course == DEFAULT_COURSE
 
     def listed(session: Session) -> dict[str, Any]:
@@ -50,82 +49,69 @@ def shown(request: Request, services: Services, who: Identity, status: int = 200
 
 
 @router.post(f"{PAGE}/platforms")
-def add(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
-    """Registers a platform by hand; it waits for approval. Shows the page again if it is refused.
-
-    Raises Unauthorized, Forbidden.
-    """
-    who = instructor(who)
+def add(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
+    """Registers a platform by hand; it waits for approval. Shows the page again if it is refused. Raises Unauthorized,
+    Forbidden."""
     rules.require_administrator(who)
     try:
         given = administration.registration_of({**form, "origins": form.get("origins", "").split()})
         services.sessions.writing(lambda session: rules.add(session, who, given, form.get("deployment_id", "").strip()))
     except CallerError as error:
-        return shown(request, services, who, 422, trouble=str(error))
+        return render(request, services, who, 422, trouble=str(error))
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/approve")
-def approve(platform_id: RowId, services: AppServices, who: Visitor) -> Response:
+def approve(platform_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Approves a platform and the deployments that wait. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     rules.require_administrator(who)
     services.sessions.writing(lambda session: rules.approve(session, who, platform_id))
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/platforms/{{platform_id}}/remove")
-def remove(platform_id: RowId, services: AppServices, who: Visitor) -> Response:
+def remove(platform_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Removes a platform. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
     rules.require_administrator(who)
     services.sessions.writing(lambda session: rules.remove(session, who, platform_id))
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/registration")
-def registration(request: Request, services: AppServices, who: Visitor, _tool: LtiTool) -> Response:
+def registration(request: Request, services: AppServices, who: Instructor, _tool: LtiTool) -> Response:
     """Shows a single-use address for dynamic registration. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     rules.require_administrator(who)
     origin = services.origin_of(request)
     link = services.sessions.writing(lambda session: administration.registration_link(session, origin))
-    return shown(request, services, who, link=link)
+    return render(request, services, who, link=link)
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/link")
-def link(context_id: RowId, services: AppServices, who: Visitor) -> Response:
+def link(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Links a platform's course that asks for it with the instructor's own. Raises Forbidden, NotFound."""
-    who = instructor(who)
-
-    def change(session: Session) -> None:
-        rules.of_course(session, who, context_id)
-        rules.link(session, who, context_id, who.course)
-
-    services.sessions.writing(change)
+    services.sessions.writing(
+        lambda session: rules.link(session, who, rules.get_own_context(session, who, context_id).id, who.course)
+    )
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/unlink")
-def unlink(context_id: RowId, services: AppServices, who: Visitor) -> Response:
+def unlink(context_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Ends or declines the link of a platform's course with the own one. Raises Forbidden, NotFound."""
-    who = instructor(who)
-
-    def change(session: Session) -> None:
-        rules.of_course(session, who, context_id)
-        rules.unlink(session, who, context_id)
-
-    services.sessions.writing(change)
+    services.sessions.writing(
+        lambda session: rules.unlink(session, who, rules.get_own_context(session, who, context_id).id)
+    )
     return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/contexts/{{context_id}}/roster")
-async def roster(request: Request, context_id: RowId, services: AppServices, who: Visitor, tool: LtiTool) -> Response:
+async def roster(
+    request: Request, context_id: RowId, services: AppServices, who: Instructor, tool: LtiTool
+) -> Response:
     """Pulls the members of a platform's course into the own one, and tells how many. Raises Forbidden, NotFound."""
-    who = instructor(who)
     try:
         pulled = await administration.pull_roster(services.database, tool.authorized, who, context_id)
     except CallerError as error:
-        return await run_in_threadpool(shown, request, services, who, 409, trouble=str(error))
+        return await run_in_threadpool(render, request, services, who, 409, trouble=str(error))
     told = f"{pulled.members} members; {pulled.removed} others whom an instructor had removed."
-    return await run_in_threadpool(shown, request, services, who, told=told)
+    return await run_in_threadpool(render, request, services, who, told=told)

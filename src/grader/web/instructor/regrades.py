@@ -15,9 +15,10 @@ from grader.errors import CallerError, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.text.questions import titles_of
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.questions import list_titles
 
 PAGE = "/instructor/regrades"
 SHOWN = 20
@@ -35,42 +36,35 @@ router = APIRouter(include_in_schema=False)
 def list_page(request: Request, services: AppServices, who: Visitor) -> Response:
     """The form that starts a regrade, and the newest ones; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
-    return with_list(request, services, who)
+        return show_sign_in(request, services, who)
+    return render_list(request, services, who)
 
 
 @router.post(PAGE)
-def start(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+def start(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Starts a regrade and redirects to it; shows the form again if it is refused. Raises Unauthorized, Forbidden."""
-    who = instructor(who)
     try:
-        made = regrades.create(services.database, services.library_for(who), who, wanted(form))
+        made = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
     except CallerError as error:
-        return with_list(request, services, who, 409, trouble=str(error))
+        return render_list(request, services, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
 
 
 @router.get(f"{PAGE}/{{regrade_id}}")
 def show(
-    request: Request,
-    regrade_id: str,
-    services: AppServices,
-    who: Visitor,
-    after: Annotated[int, Query(ge=0, lt=10**9)] = 0,
-    *,
-    changed: bool = True,
-) -> Response:
+    request: Request, regrade_id: str, services: AppServices, who: Instructor,
+    after: Annotated[int, Query(ge=0, lt=10**9)] = 0, *, changed: bool = True,
+) -> Response:  # fmt: skip
     """How far a regrade is, and its differences, of `changed` verdicts or of all. Raises NotFound."""
-    who = instructor(who)
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         shown = regrades.view(regrade, stored.progress(session, regrade))
-        page_of = regrades.page_of(session, regrade.id, after, ROWS + 1, changed=changed)
+        page_of = regrades.read_page(session, regrade.id, after, ROWS + 1, changed=changed)
         rows = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, page_of)
         marks = marks_in(session, who.course)
     more: dict[str, Any] = {
         "marks": marks,
-        "title": titles_of(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
+        "title": list_titles(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,
     }
@@ -79,50 +73,44 @@ def show(
 
 
 @router.post(f"{PAGE}/{{regrade_id}}/cancel")
-def cancel(regrade_id: str, services: AppServices, who: Visitor) -> Response:
+def cancel(regrade_id: str, services: AppServices, who: Instructor) -> Response:
     """Cancels a regrade and redirects to it. Raises Unauthorized, Forbidden, NotFound, Conflict."""
-    who = instructor(who)
     with services.database.write() as session:
         regrades.cancel(session, who, regrade_id)
     return RedirectResponse(f"{PAGE}/{regrade_id}", 303)
 
 
 @router.post(f"{PAGE}/{{regrade_id}}/apply")
-def apply(request: Request, regrade_id: str, services: AppServices, who: Visitor) -> Response:
+def apply(request: Request, regrade_id: str, services: AppServices, who: Instructor) -> Response:
     """Starts what a dry run has tried, by the content as it is now, and redirects to it."""
-    who = instructor(who)
     with services.database.read() as session:
-        tried = regrades.wanted_of(regrades.get(session, regrade_id, who.course))
+        tried = regrades.restore_wanted(regrades.get(session, regrade_id, who.course))
     try:
         made = regrades.create(services.database, services.library_for(who), who, tried)
     except CallerError as error:
-        return with_list(request, services, who, 409, trouble=str(error))
+        return render_list(request, services, who, 409, trouble=str(error))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
 
 
-def with_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
-    """The page with the form and the list."""
+def render_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
+    """Renders the page with the form and the list."""
     with services.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
     library = services.library_for(who)
     quizzes = [quiz for quiz in library.quizzes.values() if quiz.questions]
-    return page(
-        request,
-        "regrades.html",
-        status,
-        who=who,
-        quizzes=quizzes,
-        scopes=SCOPES,
-        words=WORDS,
-        titles=titles_of(library),
-        regrades=listed,
-        **more,
-    )
+    shown: dict[str, Any] = {
+        "quizzes": quizzes,
+        "scopes": SCOPES,
+        "words": WORDS,
+        "titles": list_titles(library),
+        "regrades": listed,
+    }
+    return page(request, "regrades.html", status, who=who, **shown, **more)
 
 
-def wanted(form: dict[str, str]) -> Wanted:
-    """What the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
+def parse_wanted(form: dict[str, str]) -> Wanted:
+    """Says what the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
     quiz, _, question = form.get("what", "").partition("/")
     chosen, ids = form.get("scope", ""), tuple(re.findall(r"[0-9a-f]{32}", form.get("ids", "")))
     scope: Scope | tuple[str, ...] | None = next((one for one in SCOPES if one == chosen), None)

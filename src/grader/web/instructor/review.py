@@ -1,7 +1,5 @@
 """`/instructor/review/{id}`: one answer with its question and verdict, and the form of its review. It needs no script.
-
-Opening an answer that waits claims it, so that two reviewers never mark the same one.
-"""
+Opening an answer that waits claims it, so that two reviewers never mark the same one."""
 
 import math
 from collections.abc import Sequence
@@ -21,21 +19,21 @@ from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
-from grader.gate.services import AppServices, Services
+from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Question, kind_of
 from grader.store import reviews as stored
 from grader.store import submissions
 from grader.store.reviews import AGREED, DIFFERS, Waits, comments_on
 from grader.store.tables import Submission, now
-from grader.web.frame.inputs import Form, Visitor, instructor
+from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, Chosen, learner_in
-from grader.web.learner.pages import sign_in_page
+from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, name_learner
+from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
-from grader.web.text.questions import page_of, titles_of
-from grader.web.verdict.card import card_of
-from grader.web.verdict.work import Given, given_in_full
+from grader.web.text.questions import describe_quiz, list_titles
+from grader.web.verdict.card import build_card
+from grader.web.verdict.work import Given, read_in_full
 
 COUNTED_MAX = 1000
 """Answers that are counted of those that wait."""
@@ -62,9 +60,9 @@ class Typed:
 class Sitting:
     """An instructor at the desk, with a list."""
 
-    services: Services
-    who: Identity
-    chosen: Chosen
+    services: AppServices
+    who: Instructor
+    chosen: Choice
 
     @property
     def desk(self) -> Desk:
@@ -82,18 +80,13 @@ class Sitting:
         return RedirectResponse(f"{path}?{self.chosen.query}{more}", 303)
 
 
-async def sitting_of(services: AppServices, who: Visitor, chosen: Choice) -> Sitting:
-    """The instructor of the browser at the desk. Raises Unauthorized, Forbidden."""
-    return Sitting(services, instructor(who), chosen)
-
-
-AtDesk = Annotated[Sitting, Depends(sitting_of)]
+AtDesk = Annotated[Sitting, Depends()]
 
 
 @router.post(f"{PAGE}/next")
 def open_next(at: AtDesk) -> Response:
     """Claims the answer of a list that has waited longest, and redirects to it; to the list once nothing waits."""
-    return next_of(at)
+    return claim_next(at)
 
 
 @router.post(f"{PAGE}/{{submission_id}}/claim")
@@ -101,7 +94,7 @@ def claim(submission_id: str, at: AtDesk) -> Response:
     """Claims an answer, and redirects to it. Raises Unauthorized, Forbidden, NotFound, Conflict."""
     with at.services.database.write() as session:
         at.desk.lock(session, at.who.course)
-        reviews.claim(session, at.who, found(session, at.who, submission_id), second=at.is_second)
+        reviews.claim(session, at.who, get_submission(session, at.who, submission_id), second=at.is_second)
     return at.redirect(f"{PAGE}/{submission_id}")
 
 
@@ -112,40 +105,38 @@ def show(
 ) -> Response:  # fmt: skip
     """One answer and the form of its review; to anyone but an instructor, how to sign in. Raises NotFound."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    return shown(request, Sitting(services, who, chosen), submission_id, said=said, last=last)
+        return show_sign_in(request, services, who)
+    return render(request, Sitting(services, who, chosen), submission_id, said=said, last=last)
 
 
 @router.post(f"{PAGE}/{{submission_id}}")
 def act(request: Request, submission_id: str, at: AtDesk, form: Form) -> Response:
-    """Decides, gives the answer back, or works with saved comments; `do` says which.
-
-    Shows the page again with what was typed if it is refused. Raises Unauthorized, Forbidden, NotFound.
-    """
-    do, typed = form.get("do", ""), typed_in(form)
+    """Decides, gives the answer back, or works with saved comments; `do` says which. Shows the page again with what was
+    typed if it is refused. Raises Unauthorized, Forbidden, NotFound."""
+    do, typed = form.get("do", ""), parse_typed(form)
     try:
         if do in ("next", "decide"):
             said = decide(at, submission_id, typed, form.get("version", ""))
             if do == "next":
-                return next_of(at, said=said, last=submission_id)
+                return claim_next(at, said=said, last=submission_id)
             return at.redirect(f"{PAGE}/{submission_id}", said=said)
         if do == "release":
             release(at, submission_id)
             return at.redirect(PAGE)
-        typed = with_comments(at, submission_id, typed, do)
+        typed = change_comments(at, submission_id, typed, do)
     except NotFound:
         raise
     except CallerError as error:
         status = 422 if isinstance(error, Unprocessable) else 409
-        return shown(request, at, submission_id, status, typed=typed, trouble=str(error))
-    return shown(request, at, submission_id, typed=typed)
+        return render(request, at, submission_id, status, typed=typed, trouble=str(error))
+    return render(request, at, submission_id, typed=typed)
 
 
-def next_of(at: Sitting, **told: str) -> RedirectResponse:
+def claim_next(at: Sitting, **told: str) -> RedirectResponse:
     """To the next answer of a list, claimed; to the list once nothing waits."""
     with at.services.database.write() as session:
         at.desk.lock(session, at.who.course)
-        row = first_of(at, session)
+        row = find_first(at, session)
         if row is None:
             return at.redirect(PAGE, **({"said": "none"} | told))
         reviews.claim(session, at.who, row, second=at.is_second)
@@ -153,8 +144,8 @@ def next_of(at: Sitting, **told: str) -> RedirectResponse:
     return waiting.redirect(f"{PAGE}/{row.id}", **told)
 
 
-def first_of(at: Sitting, session: Session) -> Submission | None:
-    """The answer of a list that has waited longest, if one waits."""
+def find_first(at: Sitting, session: Session) -> Submission | None:
+    """Returns the answer of a list that has waited longest, if one waits."""
     if at.chosen.which == DIFFER:
         differ = stored.disagreements(session, at.chosen.wanted(at.who), None, 1)
         return differ[0][0] if differ else None
@@ -164,8 +155,8 @@ def first_of(at: Sitting, session: Session) -> Submission | None:
         return None
 
 
-def found(session: Session, who: Identity, submission_id: str) -> Submission:
-    """A submission of the instructor's course. Raises NotFound."""
+def get_submission(session: Session, who: Identity, submission_id: str) -> Submission:
+    """Returns a submission of the instructor's course. Raises NotFound."""
     row = submissions.get(session, submission_id) if submission_id.isalnum() else None
     if row is None or not who.may_see(row.learner, row.course):
         raise NotFound("There is no such submission.")
@@ -175,28 +166,28 @@ def found(session: Session, who: Identity, submission_id: str) -> Submission:
 def decide(at: Sitting, submission_id: str, typed: Typed, version: str) -> str:
     """Keeps a mark; returns what is to be said of it. Raises Conflict, Outdated, Unprocessable, NotFound."""
     with at.services.database.write() as session:
-        row = found(session, at.who, submission_id)
+        row = get_submission(session, at.who, submission_id)
         at.desk.hold(session, row)
         if str(row.version) != version:
             raise Outdated(CHANGED)
-        mark = mark_of(typed, has_rubric=bool(rubric_of(at.desk.question(row))))
+        mark = parse_mark(typed, has_rubric=bool(list_rubric(at.desk.question(row))))
         if not at.is_second:
             reviews.decide(at.desk, session, at.who, row, mark)
             return "decided"
         return "agree" if reviews.mark_second(at.desk, session, at.who, row, mark).second == AGREED else "differ"
 
 
-def mark_of(typed: Typed, *, has_rubric: bool) -> Mark:
-    """The mark that was typed. Raises Unprocessable."""
+def parse_mark(typed: Typed, *, has_rubric: bool) -> Mark:
+    """Returns the mark that was typed. Raises Unprocessable."""
     if len(typed.comment) > comments.REVIEW_CHARACTERS_MAX:
         raise Unprocessable(f"A comment has at most {comments.REVIEW_CHARACTERS_MAX} characters.")
     if not typed.points and not (has_rubric and typed.ticked):
         raise Unprocessable(NOTHING_TICKED if has_rubric else NO_POINTS)
     ticked = tuple(sorted(typed.ticked)) if has_rubric and typed.ticked else None
-    return Mark(ticked, points_of(typed.points) if typed.points else None, typed.comment.strip())
+    return Mark(ticked, parse_points(typed.points) if typed.points else None, typed.comment.strip())
 
 
-def points_of(text: str) -> float:
+def parse_points(text: str) -> float:
     """Points as they were typed, with a point or a comma. Raises Unprocessable."""
     try:
         points = float(text.replace(",", "."))
@@ -211,13 +202,13 @@ def release(at: Sitting, submission_id: str) -> None:
     """Ends the claim, so that others may review the answer. Raises NotFound."""
     with at.services.database.write() as session:
         at.desk.lock(session, at.who.course)
-        reviews.release(session, at.who, found(session, at.who, submission_id))
+        reviews.release(session, at.who, get_submission(session, at.who, submission_id))
 
 
-def with_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typed:
+def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typed:
     """Inserts, saves, replaces or deletes a saved comment; the form after it. Raises Unprocessable, Conflict."""
     with at.services.database.write() as session:
-        row, text = found(session, at.who, submission_id), typed.comment.strip()
+        row, text = get_submission(session, at.who, submission_id), typed.comment.strip()
         here = (row.quiz, row.question)
         kept = {one.id: one.text for one in comments_on(session, row.course, *here)}
         if do == "insert" and typed.saved in kept:
@@ -233,15 +224,15 @@ def with_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typ
     return typed
 
 
-def typed_in(form: dict[str, str]) -> Typed:
-    """What a form holds."""
+def parse_typed(form: dict[str, str]) -> Typed:
+    """Says what a form holds."""
     ticked = frozenset(name.removeprefix("item-") for name in form if name.startswith("item-"))
     comment = form.get("comment", "").replace("\r\n", "\n").replace("\0", "")
     return Typed(ticked, form.get("points", "").strip(), comment, form.get("saved", ""))
 
 
-def typed_of(given: Given) -> Typed:
-    """The form as the last reviewer of an answer left it; empty before the first."""
+def restore_typed(given: Given) -> Typed:
+    """Returns the form as the last reviewer of an answer left it; empty before the first."""
     review = next((one for one in (given.verdict or {}).get("findings", ()) if one["id"] == REVIEW), None)
     if review is None:
         return Typed()
@@ -252,25 +243,25 @@ def typed_of(given: Given) -> Typed:
     return Typed(ticked, f"{review['points']:.12g}" if by_hand else "", comment)
 
 
-def rubric_of(question: Question | None) -> list[dict[str, Any]]:
-    """The items that a reviewer can tick."""
+def list_rubric(question: Question | None) -> list[dict[str, Any]]:
+    """Returns the items that a reviewer can tick."""
     return [] if question is None else [item.model_dump() for item in kind_of(question).rubric(question)]
 
 
-def shown(
+def render(
     request: Request, at: Sitting, submission_id: str, status: int = 200, *, typed: Typed | None = None, **more: Any
 ) -> Response:
-    """The page of one answer, with what was typed or was given before. Raises NotFound."""
+    """Renders the page of one answer, with what was typed or was given before. Raises NotFound."""
     desk, who = at.desk, at.who
     with at.services.database.read() as session:
-        row = found(session, who, submission_id)
+        row = get_submission(session, who, submission_id)
         seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
-        given = given_in_full(row, seen.verdicts.get(row.id))
+        given = read_in_full(row, seen.verdicts.get(row.id))
         claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
         kept = comments_on(session, who.course, row.quiz, row.question)
-        learner = learner_in(row, seen.names, marks_in(session, who.course))
-        waiting = sum(one.answers for one in waits_of(at, session))
-    card = card_of(given)
+        learner = name_learner(row, seen.names, marks_in(session, who.course))
+        waiting = sum(one.answers for one in list_waiting(at, session))
+    card = build_card(given)
     if card is None or given.verdict is None:
         raise NotFound("This submission has no verdict yet.")
     question = desk.question(row)
@@ -279,33 +270,33 @@ def shown(
         "id": row.id,
         "version": row.version,
         "learner": learner,
-        "title": f"{row.quiz}: {titles_of(desk.library).get((row.quiz, row.question), row.question)}",
+        "title": f"{row.quiz}: {list_titles(desk.library).get((row.quiz, row.question), row.question)}",
         "of": given.verdict["max_points"],
         "claim": claim,
         "is_mine": claim is not None and claim.reviewer == who.id,
         "marks": review if review is not None and review.second == DIFFERS else None,
-        "rubric": rubric_of(question),
+        "rubric": list_rubric(question),
         "comments": kept,
-        "typed": typed or typed_of(given),
+        "typed": typed or restore_typed(given),
         "waiting": waiting,
         "chosen": at.chosen,
-        **asked(desk.library, row.quiz, question, given),
+        **describe_question(desk.library, row.quiz, question, given),
     }
     return page(request, "review_answer.html", status, who=who, **(context | more))
 
 
-def waits_of(at: Sitting, session: Session) -> Sequence[Waits]:
-    """What waits in the list, by question."""
+def list_waiting(at: Sitting, session: Session) -> Sequence[Waits]:
+    """Says what waits in the list, by question."""
     if at.chosen.which == DIFFER:
         return stored.differing(session, at.who.course, COUNTED_MAX)
     return stored.waits(session, at.chosen.queue(at.desk, at.who), COUNTED_MAX)
 
 
-def asked(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:
+def describe_question(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:
     """What the desk says of a question: its text, the answer to it, and the reference; the answer once it is gone."""
     if question is None:
         return {"answer": given.text}
-    view = next(one for one in page_of(library, library.quiz(quiz))["questions"] if one["id"] == question.id)
+    view = next(one for one in describe_quiz(library, library.quiz(quiz))["questions"] if one["id"] == question.id)
     kind = kind_of(question)
     text = kind.show(question, given.answer)
     return {

@@ -26,11 +26,11 @@ from grader.store.submissions import NEEDS_REVIEW, SubmissionFilter
 from grader.store.tables import ReviewClaim, Submission, now
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.lesson import day
-from grader.web.learner.pages import sign_in_page
+from grader.web.learner.lesson import format_day
+from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import span
-from grader.web.text.questions import page_of, titles_of
-from grader.web.text.statuses import QUEUED, RUNNING, Told, told_of
+from grader.web.text.questions import describe_quiz, list_titles
+from grader.web.text.statuses import QUEUED, RUNNING, Told, describe_status
 
 PAGE = "/instructor/review"
 ROWS = 50
@@ -67,25 +67,25 @@ class Chosen:
         return urlencode({name: value for name, value in named.items() if value})
 
     def wanted(self, who: Identity) -> SubmissionFilter:
-        """The same, as queries take it."""
+        """Returns the same, as queries take it."""
         return SubmissionFilter(who.course, self.user or None, self.quiz or None, self.question or None)
 
     def queue(self, desk: Desk, who: Identity) -> Queue:
-        """The answers that wait for a mark: for the second in that list, in the others for the first."""
+        """Returns the answers that wait for a mark: for the second in that list, in the others for the first."""
         return reviews.queue_of(desk, self.wanted(who), who.id if self.which == SECOND else None)
 
 
-async def chosen_of(
+async def parse_choice(
     which: Annotated[str, Query(max_length=64)] = FIRST,
     what: Annotated[str, Query(max_length=200)] = "",
     user: Annotated[str, Query(max_length=200)] = "",
 ) -> Chosen:
-    """The list that an address names; `what` is a quiz, or a quiz and its question."""
+    """Returns the list that an address names; `what` is a quiz, or a quiz and its question."""
     quiz, _, question = what.replace("\0", "").partition("/")
     return Chosen(which if which in LISTS else FIRST, quiz, question, user.replace("\0", "").strip())
 
 
-Choice = Annotated[Chosen, Depends(chosen_of)]
+Choice = Annotated[Chosen, Depends(parse_choice)]
 
 
 @dataclass(frozen=True)
@@ -114,44 +114,43 @@ def show(
 ) -> Response:  # fmt: skip
     """One list of answers; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     desk = services.desk_of(who.course)
     with services.database.read() as session:
-        rows, looked_up = rows_of(desk, session, who, chosen, after.replace("\0", "") or None)
+        rows, looked_up = list_rows(desk, session, who, chosen, after.replace("\0", "") or None)
     if looked_up:
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, chosen.user)
-    quizzes = [page_of(desk.library, one) for one in desk.library.quizzes.values() if one.questions]
+    quizzes = [describe_quiz(desk.library, one) for one in desk.library.quizzes.values() if one.questions]
     following = rows[ROWS - 1].id if len(rows) > ROWS else None
-    shown: dict[str, Any] = {
-        "quizzes": quizzes,
-        "lists": LISTS,
-        "chosen": chosen,
-        "following": following,
-        "said": said,
-        "last": last,
-    }
-    return page(request, "review.html", who=who, rows=rows[:ROWS], **shown)
+    shown: dict[str, Any] = {"quizzes": quizzes, "lists": LISTS, "chosen": chosen, "following": following}
+    return page(request, "review.html", who=who, rows=rows[:ROWS], said=said, last=last, **shown)
 
 
-def rows_of(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
-    """One answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
-    found, claims = answers_of(desk, session, who, chosen, after)
+def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
+    """Returns one answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
+    found, claims = find_answers(desk, session, who, chosen, after)
     seen = blinded(desk, session, who, found, submissions.verdicts(session, found), always=chosen.which != ALL)
     looked_up = chosen.which == ALL and bool(chosen.user and seen.names)  # who asks by name knows whose it is
-    names, titles = {} if looked_up else seen.names, titles_of(desk.library)
+    names, titles = {} if looked_up else seen.names, list_titles(desk.library)
     marks = marks_in(session, who.course)
     rows = [
-        row_of(one, seen.verdicts.get(one.id), learner_in(one, names, marks), titles, held_by(claims.get(one.id), who))
+        make_row(
+            one,
+            seen.verdicts.get(one.id),
+            name_learner(one, names, marks),
+            titles,
+            name_holder(claims.get(one.id), who),
+        )
         for one in found
     ]
     return rows, looked_up
 
 
-def answers_of(
+def find_answers(
     desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None
 ) -> tuple[Sequence[Submission], Mapping[str, ReviewClaim]]:
-    """The answers of a list and the claims on them: all newest first, those that wait oldest first."""
+    """Returns the answers of a list and the claims on them: all newest first, those that wait oldest first."""
     if chosen.which == ALL:
         return submissions.page(session, chosen.wanted(who), after, ROWS + 1), {}
     if chosen.which == DIFFER:
@@ -161,38 +160,30 @@ def answers_of(
     return [one for one, _ in waiting], {one.id: claim for one, claim in waiting if claim is not None}
 
 
-def learner_in(one: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
+def name_learner(one: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
     """Whose answer it is: a pseudonym of `names`, or the name with its mark."""
     return names[one.id] if one.id in names else marked(one.user, one.learner, marks)
 
 
-def held_by(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
-    """Who reviews an answer now, and whether that is another than this instructor."""
+def name_holder(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
+    """Says who reviews an answer now, and whether that is another than this instructor."""
     return ("", False) if claim is None else (claim.name, claim.reviewer != who.id)
 
 
-def row_of(
+def make_row(
     one: Submission, verdict: Any, learner: str, titles: Mapping[tuple[str, str], str], held: tuple[str, bool]
 ) -> Row:
-    """One answer in words. What waits for a person has no points yet."""
+    """Returns one answer in words. What waits for a person has no points yet."""
     decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
-    told = told_of(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
+    told = describe_status(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
     return Row(
-        one.id,
-        learner,
-        one.quiz,
-        titles.get((one.quiz, one.question), one.question),
-        excerpt(one),
-        day(one.created_at),
-        span((now() - one.created_at).total_seconds()),
-        told,
-        (verdict["points"], verdict["max_points"]) if decided else None,
-        *held,
-        one.status == NEEDS_REVIEW,
-    )
+        one.id, learner, one.quiz, titles.get((one.quiz, one.question), one.question), shorten_answer(one),
+        format_day(one.created_at), span((now() - one.created_at).total_seconds()), told,
+        (verdict["points"], verdict["max_points"]) if decided else None, *held, one.status == NEEDS_REVIEW,
+    )  # fmt: skip
 
 
-def excerpt(one: Submission) -> str:
-    """The first words of an answer in words; nothing of any other."""
+def shorten_answer(one: Submission) -> str:
+    """Returns the first words of an answer in words; nothing of any other."""
     answer = json.loads(one.answer) if one.answer else None
     return textwrap.shorten(answer, EXCERPT, placeholder="…") if isinstance(answer, str) else ""

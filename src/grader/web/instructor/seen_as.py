@@ -1,8 +1,6 @@
-"""`/instructor/learners/{id}/lessons/...`: a lesson or an exercise as one learner sees it now. Nothing can be sent.
-
-The policy decides for the learner, not for the instructor who looks. Answers that are under review without a name are
-left out. Every look is written into the audit log.
-"""
+"""`/instructor/learners/{id}/lessons/...`: a lesson or an exercise as one learner sees it now. Nothing can be sent. The
+policy decides for the learner, not for the instructor who looks. Answers that are under review without a name are left
+out. Every look is written into the audit log."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,13 +20,13 @@ from grader.errors import NotFound
 from grader.gate.services import AppServices
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor
 from grader.web.frame.rendering import POLICY, page, security_policy
-from grader.web.learner.exercise import exercise_page
-from grader.web.learner.lesson import lesson_page
-from grader.web.learner.pages import lesson_at
-from grader.web.text.lessons import lesson_id
-from grader.web.verdict.work import Work, attempts_of, work_of
+from grader.web.learner.exercise import build_exercise_page
+from grader.web.learner.lesson import build_lesson_page
+from grader.web.learner.pages import find_lesson
+from grader.web.text.lessons import find_lesson_id
+from grader.web.verdict.work import Work, list_attempts, read_work
 
 UNDER_REVIEW = "An answer here is under review without a name, and left out."
 READ_ONLY = {POLICY: security_policy().replace("form-action 'self'", "form-action 'none'")}
@@ -38,55 +36,51 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/instructor/learners/{learner}/lessons/{lesson}")
-def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Visitor) -> Response:
+def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Instructor) -> Response:
     """A lesson as a learner sees it. Raises Unauthorized, Forbidden, NotFound."""
-    who = instructor(who)
-    desk, found = services.desk_of(who.course), lesson_at(services.library_for(who), f"/lessons/{lesson}")
+    desk, found = services.desk_of(who.course), find_lesson(services.library_for(who), f"/lessons/{lesson}")
     with services.database.write() as session:
-        reader = learner_of(session, who, learner)
-        work = work_seen(session, desk, who, reader, found.quizzes)
+        reader = get_learner(session, who, learner)
+        work = read_visible_work(session, desk, who, reader, found.quizzes)
         record(session, who, who.course, Action.SEEN_AS, reader.id, lesson=lesson)
-    shown = lesson_page(desk.library, found, work)
+    shown = build_lesson_page(desk.library, found, work)
     for question in (one for quiz in shown["quizzes"] for one in quiz["questions"]):
-        question.view["path"] = f"{path_of(learner)}{question.view['path']}"
-    return seen(request, "lesson.html", who, reader, shown | {"address": request.url.path})
+        question.view["path"] = f"{make_path(learner)}{question.view['path']}"
+    return render(request, "lesson.html", who, reader, shown | {"address": request.url.path})
 
 
 @router.get("/instructor/learners/{learner}/quizzes/{quiz_id}/{question_id}")
 def exercise_as(
-    learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor,
+    learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Instructor,
     attempt: str | None = None,
 ) -> Response:  # fmt: skip
-    """An exercise as a learner sees it; any other question stands in its lesson.
-
-    Raises Unauthorized, Forbidden, NotFound, and Conflict before the quiz opens.
-    """
-    who = instructor(who)
+    """An exercise as a learner sees it; any other question stands in its lesson. Raises Unauthorized, Forbidden,
+    NotFound, and Conflict before the quiz opens."""
     desk = services.desk_of(who.course)
     question, quiz = desk.library.question(quiz_id, question_id), desk.library.quiz(quiz_id)
     require_opened(desk.library, quiz_id, Role.STUDENT)
     if not kind_of(question).is_script:
-        return RedirectResponse(f"{path_of(learner)}/lessons/{lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
+        return RedirectResponse(f"{make_path(learner)}/lessons/{find_lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
     with services.database.write() as session:
-        reader = learner_of(session, who, learner)
-        work = work_seen(session, desk, who, reader, [quiz])
-        attempts = attempts_of(session, work.access, reader, quiz_id, question_id)
+        reader = get_learner(session, who, learner)
+        work = read_visible_work(session, desk, who, reader, [quiz])
+        attempts = list_attempts(session, work.access, reader, quiz_id, question_id)
         names = blinded(desk, session, who, submissions.several(session, [one.id for one in attempts]), {}).names
         record(session, who, who.course, Action.SEEN_AS, reader.id, quiz=quiz_id, question=question_id)
     visible = [one for one in attempts if one.id not in names]
-    shown = exercise_page(desk.library, quiz, question_id, work, visible, chosen=attempt)
-    shown["here"].view["path"] = f"{path_of(learner)}{shown['here'].view['path']}"
-    shown["lesson"]["path"] = f"{path_of(learner)}{shown['lesson']['path']}"
-    return seen(request, "exercise.html", who, reader, shown)
+    shown = build_exercise_page(desk.library, quiz, question_id, work, visible, chosen=attempt)
+    shown["here"].view["path"] = f"{make_path(learner)}{shown['here'].view['path']}"
+    shown["lesson"]["path"] = f"{make_path(learner)}{shown['lesson']['path']}"
+    return render(request, "exercise.html", who, reader, shown)
 
 
-def path_of(learner: str) -> str:
-    """What every address of a learner's view begins with."""
+def make_path(learner: str) -> str:
+    """Says what every address of a learner's view begins with."""
     return f"/instructor/learners/{learner}"
 
 
-def learner_of(session: Session, who: Identity, learner: str) -> Identity:
-    """A member of the instructor's course, as a student, with the mark of the name. Raises NotFound."""
+def get_learner(session: Session, who: Identity, learner: str) -> Identity:
+    """Returns a member of the instructor's course, as a student, with the mark of the name. Raises NotFound."""
     member = people.get(session, learner, who.course)
     if member is None:
         raise NotFound("There is no such learner.")
@@ -94,14 +88,14 @@ def learner_of(session: Session, who: Identity, learner: str) -> Identity:
     return Identity(member.id, name, Role.STUDENT, member.course)
 
 
-def seen(request: Request, template: str, who: Identity, reader: Identity, shown: dict[str, Any]) -> Response:
-    """A learner's page, with a banner and without forms that can be sent."""
+def render(request: Request, template: str, who: Identity, reader: Identity, shown: dict[str, Any]) -> Response:
+    """Renders a learner's page, with a banner and without forms that can be sent."""
     return page(request, template, 200, READ_ONLY, who=who, seen_as=reader, **shown)
 
 
-def work_seen(session: Session, desk: Desk, who: Identity, reader: Identity, quizzes: Sequence[Quiz]) -> Work:
+def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Identity, quizzes: Sequence[Quiz]) -> Work:
     """A learner's work, without answers and marks that the instructor is kept from seeing under the learner's name."""
-    work = work_of(session, desk.library, reader, quizzes)
+    work = read_work(session, desk.library, reader, quizzes)
     newest = submissions.newest(session, reader.course, reader.id)
     names = blinded(desk, session, who, newest, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}

@@ -12,9 +12,9 @@ from grader.gate.services import AppServices
 from grader.queue import jobs
 from grader.store import outbox as stored
 from grader.store.outbox import DEAD, Delivery
-from grader.web.frame.inputs import RowId, Visitor, instructor
+from grader.web.frame.inputs import Instructor, RowId, Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.pages import sign_in_page
+from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import span
 
 PAGE = "/instructor/service"
@@ -34,17 +34,17 @@ router = APIRouter(include_in_schema=False)
 def show(request: Request, services: AppServices, who: Visitor) -> Response:
     """The workers, the queue of the installation, and the course's dead letters; else how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     with services.database.read() as session:
-        alive, rows = services.monitor.workers_alive(session), queue_rows(session)
-        dead = dead_of(session, who)
+        alive, rows = services.monitor.workers_alive(session), list_queue(session)
+        dead = list_dead(session, who)
         states = stored.counts_in(session, who.course)
     shown: dict[str, Any] = {"dead": dead[:DEAD_SHOWN], "more_dead": len(dead) > DEAD_SHOWN, "states": states}
     return page(request, "service.html", who=who, alive=alive, rows=rows, **shown)
 
 
-def queue_rows(session: Session) -> list[tuple[str, int, int, str]]:
-    """What waits and runs, by topic in order of priority, and for how long the oldest job has waited."""
+def list_queue(session: Session) -> list[tuple[str, int, int, str]]:
+    """Says what waits and runs, by topic in order of priority, and for how long the oldest job has waited."""
     found = jobs.read_state(session)
     return [
         (words, found[topic].waiting, found[topic].running, "" if age is None else span(age))
@@ -53,16 +53,15 @@ def queue_rows(session: Session) -> list[tuple[str, int, int, str]]:
     ]
 
 
-def dead_of(session: Session, who: Identity) -> list[tuple[Delivery, str]]:
-    """The dead letters of the course, one more than are shown, each with the kind of its destination."""
+def list_dead(session: Session, who: Identity) -> list[tuple[Delivery, str]]:
+    """Returns the dead letters of the course, one more than are shown, each with the kind of its destination."""
     here = (Delivery.course == who.course, Delivery.state == DEAD)
     return list(stored.page(session, here, 0, DEAD_SHOWN + 1))
 
 
 @router.post(f"{PAGE}/deliveries/{{delivery_id}}/replay")
-def replay(delivery_id: RowId, services: AppServices, who: Visitor) -> Response:
+def replay(delivery_id: RowId, services: AppServices, who: Instructor) -> Response:
     """Sends a result again that did not arrive. Raises Unauthorized, Forbidden, NotFound, Conflict."""
-    who = instructor(who)
     with services.database.write() as session:
         outbox.replay(session, who, delivery_id, who.course)
     return RedirectResponse(PAGE, 303)

@@ -6,8 +6,7 @@ from markupsafe import Markup
 
 from grader.courses.rules.statistics import Estimate, QuestionStatistics
 from grader.web.text.numbers import NARROW, number
-from grader.web.verdict.plots import Sketch
-from grader.web.verdict.svg import Axis, Drawing, short
+from grader.web.verdict.svg import Axis, Drawing, Sketch, trim
 
 ROW, FOOT, SIDE = 40.0, 30.0, 8.0
 """Height of a question, of the axis under all of them, and room beside the axis."""
@@ -24,32 +23,32 @@ HEADINGS = ("Question", "Value", "95 % interval", "Learners")
 Named = tuple[str, Estimate]
 
 
-def estimates_plot(questions: Sequence[QuestionStatistics], titles: Mapping[str, str]) -> Iterator[Sketch]:
-    """How hard the questions are, and what they tell apart; a plot without estimates is left out."""
+def plot_estimates(questions: Sequence[QuestionStatistics], titles: Mapping[str, str]) -> Iterator[Sketch]:
+    """Says how hard the questions are, and what they tell apart; a plot without estimates is left out."""
     shares = [(titles[one.question], one.difficulty) for one in questions]
     if shares:
-        title = title_of_shares(shares)
+        title = describe_shares(shares)
         caption = f"Dots: the part of a question's points that learners have; lines: 95{NARROW}% intervals (Wilson)."
-        yield sketch("difficulty", title, caption, shares, (0.0, 1.0))
+        yield plot_rows("difficulty", title, caption, shares, (0.0, 1.0))
     tells = [(titles[one.question], one.discrimination) for one in questions if one.discrimination is not None]
     if tells:
         caption = (
             "Discrimination: correlation of the share at a question with that at the learner's other questions. "
             f"Near 0, a question tells nothing apart; below, look at its key. 95{NARROW}% intervals (Fisher)."
         )
-        yield sketch("discrimination", title_of_tells(tells), caption, tells, (-1.0, 1.0))
+        yield plot_rows("discrimination", describe_discrimination(tells), caption, tells, (-1.0, 1.0))
 
 
-def title_of_shares(shares: Sequence[Named]) -> str:
-    """The hardest question; a few learners, or questions that are all alike, name none."""
+def describe_shares(shares: Sequence[Named]) -> str:
+    """Returns the hardest question; a few learners, or questions that are all alike, name none."""
     name, hardest = min(shares, key=lambda one: one[1].value)
     if hardest.n < LEARNERS_MIN or hardest.value >= max(one.value for _, one in shares):
         return "Share of the points"
     return f"The hardest is “{name}”: {100 * hardest.value:.0f}{NARROW}% of its points"
 
 
-def title_of_tells(tells: Sequence[Named]) -> str:
-    """What is to be seen: a question that those answer wrong who know more, else the one that tells least."""
+def describe_discrimination(tells: Sequence[Named]) -> str:
+    """Says what is to be seen: a question that those answer wrong who know more, else the one that tells least."""
     name, least = min(tells, key=lambda one: one[1].value)
     if least.high < 0:
         return f"Who knows more answers “{name}” worse: look at its key"
@@ -58,8 +57,8 @@ def title_of_tells(tells: Sequence[Named]) -> str:
     return "Every question tells who knows from who does not"
 
 
-def sketch(name: str, title: str, caption: str, rows: Sequence[Named], ends: tuple[float, float]) -> Sketch:
-    """One plot: a row for each question."""
+def plot_rows(name: str, title: str, caption: str, rows: Sequence[Named], ends: tuple[float, float]) -> Sketch:
+    """Returns one plot: a row for each question."""
     table = tuple(
         (title, number(one.value, 2), f"{number(one.low, 2)} to {number(one.high, 2)}", str(one.n))
         for title, one in rows
@@ -68,7 +67,7 @@ def sketch(name: str, title: str, caption: str, rows: Sequence[Named], ends: tup
 
 
 def draw(rows: Sequence[Named], ends: tuple[float, float], width: float) -> Drawing:
-    """A dot with its interval for each question, under its title."""
+    """Returns a dot with its interval for each question, under its title."""
     foot = ROW * len(rows)
     drawing, axis = Drawing(width, foot + FOOT), Axis(*ends, SIDE, width - SIDE)
     for tick in axis.ticks(5):
@@ -76,7 +75,7 @@ def draw(rows: Sequence[Named], ends: tuple[float, float], width: float) -> Draw
     for place, (title, one) in enumerate(rows):
         top = place * ROW
         count = f"n = {one.n}"
-        drawing.text(cut(title, width - 2 * SIDE - SIGN * (len(count) + 2)), SIDE, top + LABEL, "told halo")
+        drawing.text(shorten(title, width - 2 * SIDE - SIGN * (len(count) + 2)), SIDE, top + LABEL, "told halo")
         drawing.text(count, width - SIDE, top + LABEL, "halo", anchor="end")
         drawing.line("line solid", axis.at(one.low), top + DOT, axis.at(one.high), top + DOT)
         drawing.dot("", axis.at(one.value), top + DOT)
@@ -84,16 +83,16 @@ def draw(rows: Sequence[Named], ends: tuple[float, float], width: float) -> Draw
     return drawing
 
 
-def cut(text: str, room: float) -> str:
+def shorten(text: str, room: float) -> str:
     """As much of a text as fits, with an ellipsis where something is left out."""
     most = max(4, int(room / SIGN))
     return text if len(text) <= most else f"{text[: most - 1].rstrip()}…"
 
 
-def bar(count: int, of: int) -> Markup:
+def draw_bar(count: int, of: int) -> Markup:
     """A bar as long as its part of all learners; the number stands beside it, so that it is no picture of its own."""
     length = BAR_WIDTH * count / max(of, 1)
-    box = f'viewBox="0 0 {short(BAR_WIDTH)} {short(BAR_HEIGHT)}"'
-    whole = f'<rect class="whole" width="{short(BAR_WIDTH)}" height="{short(BAR_HEIGHT)}"/>'
-    part = f'<rect class="part" width="{short(length)}" height="{short(BAR_HEIGHT)}"/>'
+    box = f'viewBox="0 0 {trim(BAR_WIDTH)} {trim(BAR_HEIGHT)}"'
+    whole = f'<rect class="whole" width="{trim(BAR_WIDTH)}" height="{trim(BAR_HEIGHT)}"/>'
+    part = f'<rect class="part" width="{trim(length)}" height="{trim(BAR_HEIGHT)}"/>'
     return Markup(f'<svg class="count-bar" {box} aria-hidden="true">{whole}{part}</svg>')  # noqa: S704  # numbers alone

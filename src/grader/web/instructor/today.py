@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.courses.people.namesakes import marked, marks_in
-from grader.courses.reporting.stuck import Stuck, stuck_in
-from grader.courses.reporting.today import COUNTED_MAX, Today, today_of
+from grader.courses.reporting.stuck import Stuck, find_stuck
+from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.platforms import administration
@@ -20,14 +20,14 @@ from grader.queue import jobs
 from grader.store import people, results
 from grader.store.reviews import Waits
 from grader.store.tables import now
-from grader.web.frame.inputs import Visitor, instructor
+from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.certificates import certificate_rows
+from grader.web.instructor.certificates import list_certificates
 from grader.web.instructor.review_list import DIFFER, FIRST, SECOND, Chosen
 from grader.web.instructor.review_list import PAGE as REVIEW
-from grader.web.learner.pages import sign_in_page
+from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import span
-from grader.web.text.questions import page_of, titles_of
+from grader.web.text.questions import describe_quiz, list_titles
 
 PAGE = "/instructor"
 STUCK = f"{PAGE}/stuck"
@@ -61,44 +61,40 @@ class Task:
 def home(request: Request, services: AppServices, who: Visitor) -> Response:
     """What needs a person today, and how far the queue is; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     library = services.library_for(who)
     with services.database.read() as session:
-        today = today_of(services.desk_of(who.course), session, who)
-        asked, stuck = waiting_platforms(session, who), stuck_of(session, who)
+        today = read_today(services.desk_of(who.course), session, who)
+        asked, stuck = list_requests(session, who), find_stuck_learners(session, who)
         marks = marks_in(session, who.course) if stuck else {}
         has_learners = people.has_learners(session, who.course)
         alive, scripts = services.monitor.workers_alive(session), jobs.read_state(session)[jobs.GRADE]
-    tasks = [*tasks_of(library, today), *stuck_tasks(library, stuck, marks), *platform_tasks(asked)]
+    tasks = [*list_tasks(library, today), *list_stuck(library, stuck, marks), *list_platform_tasks(asked)]
     refused = services.content.of(who.course).refused
-    shown: dict[str, Any] = {
-        "has_learners": has_learners,
-        "tasks": tasks,
-        "today": today,
-        "alive": alive,
-        "scripts": scripts,
-    }
-    return page(request, "today.html", who=who, faults=library.warnings, refused=refused, **shown)
+    shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
+    return page(request, "today.html", who=who, has_learners=has_learners, tasks=tasks, refused=refused, **shown)
 
 
-def tasks_of(library: Library, today: Today) -> list[Task]:
-    """The reviews that wait, as the page shows them."""
+def list_tasks(library: Library, today: Today) -> list[Task]:
+    """Returns the reviews that wait, as the page shows them."""
     kinds = (
         (FIRST, today.first, "wait for a review", "Review"),
         (SECOND, today.second, "wait for your second mark", "Mark"),
         (DIFFER, today.differing, "have two marks that differ", "Decide"),
     )
-    titles = titles_of(library)
-    return [task_of(titles, which, waiting, words, verb) for which, waiting, words, verb in kinds if waiting]
+    titles = list_titles(library)
+    return [make_task(titles, which, waiting, words, verb) for which, waiting, words, verb in kinds if waiting]
 
 
-def task_of(titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence[Waits], words: str, verb: str) -> Task:
-    """One kind of reviews, by question."""
+def make_task(
+    titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence[Waits], words: str, verb: str
+) -> Task:
+    """Returns one kind of reviews, by question."""
     total, address = sum(one.answers for one in waiting), f"{REVIEW}?{Chosen(which).query}"
     lines = tuple(
         Line(
-            f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}",
-            f"{one.answers}, the oldest for {ago(one.since)}",
+            describe_place(titles, one),
+            f"{one.answers}, the oldest for {describe_age(one.since)}",
             f"{REVIEW}?{Chosen(which, one.quiz, one.question).query}",
         )
         for one in waiting
@@ -109,20 +105,20 @@ def task_of(titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence
     return Task(count, f"answer{'' if total == 1 else 's'} {words}", lines, address, verb)
 
 
-def stuck_of(session: Session, who: Identity) -> list[Stuck]:
-    """The learners of the instructor's course who are stuck."""
-    return stuck_in(session, who.course, results.instructors(session, who.course))
+def find_stuck_learners(session: Session, who: Identity) -> list[Stuck]:
+    """Returns the learners of the instructor's course who are stuck."""
+    return find_stuck(session, who.course, results.instructors(session, who.course))
 
 
-def stuck_tasks(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str]) -> Iterable[Task]:
-    """The learners who are stuck, if any are; the first ones by name."""
+def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str]) -> Iterable[Task]:
+    """Yields the learners who are stuck, if any are; the first ones by name."""
     if stuck:
-        titles = titles_of(library)
+        titles = list_titles(library)
         lines = tuple(
             Line(
                 marked(one.name, one.learner, marks),
-                f"{title_at(titles, one)}, {one.attempts} attempts: {one.diagnosis}",
-                story_of(one),
+                f"{describe_place(titles, one)}, {one.attempts} attempts: {one.diagnosis}",
+                make_address(one),
             )
             for one in stuck[:STUCK_SHOWN]
         )
@@ -130,18 +126,18 @@ def stuck_tasks(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, st
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
-def title_at(titles: Mapping[tuple[str, str], str], one: Stuck) -> str:
-    """The title of the question at which a learner is stuck."""
+def describe_place(titles: Mapping[tuple[str, str], str], one: Stuck | Waits) -> str:
+    """Names the quiz, and the question by its title."""
     return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
 
 
-def story_of(one: Stuck) -> str:
-    """The address of what a learner has answered to the question."""
+def make_address(one: Stuck) -> str:
+    """Returns the address of what a learner has answered to the question."""
     return f"{PAGE}/learners/{one.learner}#{one.quiz}--{one.question}"
 
 
-def ago(moment: datetime) -> str:
-    """How long ago a moment was."""
+def describe_age(moment: datetime) -> str:
+    """Says how long ago a moment was."""
     return span((now() - moment).total_seconds())
 
 
@@ -149,29 +145,28 @@ def ago(moment: datetime) -> str:
 def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
     """Learners who make the same mistake again and again; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
-    titles = titles_of(services.library_for(who))
+        return show_sign_in(request, services, who)
+    titles = list_titles(services.library_for(who))
     with services.database.read() as session:
-        found, marks = stuck_of(session, who), marks_in(session, who.course)
-    rows = [{"one": one, "title": title_at(titles, one), "story": story_of(one), "ago": ago(one.last)} for one in found]
+        found, marks = find_stuck_learners(session, who), marks_in(session, who.course)
+    rows = [
+        {"one": one, "title": describe_place(titles, one), "story": make_address(one), "ago": describe_age(one.last)}
+        for one in found
+    ]
     return page(request, "stuck.html", who=who, rows=rows, marks=marks)
 
 
-def waiting_platforms(session: Session, who: Identity) -> list[str]:
-    """What learning platforms wait for: links to this course, and for administrators their approval."""
+def list_requests(session: Session, who: Identity) -> list[str]:
+    """Says what learning platforms wait for: links to this course, and for administrators their approval."""
     contexts = administration.contexts_of(session, who.course)
     asked = [f"{one['title']} asks for a link" for one in contexts if not one["course"]]
     platforms = administration.platforms_of(session) if who.course == DEFAULT_COURSE else []
-    return asked + [f"{one['name']} waits for approval" for one in platforms if not is_approved(one)]
+    pending = [one for one in platforms if not all(each["approved"] for each in (one, *one["deployments"]))]
+    return asked + [f"{one['name']} waits for approval" for one in pending]
 
 
-def is_approved(platform: Mapping[str, Any]) -> bool:
-    """Whether neither a platform nor one of its deployments waits."""
-    return platform["approved"] and all(one["approved"] for one in platform["deployments"])
-
-
-def platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
-    """The platforms that wait, if any do."""
+def list_platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
+    """Yields the platforms that wait, if any do."""
     if asked:
         lines = tuple(Line(one, "", "/instructor/lti") for one in asked)
         title = "request of a learning platform" if len(asked) == 1 else "requests of learning platforms"
@@ -180,23 +175,18 @@ def platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
 
 @router.get(f"{PAGE}/content")
 def content(request: Request, services: AppServices, who: Visitor) -> Response:
-    """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was.
-
-    To anyone but an instructor, how to sign in.
-    """
+    """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was. To anyone
+    but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     library, refused = services.library_for(who), services.content.of(who.course).refused
-    quizzes = [page_of(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
+    quizzes = [describe_quiz(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     return page(request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused)
 
 
 @router.get(f"{PAGE}/certificates")
-def certificates(request: Request, services: AppServices, who: Visitor, *, luck: bool = False) -> Response:
-    """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes.
-
-    Raises Unauthorized, Forbidden.
-    """
-    who = instructor(who)
-    rows = certificate_rows(services.library_for(who), with_luck=luck)
+def certificates(request: Request, services: AppServices, who: Instructor, *, luck: bool = False) -> Response:
+    """Every answer key, derived again by simulation, and with `luck` the chance that a fixed answer passes. Raises
+    Unauthorized, Forbidden."""
+    rows = list_certificates(services.library_for(who), with_luck=luck)
     return page(request, "certificates.html", who=who, rows=rows)

@@ -1,4 +1,2 @@
-"""Pages of learners: lessons, exercises, and forms that hand in.
-
-They hand in as the API does, and show what the policy allows.
-"""
+"""Pages of learners: lessons, exercises, and forms that hand in. They hand in as the API does, and show what the policy
+allows."""

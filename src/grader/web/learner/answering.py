@@ -53,18 +53,12 @@ class Refused(Exception):
 
 @router.post("/quizzes/{quiz_id}/{question_id}")
 async def hand_in(
-    quiz_id: str,
-    question_id: str,
-    *,
-    request: Request,
-    services: AppServices,
-    visitor: Visitor,
-    form: Form,
+    quiz_id: str, question_id: str, *, request: Request, services: AppServices, visitor: Visitor, form: Form,
     sent: FormFields,
-) -> Response:
+) -> Response:  # fmt: skip
     """Takes an answer, and redirects to where it is shown. Raises NotFound, and Conflict before the quiz opens."""
     fields = answer_fields(sent)
-    sender = await run_in_threadpool(sender_of, services, visitor, form.get("learner", ""))
+    sender = await run_in_threadpool(find_sender, services, visitor, form.get("learner", ""))
     if sender is None:
         typed = "\n".join(value for values in fields.values() for value in values)
         kept = {"who": visitor, "typed": typed, "begin": services.sessions.anonymous}
@@ -73,9 +67,9 @@ async def hand_in(
     question = library.question(quiz_id, question_id)
     require_opened(library, quiz_id, sender.who.role)
     is_script = kind_of(question).is_script
-    back = back_of(form.get("back", ""), quiz_id)
+    back = choose_page(form.get("back", ""), quiz_id)
     try:
-        await take(services, sender.who, quiz_id, question, fields=fields, after=form.get("after", ""))
+        await take_answer(services, sender.who, quiz_id, question, fields=fields, after=form.get("after", ""))
     except Refused as refused:
         shown = Typed(quiz_id, question_id, fields, refused.why)
         of_exercise = partial(show_exercise, quiz_id=quiz_id, question_id=question_id)
@@ -96,11 +90,11 @@ async def stop_script(
     """Stops a script, and shows the exercise with what is in the editor. Raises Unauthorized, NotFound."""
     if who is None:
         raise Unauthorized(SIGN_IN)
-    return await run_in_threadpool(stopped, request, services, who, at=(quiz_id, question_id), sent=sent)
+    return await run_in_threadpool(show_stopped, request, services, who, at=(quiz_id, question_id), sent=sent)
 
 
-def stopped(request: Request, services: Services, who: Identity, *, at: tuple[str, str], sent: Fields) -> Response:
-    """The exercise after a script was stopped, or could not be. Raises NotFound."""
+def show_stopped(request: Request, services: Services, who: Identity, *, at: tuple[str, str], sent: Fields) -> Response:
+    """Renders the exercise after a script was stopped, or could not be. Raises NotFound."""
     status = 200
     try:
         why = stop(services.database, services.library_for(who), who, next(iter(sent.get("stop", ())), ""))
@@ -110,11 +104,9 @@ def stopped(request: Request, services: Services, who: Identity, *, at: tuple[st
     return show_exercise(request, services, who, quiz_id=at[0], question_id=at[1], typed=typed, status=status)
 
 
-def sender_of(services: Services, visitor: Identity | None, learner: str) -> Sender | None:
-    """Who sends the form; None if the session of the `learner` who opened the page has ended, or is another's now.
-
-    On loopback the first answer begins a session.
-    """
+def find_sender(services: Services, visitor: Identity | None, learner: str) -> Sender | None:
+    """Says who sends the form; None if the session of the `learner` who opened the page has ended, or is another's now.
+    On loopback the first answer begins a session."""
     if visitor is not None:
         return Sender(visitor) if learner in ("", visitor.id) else None
     if learner or not services.sessions.anonymous:
@@ -123,17 +115,17 @@ def sender_of(services: Services, visitor: Identity | None, learner: str) -> Sen
     return Sender(opened.identity, services.sessions.set_cookie(opened))
 
 
-def back_of(wanted: str, quiz_id: str) -> str:
-    """The page that a form came from, if it is one of ours; else that of the quiz."""
+def choose_page(wanted: str, quiz_id: str) -> str:
+    """Returns the page that a form came from, if it is one of ours; else that of the quiz."""
     return wanted if BACK.fullmatch(wanted) else f"/?quiz={quiz_id}"
 
 
-async def take(
+async def take_answer(
     services: Services, who: Identity, quiz_id: str, question: Question, *, fields: Fields, after: str
 ) -> None:
     """Hands in what was typed. Raises Refused if it cannot be read or is not taken now, and Unauthorized."""
     try:
-        answer = await run_in_threadpool(read, services, who, quiz_id, question, fields=fields, after=after)
+        answer = await run_in_threadpool(read_answer, services, who, quiz_id, question, fields=fields, after=after)
         await services.writer.put(answer)
     except (NotFound, Unauthorized):
         raise
@@ -141,7 +133,7 @@ async def take(
         raise Refused(str(error), STATUSES.get(type(error), 422)) from error
 
 
-def read(
+def read_answer(
     services: Services, who: Identity, quiz_id: str, question: Question, *, fields: Fields, after: str
 ) -> NewAnswer:
     """Reads an answer, and grades it where that is instant. Raises Refused for what cannot be read."""
@@ -160,7 +152,7 @@ def read(
 
 
 def is_repeated(services: Services, who: Identity, quiz_id: str, parsed: ParsedSubmission, after: str) -> bool:
-    """Whether the answer `after` which the form was made is the same: to send it again would come to the same."""
+    """Says whether the answer `after` which the form was made is the same: to send it again would come to the same."""
     with services.database.read() as session:
         last = submissions.get(session, after) if after.isalnum() else None
     return (
@@ -172,7 +164,7 @@ def is_repeated(services: Services, who: Identity, quiz_id: str, parsed: ParsedS
 
 
 def answer_fields(sent: Fields) -> dict[str, list[str]]:
-    """The fields of a form that belong to the answer, with the line ends of the API."""
+    """Returns the fields of a form that belong to the answer, with the line ends of the API."""
     return {
         name: [value.replace("\r\n", "\n") for value in values]
         for name, values in sent.items()

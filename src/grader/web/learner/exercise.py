@@ -8,11 +8,11 @@ from typing import Any
 from grader.errors import NotFound
 from grader.library import Library
 from grader.questions import Quiz
-from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, asked, facts_of
-from grader.web.text.lessons import lesson_id, title_of
+from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, describe_question, list_facts
+from grader.web.text.lessons import describe_lesson, find_lesson_id
 from grader.web.text.numbers import points
-from grader.web.text.questions import page_of
-from grader.web.verdict.card import card_of
+from grader.web.text.questions import describe_quiz
+from grader.web.verdict.card import build_card
 from grader.web.verdict.work import Given, Work
 
 LINES_MAX = 2000
@@ -27,35 +27,35 @@ class SourceLine:
     kind: str
 
 
-def exercise_page(
+def build_exercise_page(
     library: Library, quiz: Quiz, question_id: str, work: Work, attempts: Sequence[Given], *,
     chosen: str | None = None, typed: Typed | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """The variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
-    views = page_of(library, quiz)["questions"]
+    """Returns the variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
+    views = describe_quiz(library, quiz)["questions"]
     at = next(index for index, view in enumerate(views) if view["id"] == question_id)
     view = views[at]
-    here = asked(view, library.question(quiz.id, question_id), quiz.id, work, typed)
+    here = describe_question(view, library.question(quiz.id, question_id), quiz.id, work, typed)
     running = attempts[0] if attempts and attempts[0].verdict is None else None
-    shown = attempt_to_show(attempts, chosen)
-    facts = {name: value for name, value in facts_of([quiz], work).items() if name != WITH_AN_INSTRUCTOR}
-    lesson = lesson_id(quiz.id)
+    shown = choose_attempt(attempts, chosen)
+    facts = {name: value for name, value in list_facts([quiz], work).items() if name != WITH_AN_INSTRUCTOR}
+    lesson = find_lesson_id(quiz.id)
     return {
         "quiz": {"id": quiz.id, "title": quiz.title},
-        "lesson": {"id": lesson, "title": title_of(lesson), "path": f"/lessons/{lesson}"},
+        "lesson": {"id": lesson, "title": describe_lesson(lesson), "path": f"/lessons/{lesson}"},
         "here": here,
-        "facts": facts | {"points": points_here(here)},  # what waits may be at other questions
+        "facts": facts | {"points": describe_points(here)},  # what waits may be at other questions
         "attempts": attempts,
         "shown": shown,
-        "following": following_of(quiz.id, lesson, views[at + 1 :]),
+        "following": find_following(quiz.id, lesson, views[at + 1 :]),
         "running": running,
-        "card": None if shown is None else card_of(shown),
-        "source": source_of(here, typed),
+        "card": None if shown is None else build_card(shown),
+        "source": choose_source(here, typed),
     }
 
 
-def following_of(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -> dict[str, str] | None:
-    """The name and the address of the quiz's next question; None after the last."""
+def find_following(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -> dict[str, str] | None:
+    """Returns the name and the address of the quiz's next question; None after the last."""
     if not later:
         return None
     view = later[0]
@@ -63,7 +63,7 @@ def following_of(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -> 
     return {"short": view["short"], "path": view["path"] if view["is_script"] else on_lesson}
 
 
-def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | None:
+def choose_attempt(attempts: Sequence[Given], chosen: str | None) -> Given | None:
     """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
     if chosen is None:
         return next((one for one in attempts if one.verdict is not None), None)
@@ -73,20 +73,20 @@ def attempt_to_show(attempts: Sequence[Given], chosen: str | None) -> Given | No
     return found
 
 
-def source_of(here: Asked, typed: Typed | None) -> str:
-    """The text of the editor: what was refused, the newest attempt, else the starter."""
+def choose_source(here: Asked, typed: Typed | None) -> str:
+    """Returns the text of the editor: what was refused, the newest attempt, else the starter."""
     return here.value() if typed is not None else here.value() or here.view["starter"] or ""
 
 
-def points_here(here: Asked) -> str:
-    """The points that count at this exercise."""
+def describe_points(here: Asked) -> str:
+    """Returns the points that count at this exercise."""
     place = here.place
     if place.points is None or (place.waits and not place.points):
         return f"none of {points(place.of)} yet"
     return f"{points(place.points)} of {points(place.of)}"
 
 
-def side_by_side(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:
+def align_scripts(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:
     """Two scripts line by line, with gaps so that equal lines stand beside each other."""
     olds, news = left.splitlines(), right.splitlines()
     pair: tuple[list[SourceLine], list[SourceLine]] = ([], [])

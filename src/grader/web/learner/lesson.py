@@ -8,13 +8,13 @@ from typing import Any
 from grader.courses.rules.policy import before_opening, spoken
 from grader.library import Library
 from grader.questions import FIELD, Fields, Question, Quiz, kind_of
-from grader.web.text.lab_box import lab_box
+from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
 from grader.web.text.numbers import points
 from grader.web.text.prose import cached_prose
-from grader.web.text.questions import page_of, unopened_page
-from grader.web.verdict.card import Card, card_of, count
-from grader.web.verdict.work import Place, Work, counting
+from grader.web.text.questions import describe_quiz, describe_unopened
+from grader.web.verdict.card import Card, build_card, format_count
+from grader.web.verdict.work import Place, Work, describe_counting
 
 WITH_AN_INSTRUCTOR = "with an instructor"
 
@@ -31,10 +31,8 @@ class Typed:
 
 @dataclass(frozen=True)
 class Asked:
-    """A question with the learner's place at it: `view` is its wording, `fields` what its form holds.
-
-    `lab` is the lab of a prediction, once the learner may run it.
-    """
+    """A question with the learner's place at it: `view` is its wording, `fields` what its form holds. `lab` is the lab
+    of a prediction, once the learner may run it."""
 
     view: dict[str, Any]
     place: Place
@@ -49,16 +47,16 @@ class Asked:
         return "" if self.place.given is None else self.place.given.id
 
     def value(self, name: str = FIELD) -> str:
-        """The value of a field of the form; of a repeated field, the first."""
+        """Returns the value of a field of the form; of a repeated field, the first."""
         return next(iter(self.values(name)), "")
 
     def values(self, name: str = FIELD) -> Sequence[str]:
-        """The values of a field of the form, such as the checked boxes of that name."""
+        """Returns the values of a field of the form, such as the checked boxes of that name."""
         return self.fields.get(name, ())
 
 
-def asked(view: dict[str, Any], question: Question, quiz: str, work: Work, typed: Typed | None) -> Asked:
-    """One question as it stands."""
+def describe_question(view: dict[str, Any], question: Question, quiz: str, work: Work, typed: Typed | None) -> Asked:
+    """Returns one question as it stands."""
     place = work.places[quiz, question.id]
     given = place.given
     refused = typed is not None and (typed.quiz, typed.question) == (quiz, view["id"])
@@ -68,13 +66,13 @@ def asked(view: dict[str, Any], question: Question, quiz: str, work: Work, typed
     if refused and typed is not None:
         fields, trouble = typed.fields, typed.why
     lab = kind.lab(question) if place.lab_is_open else None
-    card = None if given is None else card_of(given)
-    box = None if lab is None or given is None else predicted(lab_box(lab), kind.show(question, given.answer))
+    card = None if given is None else build_card(given)
+    box = None if lab is None or given is None else preset_lab(describe_lab(lab), kind.show(question, given.answer))
     return Asked(view, place, card, fields, trouble, box)
 
 
-def predicted(box: dict[str, Any], chosen: str) -> dict[str, Any]:
-    """A lab whose selects begin with the option that the learner predicted, where they offer it."""
+def preset_lab(box: dict[str, Any], chosen: str) -> dict[str, Any]:
+    """Returns a lab whose selects begin with the option that the learner predicted, where they offer it."""
     controls = [
         control | {"value": dict(control["options"])[chosen]}
         if control["type"] == "select" and chosen in dict(control["options"])
@@ -84,25 +82,25 @@ def predicted(box: dict[str, Any], chosen: str) -> dict[str, Any]:
     return box | {"controls": controls}
 
 
-def section_of(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
-    """One quiz for the template, as the learner may see it now."""
+def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
+    """Returns one quiz for the template, as the learner may see it now."""
     if not work.access.has_opened(quiz.id):
-        return unopened_page(quiz, before_opening(quiz.policy, work.access.at) or "")
-    page = page_of(library, quiz)
+        return describe_unopened(quiz, before_opening(quiz.policy, work.access.at) or "")
+    page = describe_quiz(library, quiz)
     got, of = work.points(quiz)
     pairs = zip(page["questions"], quiz.questions, strict=True)
-    questions = [asked(view, question, quiz.id, work, typed) for view, question in pairs]
+    questions = [describe_question(view, question, quiz.id, work, typed) for view, question in pairs]
     return page | {"questions": questions, "got": got, "of": of}
 
 
-def lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
-    """The variables of lesson.html."""
-    sections = [section_of(library, quiz, work, typed) for quiz in lesson.quizzes]
+def build_lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
+    """Returns the variables of lesson.html."""
+    sections = [build_section(library, quiz, work, typed) for quiz in lesson.quizzes]
     return {
         "lesson": lesson,
         "summary": cached_prose(lesson.head.summary) if lesson.head and lesson.head.summary else "",
-        "facts": opened_facts(lesson.quizzes, work),
-        "first": first_of(sections),
+        "facts": list_opened_facts(lesson.quizzes, work),
+        "first": find_first(sections),
         "quizzes": sections,
     }
 
@@ -118,8 +116,8 @@ class First:
     has_begun: bool
 
 
-def first_of(sections: Sequence[Mapping[str, Any]]) -> First | None:
-    """What to do first; None where no question is left to answer."""
+def find_first(sections: Sequence[Mapping[str, Any]]) -> First | None:
+    """Says what to do first; None where no question is left to answer."""
     places = [(section, number, it) for section in sections for number, it in enumerate(section["questions"], 1)]
     has_begun = any(it.place.given is not None for _, _, it in places)
     for section, number, it in places:
@@ -128,38 +126,38 @@ def first_of(sections: Sequence[Mapping[str, Any]]) -> First | None:
     return None
 
 
-def opened_facts(quizzes: Sequence[Quiz], work: Work) -> dict[str, str]:
-    """The facts of the quizzes that have opened; before the first of them, when it opens."""
+def list_opened_facts(quizzes: Sequence[Quiz], work: Work) -> dict[str, str]:
+    """Returns the facts of the quizzes that have opened; before the first of them, when it opens."""
     coming = [quiz.policy.opens for quiz in quizzes if not work.access.has_opened(quiz.id) and quiz.policy.opens]
     if coming and len(coming) == len(quizzes):
-        return {"opens": day(min(coming))}
-    return facts_of([quiz for quiz in quizzes if work.access.has_opened(quiz.id)], work)
+        return {"opens": format_day(min(coming))}
+    return list_facts([quiz for quiz in quizzes if work.access.has_opened(quiz.id)], work)
 
 
-def facts_of(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
+def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     """Points so far, what counts, and what is due next."""
     with_questions = [quiz for quiz in quizzes if quiz.questions]
     if not with_questions:
         return {}
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
-    counts = dict.fromkeys(counting(quiz.policy) for quiz in with_questions)
+    counts = dict.fromkeys(describe_counting(quiz.policy) for quiz in with_questions)
     facts = {"points": f"{points(got)} of {points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
     if waiting := sum(place.of for place in places if place.waits and not place.points):
-        facts[WITH_AN_INSTRUCTOR] = count(waiting, "point")
+        facts[WITH_AN_INSTRUCTOR] = format_count(waiting, "point")
     facts["what counts"] = ", ".join(counts)
     if any(place.may_answer for place in places) and all(place.attempts_left is None for place in places):
         facts["attempts"] = "no limit"
     dues = [place.due for place in places if place.due is not None]
     coming = [due for due in dues if due > work.access.at]
     if coming:
-        facts["due"] = day(min(coming))
+        facts["due"] = format_day(min(coming))
     elif dues and not any(place.may_answer for place in places):
-        facts["due"] = f"over since {day(max(dues))}"
+        facts["due"] = f"over since {format_day(max(dues))}"
     return facts
 
 
-def day(moment: datetime) -> str:
-    """A moment with its day of the week: `Fri 27 Nov 2026, 18:00 UTC`."""
+def format_day(moment: datetime) -> str:
+    """Returns a moment with its day of the week: `Fri 27 Nov 2026, 18:00 UTC`."""
     return f"{moment:%a} {spoken(moment)}"

@@ -18,12 +18,12 @@ from grader.store.submissions import QUEUED, RUNNING, case_now
 from grader.web.frame.assets import FOLDER
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import HEADERS, page
-from grader.web.learner.exercise import exercise_page, side_by_side
-from grader.web.learner.lesson import Typed, lesson_page, opened_facts
-from grader.web.text.lessons import OTHER, Lesson, lesson_id, lessons_of
-from grader.web.text.questions import page_of
-from grader.web.verdict.plots import light_styles, sketches, standalone
-from grader.web.verdict.work import attempts_of, work_of
+from grader.web.learner.exercise import align_scripts, build_exercise_page
+from grader.web.learner.lesson import Typed, build_lesson_page, list_opened_facts
+from grader.web.text.lessons import OTHER, Lesson, find_lesson_id, group_lessons
+from grader.web.text.questions import describe_quiz
+from grader.web.verdict.plots import draw_file, extract_light_styles, list_sketches
+from grader.web.verdict.work import list_attempts, read_work
 
 SIGN_IN = "Sign in first."
 NO_ATTEMPT = "You have no such attempt."
@@ -31,43 +31,41 @@ NO_ATTEMPT = "You have no such attempt."
 router = APIRouter(include_in_schema=False)
 
 
-def sign_in_page(request: Request, services: Services, who: Identity | None) -> Response:
-    """How to sign in, for a browser that has to: 401, or 403 in the wrong role."""
+def show_sign_in(request: Request, services: Services, who: Identity | None) -> Response:
+    """Says how to sign in, for a browser that has to: 401, or 403 in the wrong role."""
     return page(request, "signin.html", 401 if who is None else 403, who=who, oidc=services.provider is not None)
 
 
-def reader_of(who: Identity | None) -> Identity:
-    """The learner of a page; for a browser on loopback whose session has not begun, one without any work."""
+def find_reader(who: Identity | None) -> Identity:
+    """Returns the learner of a page; for a browser on loopback whose session has not begun, one without any work."""
     return who or Identity("", "", Role.STUDENT, DEFAULT_COURSE)
 
 
 @router.get("/")
 def home(request: Request, services: AppServices, who: Visitor, quiz: str | None = None) -> Response:
-    """The lesson, or the list of lessons where there are several; with `?quiz=` that quiz alone.
-
-    On loopback anyone may read; the first answer begins a session.
-    """
+    """The lesson, or the list of lessons where there are several; with `?quiz=` that quiz alone. On loopback anyone may
+    read; the first answer begins a session."""
     if who is None and not services.sessions.anonymous:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     if quiz is not None:
         return show_lesson(request, services, who, f"/?quiz={quiz}")
-    lessons = lessons_of(services.library_for(who).quizzes)
+    lessons = group_lessons(services.library_for(who).quizzes)
     if len(lessons) == 1:
         return show_lesson(request, services, who, "/")
     return show_lessons(request, services, who, lessons)
 
 
 def show_lessons(request: Request, services: Services, who: Identity | None, lessons: list[Lesson]) -> Response:
-    """The list of lessons with the learner's points."""
-    library, reader = services.library_for(who), reader_of(who)
+    """Renders the list of lessons with the learner's points."""
+    library, reader = services.library_for(who), find_reader(who)
     quizzes = [quiz for lesson in lessons for quiz in lesson.quizzes]
     with services.database.read() as session:
-        work = work_of(session, library, reader, quizzes)
+        work = read_work(session, library, reader, quizzes)
     rows = [
         {
             "lesson": lesson,
             "names": [plain_text(quiz.title) for quiz in lesson.quizzes],
-            "facts": opened_facts(lesson.quizzes, work),
+            "facts": list_opened_facts(lesson.quizzes, work),
         }
         for lesson in lessons
     ]
@@ -78,7 +76,7 @@ def show_lessons(request: Request, services: Services, who: Identity | None, les
 def lesson_by_id(lesson: str, request: Request, services: AppServices, who: Visitor) -> Response:
     """One lesson. Raises NotFound."""
     if who is None and not services.sessions.anonymous:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     return show_lesson(request, services, who, f"/lessons/{lesson}")
 
 
@@ -86,22 +84,22 @@ def show_lesson(
     request: Request, services: Services, who: Identity | None, address: str, *,
     typed: Typed | None = None, status: int = 200,
 ) -> Response:  # fmt: skip
-    """The lesson at an address: `/`, `/lessons/...` or `/?quiz=...`. Raises NotFound."""
-    library, reader = services.library_for(who), reader_of(who)
-    lesson = lesson_at(library, address)
+    """Renders the lesson at an address: `/`, `/lessons/...` or `/?quiz=...`. Raises NotFound."""
+    library, reader = services.library_for(who), find_reader(who)
+    lesson = find_lesson(library, address)
     with services.database.read() as session:
-        work = work_of(session, library, reader, lesson.quizzes)
-    shown = lesson_page(library, lesson, work, typed)
+        work = read_work(session, library, reader, lesson.quizzes)
+    shown = build_lesson_page(library, lesson, work, typed)
     return page(request, "lesson.html", status, who=who, address=address, **shown)
 
 
-def lesson_at(library: Library, address: str) -> Lesson:
-    """The lesson that an address shows. Raises NotFound."""
+def find_lesson(library: Library, address: str) -> Lesson:
+    """Returns the lesson that an address shows. Raises NotFound."""
     kind, _, name = address.strip("/").replace("?quiz=", "quiz/").partition("/")
     if kind == "quiz":
         quiz = library.quiz(name)
         return Lesson(quiz.id, plain_text(quiz.title), (quiz,))
-    found = [one for one in lessons_of(library.quizzes) if kind == "" or one.id == name]
+    found = [one for one in group_lessons(library.quizzes) if kind == "" or one.id == name]
     if kind == "" and len(found) != 1:
         return Lesson(OTHER, "Questions and exercises", tuple(library.quizzes.values()))
     if not found:
@@ -114,16 +112,14 @@ def exercise(
     quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor, attempt: str | None = None
 ) -> Response:
     """An exercise with its newest verdict, or an earlier attempt; any other question stands on its lesson's page.
-
-    Raises NotFound, and Conflict before the quiz opens.
-    """
+    Raises NotFound, and Conflict before the quiz opens."""
     if who is None and not services.sessions.anonymous:
-        return sign_in_page(request, services, who)
+        return show_sign_in(request, services, who)
     library = services.library_for(who)
     question = library.question(quiz_id, question_id)
-    require_opened(library, quiz_id, reader_of(who).role)
+    require_opened(library, quiz_id, find_reader(who).role)
     if not kind_of(question).is_script:
-        return RedirectResponse(f"/lessons/{lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
+        return RedirectResponse(f"/lessons/{find_lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
     return show_exercise(request, services, who, quiz_id=quiz_id, question_id=question_id, attempt=attempt)
 
 
@@ -131,15 +127,15 @@ def show_exercise(
     request: Request, services: Services, who: Identity | None, *, quiz_id: str, question_id: str,
     attempt: str | None = None, typed: Typed | None = None, status: int = 200,
 ) -> Response:  # fmt: skip
-    """The page of an exercise. Raises NotFound."""
-    library, reader = services.library_for(who), reader_of(who)
+    """Renders the page of an exercise. Raises NotFound."""
+    library, reader = services.library_for(who), find_reader(who)
     quiz = library.quiz(quiz_id)
     with services.database.read() as session:
-        work = work_of(session, library, reader, [quiz])
-        attempts = attempts_of(session, work.access, reader, quiz_id, question_id)
+        work = read_work(session, library, reader, [quiz])
+        attempts = list_attempts(session, work.access, reader, quiz_id, question_id)
         ahead = jobs.count_ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
         at = case_now(session, attempts[0].id) if attempts and attempts[0].state == RUNNING else None
-    shown = exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
+    shown = build_exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
     shown |= {"ahead": ahead, "at": at, "refused": status != 200}
     return page(request, "exercise.html", status, who=who, **shown)
 
@@ -153,12 +149,14 @@ def compare(
     if who is None:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
-    view = next((one for one in page_of(library, library.quiz(quiz_id))["questions"] if one["id"] == question_id), None)
+    view = next(
+        (one for one in describe_quiz(library, library.quiz(quiz_id))["questions"] if one["id"] == question_id), None
+    )
     if view is None:
         raise NotFound("There is no such question.")
     with services.database.read() as session:
-        work = work_of(session, library, who, [library.quiz(quiz_id)])
-        attempts = attempts_of(session, work.access, who, quiz_id, question_id)
+        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        attempts = list_attempts(session, work.access, who, quiz_id, question_id)
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
     by_id = {one.id: one for one in attempts}
@@ -166,7 +164,7 @@ def compare(
     if not by_id.keys() >= {*pair}:
         raise NotFound(NO_ATTEMPT)
     chosen = [by_id[one] for one in pair]
-    lines = side_by_side(chosen[0].text, chosen[1].text)
+    lines = align_scripts(chosen[0].text, chosen[1].text)
     return page(request, "compare.html", who=who, view=view, attempts=attempts, chosen=chosen, lines=lines)
 
 
@@ -176,7 +174,7 @@ def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor)
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
-    require_opened(library, quiz_id, reader_of(who).role)
+    require_opened(library, quiz_id, find_reader(who).role)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
         raise NotFound("This question has no starter file.")
@@ -192,21 +190,23 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
     with services.database.read() as session:
-        work = work_of(session, library, who, [library.quiz(quiz_id)])
-        attempts = attempts_of(session, work.access, who, quiz_id, question_id)
+        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        attempts = list_attempts(session, work.access, who, quiz_id, question_id)
     given = next((one for one in attempts if one.id == attempt and one.verdict is not None), None)
     if given is None or given.verdict is None:
         raise NotFound(NO_ATTEMPT)
     titles = {finding["id"]: finding["title"] for finding in given.verdict.get("findings") or []}
-    found = next((one for one in sketches(given.verdict.get("evidence") or {}, titles) if one.name == name), None)
+    found = next((one for one in list_sketches(given.verdict.get("evidence") or {}, titles) if one.name == name), None)
     if found is None:
         raise NotFound("This verdict has no such plot.")
     headers = {"Content-Disposition": f'attachment; filename="{question_id}-{name}.svg"'}
     policy = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
-    return Response(standalone(found, plot_styles()), headers=HEADERS | headers | policy, media_type="image/svg+xml")
+    return Response(
+        draw_file(found, read_plot_styles()), headers=HEADERS | headers | policy, media_type="image/svg+xml"
+    )
 
 
 @cache
-def plot_styles() -> str:
-    """The style sheet's rules for plots."""
-    return light_styles((FOLDER / "style.css").read_text(encoding="utf-8"))
+def read_plot_styles() -> str:
+    """Returns the style sheet's rules for plots."""
+    return extract_light_styles((FOLDER / "style.css").read_text(encoding="utf-8"))

@@ -1,7 +1,5 @@
-"""The forms that follow a launch: which course, which quizzes, a new tab; and a platform's registration.
-
-Each bears a single-use ticket, as a frame may keep no cookies. The ticket says who was shown the form.
-"""
+"""The forms that follow a launch: which course, which quizzes, a new tab; and a platform's registration. Each bears a
+single-use ticket, as a frame may keep no cookies. The ticket says who was shown the form."""
 
 from datetime import timedelta
 from typing import Any
@@ -29,154 +27,128 @@ from grader.platforms.launching.registration import register
 from grader.store import platforms, tickets
 from grader.store.platforms import Context
 from grader.store.tables import Member
-from grader.web.frame.rendering import POLICY, page, security_policy
-from grader.web.platform.frames import PRIVATE, LtiTool, framed_page, in_plain_words, pairs_of, start_in
-from grader.web.text.questions import page_of
+from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
+from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed, start_session_in
+from grader.web.text.questions import describe_quiz
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter(include_in_schema=False, route_class=PlainWords)
 
 COURSE, CHOICE, TAB = "lti-course", "lti-choice", "lti-tab"
 LIFETIME = timedelta(hours=1)
 STALE = "This form was sent already, or is too old. Start again from your learning platform."
 
-Pairs = list[tuple[str, str]]
 
-
-def used(session: Session, purpose: str, pairs: Pairs) -> dict[str, Any]:
-    """What the form's ticket says; it is used up. Raises Unauthorized."""
+def take_ticket(session: Session, purpose: str, pairs: Pairs) -> dict[str, Any]:
+    """Says what the form's ticket says; it is used up. Raises Unauthorized."""
     body = tickets.take(session, purpose, dict(pairs).get("ticket", ""))
     if body is None:
         raise Unauthorized(STALE)
     return body
 
 
-def issued(services: Services, purpose: str, body: dict[str, Any]) -> str:
-    """A ticket for a form."""
+def issue_ticket(services: Services, purpose: str, body: dict[str, Any]) -> str:
+    """Returns a ticket for a form."""
     return services.sessions.writing(lambda session: tickets.issue(session, purpose, body, LIFETIME))
 
 
-def course_page(request: Request, services: Services, launch: Launch, context: Context) -> Response:
-    """The form with which an instructor of the platform's course links it with a course here."""
+def show_course_form(request: Request, services: Services, launch: Launch, context: Context) -> Response:
+    """Renders the form with which an instructor of the platform's course links it with a course here."""
     body = {"context": context.id, "by": launch.name, "platform": launch.platform.id}
-    return framed_page(
-        request, "lti_course.html", launch.platform, ticket=issued(services, COURSE, body), title=context.title,
+    return show_framed(
+        request, "lti_course.html", launch.platform, ticket=issue_ticket(services, COURSE, body), title=context.title,
         wanted=context.wanted or "",
     )  # fmt: skip
 
 
 @router.post("/course")
-@in_plain_words
-async def link_course(request: Request, services: AppServices) -> Response:
+def link_course(request: Request, services: AppServices, pairs: Pairs) -> Response:
     """Links the platform's course with a new course, or asks the instructors of an existing one."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(course_linked, request, services, pairs)
-
-
-def course_linked(request: Request, services: Services, pairs: Pairs) -> Response:
-    """As `link_course`, with the form's fields."""
     course = dict(pairs).get("course", "").strip()
     with services.database.write() as session:
-        body = used(session, COURSE, pairs)
+        body = take_ticket(session, COURSE, pairs)
         services.database.lock(session, "lti-courses")  # two who name the same new course: one of them asks the other
         known = services.content.libraries()
         is_linked = rules.ask_for(session, body["context"], course, body["by"], known)
-        platform = platform_with(session, body["platform"])
-    return framed_page(request, "lti_linked.html", platform, course=course, is_linked=is_linked)
+        platform = get_platform(session, body["platform"])
+    return show_framed(request, "lti_linked.html", platform, course=course, is_linked=is_linked)
 
 
-def choose_page(request: Request, services: Services, library: Library, launch: Launch, arrival: Arrival) -> Response:
-    """The form with which an instructor chooses quizzes and questions. Raises Forbidden for anybody else."""
+def show_choices(request: Request, services: Services, library: Library, launch: Launch, arrival: Arrival) -> Response:
+    """Renders the form with which an instructor chooses quizzes and questions. Raises Forbidden for anybody else."""
     if arrival.role is not Role.INSTRUCTOR or arrival.member is None or launch.selection is None:
         raise Forbidden("Only an instructor of the course chooses what its links lead to.")
     body = {
         "platform": launch.platform.id, "deployment": launch.deployment_id, "course": arrival.member.course,
         "selection": vars(launch.selection),
     }  # fmt: skip
-    quizzes = [page_of(library, quiz) for quiz in library.quizzes.values() if quiz.questions]
-    return framed_page(
-        request, "lti_choose.html", launch.platform, ticket=issued(services, CHOICE, body),
+    quizzes = [describe_quiz(library, quiz) for quiz in library.quizzes.values() if quiz.questions]
+    return show_framed(
+        request, "lti_choose.html", launch.platform, ticket=issue_ticket(services, CHOICE, body),
         quizzes=quizzes, course=arrival.member.course, takes_many=launch.selection.takes_many,
     )  # fmt: skip
 
 
 @router.post("/choose")
-@in_plain_words
-async def choose(request: Request, tool: LtiTool, services: AppServices) -> Response:
+def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Signs what the instructor chose, and lets the browser carry it to the platform."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(chosen, request, tool, services, pairs)
-
-
-def chosen(request: Request, tool: LtiTool, services: Services, pairs: Pairs) -> Response:
-    """As `choose`, with the form's fields."""
     with services.database.write() as session:
-        body = used(session, CHOICE, pairs)
-        platform = platform_with(session, body["platform"])
+        body = take_ticket(session, CHOICE, pairs)
+        platform = get_platform(session, body["platform"])
     selection = Selection(**body["selection"])
     library = services.content.of(body["course"]).library
-    choices = [choice_of(library, value) for name, value in pairs if name == "item"]
+    choices = [parse_choice(library, value) for name, value in pairs if name == "item"]
     if len(choices) > (CHOICES_MAX if selection.takes_many else 1):
         raise Unprocessable("More was chosen than the platform takes at once.")
     url = launch_url(services.origin_of(request))
     token = response(tool.keys.sign, platform, body["deployment"], selection, choices=choices, launch_url=url)
     goes_to = (origin_of(selection.return_url), *platform.origins)
-    return framed_page(
+    return show_framed(
         request, "lti_return.html", platform, goes_to, address=selection.return_url, token=token, count=len(choices)
     )
 
 
-def choice_of(library: Library, value: str) -> Choice:
-    """The quiz, or the question after a slash, that a box of the form stands for. Raises NotFound."""
+def parse_choice(library: Library, value: str) -> Choice:
+    """Returns the quiz, or the question after a slash, that a box of the form stands for. Raises NotFound."""
     quiz_id, _, question_id = value.partition("/")
     quiz = library.quiz(quiz_id)
     return Choice(quiz, library.question(quiz_id, question_id) if question_id else None)
 
 
-def open_page(request: Request, services: Services, platform: Platform, arrival: Arrival, address: str) -> Response:
-    """The button that opens the work in a new tab, where cookies are kept."""
+def show_button(request: Request, services: Services, platform: Platform, arrival: Arrival, address: str) -> Response:
+    """Renders the button that opens the work in a new tab, where cookies are kept."""
     assert arrival.member is not None
     body = {"member": arrival.member.id, "platform": platform.id, "address": address}
-    return framed_page(request, "lti_open.html", platform, ticket=issued(services, TAB, body))
+    return show_framed(request, "lti_open.html", platform, ticket=issue_ticket(services, TAB, body))
 
 
 @router.post("/open")
-@in_plain_words
-async def open_tab(request: Request, services: AppServices) -> Response:
+def open_tab(request: Request, services: AppServices, pairs: Pairs) -> Response:
     """Opens a session in the new tab, and leads to the work."""
-    pairs = await pairs_of(request)
-    return await run_in_threadpool(opened_tab, request, services, pairs)
-
-
-def opened_tab(request: Request, services: Services, pairs: Pairs) -> Response:
-    """As `open_tab`, with the form's fields."""
     with services.database.write() as session:
-        body = used(session, TAB, pairs)
+        body = take_ticket(session, TAB, pairs)
         member = session.get(Member, body["member"])
         if member is None or member.removed_at is not None:
             raise Forbidden("You were removed from this course. Ask its instructor.")
-    return entered(request, services, member, body["platform"], address=body["address"])
+    return enter(request, services, member, body["platform"], address=body["address"])
 
 
-def entered(request: Request, services: Services, member: Member, platform_id: int, *, address: str) -> Response:
-    """The redirect to the work, in a new session of the member; the browser's earlier one ends."""
+def enter(request: Request, services: Services, member: Member, platform_id: int, *, address: str) -> Response:
+    """Renders the redirect to the work, in a new session of the member; the browser's earlier one ends."""
     with services.database.write() as session:
         services.sessions.end_in(session, request.cookies)
         member = session.get_one(Member, member.id)  # as it is now: it may have lost its role since the launch
         opened = start_session(session, member, platform_id)
         record(session, opened.identity, member.course, Action.SIGNED_IN, member.name, by="lti")
-    return start_in(request, services, RedirectResponse(address, 303, {"Cache-Control": "no-store"}), opened)
+    return start_session_in(request, services, RedirectResponse(address, 303, {"Cache-Control": "no-store"}), opened)
 
 
 @router.get("/register")
-@in_plain_words
-async def show_registration(
+def show_registration(
     request: Request, _tool: LtiTool, services: AppServices, token: str = "", openid_configuration: str = "",
     registration_token: str = "",
 ) -> Response:  # fmt: skip
     """Asks a platform's administrator, who came with a registration link, before anything is registered."""
-    known = await run_in_threadpool(
-        services.sessions.reading, lambda session: tickets.peek(session, REGISTRATION, token) is not None
-    )
+    known = services.sessions.reading(lambda session: tickets.peek(session, REGISTRATION, token) is not None)
     origin = origin_of(openid_configuration)
     if not known or not origin:
         raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
@@ -186,10 +158,9 @@ async def show_registration(
 
 
 @router.post("/register")
-@in_plain_words
-async def do_register(request: Request, tool: LtiTool, services: AppServices) -> Response:
+async def do_register(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Registers this tool at the platform, and the platform here, where it waits for approval."""
-    form = dict(await pairs_of(request))
+    form = dict(pairs)
     used_up = await run_in_threadpool(
         services.sessions.writing, lambda session: tickets.take(session, REGISTRATION, form.get("token", ""))
     )
@@ -198,15 +169,14 @@ async def do_register(request: Request, tool: LtiTool, services: AppServices) ->
     url = form.get("openid_configuration", "")
     made = await register(tool.requester, url, form.get("registration_token", ""), services.origin_of(request))
     row = await run_in_threadpool(
-        services.sessions.writing,
-        lambda session: rules.add(session, None, made.registration, made.deployment_id),
+        services.sessions.writing, lambda session: rules.add(session, None, made.registration, made.deployment_id)
     )
     headers = PRIVATE | {POLICY: security_policy([origin_of(url)])}
     return page(request, "lti_registered.html", 200, headers, platform=row)
 
 
-def platform_with(session: Session, platform_id: int) -> Platform:
-    """The platform with this id. Raises NotFound if it was removed meanwhile."""
+def get_platform(session: Session, platform_id: int) -> Platform:
+    """Returns the platform with this id. Raises NotFound if it was removed meanwhile."""
     row = platforms.get(session, platform_id)
     if row is None:
         raise NotFound("The platform was removed.")

@@ -18,12 +18,13 @@ from grader.platforms.launching.launch import Launch, read_launch
 from grader.platforms.launching.login import Answered, Login, Unbound
 from grader.platforms.tool import canvas_configuration
 from grader.questions import kind_of
-from grader.web.platform.forms import choose_page, course_page, entered, open_page
+from grader.web.platform.forms import enter, show_button, show_choices, show_course_form
 from grader.web.platform.forms import router as forms
-from grader.web.platform.frames import LtiTool, framed_page, in_plain_words, pairs_of
+from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed
 
 router = APIRouter(include_in_schema=False, prefix="/lti")
 router.include_router(forms)
+launches = APIRouter(include_in_schema=False, route_class=PlainWords)
 log = structlog.get_logger()
 
 PUBLIC = {"Cache-Control": "public, max-age=300", "X-Content-Type-Options": "nosniff"}
@@ -46,44 +47,42 @@ def for_canvas(request: Request, tool: LtiTool, services: AppServices) -> Respon
     return JSONResponse(canvas_configuration(services.origin_of(request)), headers=PUBLIC)
 
 
-@router.get("/login")
-@router.post("/login")
-@in_plain_words
-async def begin(request: Request, _tool: LtiTool, services: AppServices) -> Response:
+@launches.get("/login")
+@launches.post("/login")
+def begin(request: Request, _tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Begins a login, and sends the browser to the platform, which knows who its user is."""
-    fields, origin = logins.fields_in(await pairs_of(request)), services.origin_of(request)
-    begun = await run_in_threadpool(services.sessions.writing, lambda session: logins.begin(session, fields, origin))
+    fields, origin = logins.fields_in(pairs), services.origin_of(request)
+    begun = services.sessions.writing(lambda session: logins.begin(session, fields, origin))
     if begun.storage:
-        response: Response = framed_page(
+        response: Response = show_framed(
             request, "lti_storage.html", begun.platform, origin=origin_of(begun.platform.login_url),
             storage=begun.storage, name=logins.name_of(begun.state), key=begun.key, address=begun.address, form=None,
         )  # fmt: skip
     else:
         response = RedirectResponse(begun.address, 303, {"Cache-Control": "no-store"})
-    response.headers.append("Set-Cookie", key_cookie(services, begun))
+    response.headers.append("Set-Cookie", make_key_cookie(services, begun))
     return response
 
 
-@router.post("/launch")
-@in_plain_words
-async def launch(request: Request, tool: LtiTool, services: AppServices) -> Response:
+@launches.post("/launch")
+async def launch(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Verifies a launch, and opens the quiz or question that it leads to, in a session of the linked course."""
-    form = form_in(await pairs_of(request))
+    form = parse_form(pairs)
     if "error" in form:
         log.info("a platform refused a login", error=form["error"][:100])
         raise Unauthorized("Your learning platform did not sign you in. Sign in there, then open this link again.")
-    state, cookie = form.get("state", ""), request.cookies.get(cookie_name(services, form.get("state", "")), "")
+    state, cookie = form.get("state", ""), request.cookies.get(name_cookie(services, form.get("state", "")), "")
     answered = await run_in_threadpool(
         services.sessions.writing, lambda session: logins.answer(session, state, cookie or form.get("key", ""))
     )
     if isinstance(answered, Unbound):
         return bind_otherwise(request, services, answered, form)
-    verified = await launch_of(tool, services.origin_of(request), answered, form.get("id_token", ""))
+    verified = await verify_launch(tool, services.origin_of(request), answered, form.get("id_token", ""))
     return await run_in_threadpool(settle, request, services, verified, in_tab=not cookie)
 
 
-async def launch_of(tool: LtiTool, origin: str, answered: Answered, id_token: str) -> Launch:
-    """The launch in a token. Raises Unauthorized; the log tells why, and which platform."""
+async def verify_launch(tool: LtiTool, origin: str, answered: Answered, id_token: str) -> Launch:
+    """Returns the launch in a token. Raises Unauthorized; the log tells why, and which platform."""
     try:
         claims = await verify(id_token, answered.platform, answered.nonce, tool.platform_keys)
         return read_launch(claims, answered.platform, origin)
@@ -92,8 +91,8 @@ async def launch_of(tool: LtiTool, origin: str, answered: Answered, id_token: st
         raise
 
 
-def form_in(pairs: list[tuple[str, str]]) -> dict[str, str]:
-    """The fields of a launch. Raises Unprocessable if one is there twice."""
+def parse_form(pairs: list[tuple[str, str]]) -> dict[str, str]:
+    """Returns the fields of a launch. Raises Unprocessable if one is there twice."""
     known = [(name, value) for name, value in pairs if name in FIELDS]
     if len(dict(known)) < len(known):
         raise Unprocessable("A parameter of the launch is there twice.")
@@ -103,44 +102,42 @@ def form_in(pairs: list[tuple[str, str]]) -> dict[str, str]:
 def bind_otherwise(request: Request, services: Services, login: Unbound, form: dict[str, str]) -> Response:
     """For a browser that kept no cookie in the frame: by the platform's storage, else in a new tab."""
     if login.storage and "key" not in form:
-        return framed_page(
+        return show_framed(
             request, "lti_storage.html", login.platform, origin=origin_of(login.platform.login_url),
-            storage=login.storage, name=logins.name_of(form["state"]), address=again(services, request, login),
+            storage=login.storage, name=logins.name_of(form["state"]), address=make_login_url(services, request, login),
             form=form,
         )  # fmt: skip
-    response = framed_page(request, "lti_tab.html", login.platform, address=again(services, request, login))
+    response = show_framed(request, "lti_tab.html", login.platform, address=make_login_url(services, request, login))
     response.status_code = 401
     return response
 
 
-def again(services: Services, request: Request, login: Unbound) -> str:
-    """Where the login begins again: in a new tab, cookies are kept."""
+def make_login_url(services: Services, request: Request, login: Unbound) -> str:
+    """Says where the login begins again: in a new tab, cookies are kept."""
     return f"{logins.login_url(services.origin_of(request))}?{urlencode(login.fields)}"
 
 
 def settle(request: Request, services: Services, launch: Launch, *, in_tab: bool) -> Response:
-    """Records the launch, and answers it. `in_tab`: the frame keeps no cookies, so the work opens in a new tab.
-
-    Raises Forbidden, NotFound.
-    """
+    """Records the launch, and answers it. `in_tab`: the frame keeps no cookies, so the work opens in a new tab. Raises
+    Forbidden, NotFound."""
     arrival = services.sessions.writing(lambda session: arrive(services.database, session, launch))
     if arrival is None:
         raise Forbidden(NOT_APPROVED.format(launch.deployment_id))
     if arrival.member is None:
         if not launch.teaches or launch.subject is None:
             raise Forbidden(UNLINKED)
-        return course_page(request, services, launch, arrival.context)
+        return show_course_form(request, services, launch, arrival.context)
     library = services.content.of(arrival.member.course).library
     if launch.selection is not None:
-        return choose_page(request, services, library, launch, arrival)
-    address = address_of(library, arrival)
+        return show_choices(request, services, library, launch, arrival)
+    address = make_address(library, arrival)
     if in_tab:
-        return open_page(request, services, launch.platform, arrival, address)
-    return entered(request, services, arrival.member, launch.platform.id, address=address)
+        return show_button(request, services, launch.platform, arrival, address)
+    return enter(request, services, arrival.member, launch.platform.id, address=address)
 
 
-def address_of(library: Library, arrival: Arrival) -> str:
-    """The page of a quiz, at the question. Raises NotFound if the content has it no more."""
+def make_address(library: Library, arrival: Arrival) -> str:
+    """Returns the page of a quiz, at the question. Raises NotFound if the content has it no more."""
     if arrival.quiz is None:
         return "/instructor" if arrival.role == "instructor" else "/"
     library.quiz(arrival.quiz)
@@ -152,12 +149,15 @@ def address_of(library: Library, arrival: Arrival) -> str:
     return f"{address}#{quote(arrival.quiz)}--{quote(arrival.question)}"
 
 
-def cookie_name(services: Services, state: str) -> str:
+def name_cookie(services: Services, state: str) -> str:
     """The name of the cookie that binds a login to its browser: one for each, as a page may have several frames."""
     return f"{'__Host-' if services.sessions.secure else ''}{logins.name_of(state)}"
 
 
-def key_cookie(services: Services, login: Login) -> str:
-    """The `Set-Cookie` header that binds a login to its browser."""
+def make_key_cookie(services: Services, login: Login) -> str:
+    """Returns the `Set-Cookie` header that binds a login to its browser."""
     attributes = services.sessions.attributes(int(logins.LIFETIME.total_seconds()), framed=True)
-    return f"{cookie_name(services, login.state)}={login.key}; {attributes}"
+    return f"{name_cookie(services, login.state)}={login.key}; {attributes}"
+
+
+router.include_router(launches)

@@ -1,9 +1,6 @@
 """`/session` begins a session on loopback, `/signin` exchanges a single-use code for one, `/join` a course's code.
-
-`/signout` ends it.
-
-A GET changes nothing and stores nothing: mail programs and link scanners open links on their own.
-"""
+`/signout` ends it. A GET changes nothing and stores nothing: mail programs and link scanners open links on their
+own."""
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
@@ -22,20 +19,15 @@ from grader.errors import Forbidden, Unauthorized
 from grader.gate.services import AppServices
 from grader.store.courses import course_with_code
 from grader.web.frame.inputs import Form, Visitor
-from grader.web.frame.rendering import page
+from grader.web.frame.rendering import PRIVATE, page
 
 router = APIRouter(include_in_schema=False)
-
-PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
-"""Headers of pages with a code: browsers do not store them, nor send their address to other sites."""
 
 
 @router.post("/session")
 def begin(request: Request, services: AppServices, who: Visitor) -> Response:
-    """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden.
-
-    The page's script gets the learner as JSON, a form is redirected to the questions.
-    """
+    """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden. The page's script gets the
+    learner as JSON, a form is redirected to the questions."""
     if not services.sessions.anonymous:
         raise Forbidden("Open the link that you were given to sign in.")
     headers = {"Cache-Control": "no-store"}
@@ -62,16 +54,14 @@ def sign_in(request: Request, services: AppServices, form: Form) -> Response:
     """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role."""
     code = form.get("code", "")
     opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
+    return redirect_signed_in(request, services, opened)
+
+
+def redirect_signed_in(request: Request, services: AppServices, opened: BrowserSession) -> Response:
+    """Ends the browser's earlier session, and redirects to the page of the user's role with the new one's cookie."""
     services.sessions.end(request.cookies)
-    return signed_in(services, opened)
-
-
-def signed_in(services: AppServices, opened: BrowserSession) -> Response:
-    """The redirect to the page of the user's role, with the session's cookie."""
-    target = "/instructor" if opened.identity.is_instructor else "/"
-    return RedirectResponse(
-        target, 303, {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
-    )
+    headers = {"Set-Cookie": services.sessions.set_cookie(opened), "Cache-Control": "no-store"}
+    return RedirectResponse("/instructor" if opened.identity.is_instructor else "/", 303, headers)
 
 
 @router.get("/join")
@@ -88,8 +78,7 @@ def join_course(services: AppServices, form: Form, request: Request) -> Response
     """Makes a new learner of the course, and redirects to the questions. Raises Forbidden, Unprocessable."""
     code, name = form.get("code", ""), form.get("name", "")
     opened = services.sessions.writing(lambda session: join(session, code, name))
-    services.sessions.end(request.cookies)
-    return signed_in(services, opened)
+    return redirect_signed_in(request, services, opened)
 
 
 @router.get("/signout")

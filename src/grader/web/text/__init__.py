@@ -1,4 +1,2 @@
-"""Text on pages: numbers, statuses, questions, and authors' prose made safe.
-
-Authors' HTML passes through `prose` before it reaches a page.
-"""
+"""Text on pages: numbers, statuses, questions, and authors' prose made safe. Authors' HTML passes through `prose`
+before it reaches a page."""

@@ -33,8 +33,8 @@ TOGGLES = {
 """What a learner may draw over the scene."""
 
 
-def lab_box(lab: Lab | LabConfig) -> dict[str, Any]:
-    """The variables of lab.html. Its texts are the author's and not safe; `note` is safe HTML."""
+def describe_lab(lab: Lab | LabConfig) -> dict[str, Any]:
+    """Returns the variables of lab.html. Its texts are the author's and not safe; `note` is safe HTML."""
     view = lab_view(lab)
     if isinstance(lab, UnknownLab):
         return {"form": "unknown", **view}
@@ -44,40 +44,35 @@ def lab_box(lab: Lab | LabConfig) -> dict[str, Any]:
     return view | {
         "form": "scene",
         "note": note,
-        "height": height_of(lab),
+        "height": compute_height(lab),
         "is_bare": not (lab.plots or lab.readouts),
         "seconds": choose_length_s(lab),
         "controls": [
-            control | drawn_slider(one) if isinstance(one, Slider) else control
+            control | describe_slider(one) if isinstance(one, Slider) else control
             for control, one in zip(view["controls"], lab.controls, strict=True)
         ],
         "toggles": {name: text for name, text in TOGGLES.items() if name in (lab.toggles or ())},
-        "shown": list(shown_at_first(lab)),
+        "shown": list(list_shown_overlays(lab)),
     }
 
 
-def height_of(lab: LabConfig) -> int:
-    """The height of the stage [px]: what its plots need, or more where the author's scene is higher."""
+def compute_height(lab: LabConfig) -> int:
+    """Returns the height of the stage [px]: what its plots need, or more where the author's scene is higher."""
     strip = STRIP if len(lab.plots) < 2 else SHARED_STRIP
     strips = sum(max(STRIP_MIN, min(plot.height or strip, HEIGHT_MAX)) for plot in lab.plots) if lab.plots else strip
     return round(max(strips + AXIS, min(lab.height or HEIGHT_MIN, HEIGHT_MAX)))
 
 
-def shown_at_first(lab: LabConfig) -> tuple[str, ...]:
-    """The overlays that are on when the lab opens."""
+def list_shown_overlays(lab: LabConfig) -> tuple[str, ...]:
+    """Returns the overlays that are on when the lab opens."""
     if isinstance(lab.overlays, dict):
         return tuple(name for name, on in lab.overlays.items() if on)
     return tuple(lab.overlays or ())
 
 
-def drawn_slider(slider: Slider) -> dict[str, Any]:
+def describe_slider(slider: Slider) -> dict[str, Any]:
     """Where a slider stands between its ends, from 0 to 1, and whether the stability limit has its place under it."""
     low, high, value = slider.min, slider.max, slider.value
-    if is_logarithmic(low, high):
+    if low > 0 and high / low >= LOG_RATIO:
         low, high, value = log(low), log(high), log(value)
     return {"position": round((value - low) / (high - low), 6), "has_limit": slider.set == TIMESTEP}
-
-
-def is_logarithmic(low: float, high: float) -> bool:
-    """Whether a slider between these ends is logarithmic."""
-    return low > 0 and high / low >= LOG_RATIO

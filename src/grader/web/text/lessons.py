@@ -36,20 +36,20 @@ class Lesson:
         return f"/lessons/{self.id}"
 
 
-def lessons_of(quizzes: Mapping[str, Quiz]) -> list[Lesson]:
-    """All lessons, in the order of their first quiz."""
+def group_lessons(quizzes: Mapping[str, Quiz]) -> list[Lesson]:
+    """Returns all lessons, in the order of their first quiz."""
     groups: dict[str, list[Quiz]] = {}
     for quiz in quizzes.values():
-        groups.setdefault(lesson_id(quiz.id), []).append(quiz)
-    return [Lesson(name, title_of(name), tuple(some)) for name, some in groups.items()]
+        groups.setdefault(find_lesson_id(quiz.id), []).append(quiz)
+    return [Lesson(name, describe_lesson(name), tuple(some)) for name, some in groups.items()]
 
 
-def lesson_id(quiz_id: str) -> str:
-    """The lesson that a quiz belongs to."""
+def find_lesson_id(quiz_id: str) -> str:
+    """Returns the lesson that a quiz belongs to."""
     found = NUMBERED.match(quiz_id)
     return OTHER if found is None else found[1]
 
 
-def title_of(lesson: str) -> str:
-    """A lesson's name."""
+def describe_lesson(lesson: str) -> str:
+    """Returns a lesson's name."""
     return "Questions and exercises" if lesson == OTHER else f"Lesson {lesson}"

@@ -45,28 +45,23 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def plain(value: float, digits: int) -> str:
-    """A number of moderate size without an exponent."""
+    """Returns a number of moderate size without an exponent."""
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if rounded == int(rounded) else repr(rounded)
 
 
-def field_text(value: float) -> str:
-    """A number as a number field holds it."""
-    return f"{value:.12g}"
-
-
 def power(exponent: int) -> str:
-    """An exponent in superscript figures."""
+    """Returns an exponent in superscript figures."""
     return str(exponent).translate(SUPERSCRIPTS)
 
 
 def quantity(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number and its unit, never parted by the end of a line."""
+    """Returns a number and its unit, never parted by the end of a line."""
     return f"{number(value, digits)}{NARROW}{unit}"
 
 
 def fraction(text: str) -> str:
-    """A coefficient of a tableau: the commonest fractions as one sign."""
+    """Returns a coefficient of a tableau: the commonest fractions as one sign."""
     return FRACTIONS.get(text, text.replace("-", MINUS))
 
 
@@ -76,38 +71,38 @@ def points(value: float) -> str:
 
 
 def span(seconds: float) -> str:
-    """How long something has lasted, in its largest unit: `3 days`, `1 hour`, `under a minute`."""
+    """Says how long something has lasted, in its largest unit: `3 days`, `1 hour`, `under a minute`."""
     for size, unit in SPANS.items():
         if (whole := int(seconds // size)) >= 1:
             return f"{whole}{NARROW}{unit}{'' if whole == 1 else 's'}"
     return "under a minute"
 
 
-def capital(text: str) -> str:
-    """A sentence or a title with a capital letter, unless it begins with a symbol such as `kp = 2000`."""
+def capitalize(text: str) -> str:
+    """Returns a sentence or a title with a capital letter, unless it begins with a symbol such as `kp = 2000`."""
     first = text.partition(" ")[0]
     return text[:1].upper() + text[1:] if len(first) > 2 or first in SHORT_WORDS else text
 
 
 def remark(text: str) -> Markup:
-    """A remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
-    said = capital(unbroken(text)) if text[:1].isalpha() else unbroken(text)
+    """Returns a remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
+    said = capitalize(unbroken(text)) if text[:1].isalpha() else unbroken(text)
     return Markup(CODE.sub(r"<code>\1</code>", str(escape(said))))  # noqa: S704  # escaped
 
 
 def unbroken(text: str) -> str:
     """A plain text whose numbers keep their units on the same line, and have true minus signs and powers of ten."""
     text = SCIENTIFIC.sub(lambda found: f"{found[1]}·10{power(int(found[2]))}", text)
-    return NEGATIVE.sub(MINUS, with_units(text))
+    return NEGATIVE.sub(MINUS, join_units(text))
 
 
-def unit_of(found: re.Match[str]) -> str:
+def join_unit(found: re.Match[str]) -> str:
     """A unit after its space, which is narrow before a symbol; words and the factors of a unit stand further apart."""
     unit = found[0][1:]
     return (WIDE if unit.startswith(WORDS) else NARROW) + unit.replace(" ", WIDE)
 
 
-def with_units(text: str, *, is_after_number: bool = False) -> str:
+def join_units(text: str, *, is_after_number: bool = False) -> str:
     """A text in which no line ends between a number and its unit; `is_after_number`: the text follows a number."""
-    joined = AMOUNT.sub(unit_of, f"0{text}" if is_after_number else text)
+    joined = AMOUNT.sub(join_unit, f"0{text}" if is_after_number else text)
     return joined[1:] if is_after_number else joined

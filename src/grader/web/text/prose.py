@@ -10,7 +10,7 @@ import nh3
 from latex2mathml import converter
 from markupsafe import Markup
 
-from grader.web.text.numbers import with_units
+from grader.web.text.numbers import join_units
 
 TAGS_MAX = 2000
 """Tags of one text; further ones are shown as typed. The time of the HTML5 algorithm is quadratic in their nesting."""
@@ -105,7 +105,7 @@ class _Reader:
         while token := TOKEN.search(self.text, position):
             start, found = token.start(), token[0]
             text = self.text[position:start]
-            yield text if position < verbatim_until else with_units(text, is_after_number=0 < position == number_until)
+            yield text if position < verbatim_until else join_units(text, is_after_number=0 < position == number_until)
             position = token.end()
             if name := token["name"]:
                 yield self._tag(found, name)
@@ -125,10 +125,10 @@ class _Reader:
                 number_until = position if formula[1].rstrip("}")[-1:].isdigit() else 0
             else:
                 yield "$"
-        yield with_units(self.text[position:], is_after_number=0 < position == number_until)
+        yield join_units(self.text[position:], is_after_number=0 < position == number_until)
 
     def _end_of(self, pattern: re.Pattern[str], position: int) -> int | None:
-        """Where the next match of `pattern` ends."""
+        """Says where the next match of `pattern` ends."""
         if pattern.pattern in self.absent:
             return None
         if found := pattern.search(self.text, position):
@@ -148,7 +148,7 @@ class _Reader:
         return f"<{name}/>" if tag.endswith("/>") else f"<{name}>"
 
     def _mathml(self, formula: re.Match[str]) -> str:
-        """A formula as MathML, or as it was typed if it is too long or the budget is spent."""
+        """Returns a formula as MathML, or as it was typed if it is too long or the budget is spent."""
         tex = formula[1]
         self.tex -= len(tex) + FORMULA_COST
         if len(tex) > TEX_LENGTH_MAX or self.tex < 0:

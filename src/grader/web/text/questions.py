@@ -9,10 +9,9 @@ from markupsafe import Markup
 from grader.domain.markup import plain_text
 from grader.library import Library
 from grader.questions import Question, Quiz, kind_of, question_view
-from grader.web.text.lab_box import lab_box
+from grader.web.text.lab_box import describe_lab
 from grader.web.text.numbers import NARROW, unbroken
 from grader.web.text.prose import cached_prose
-from grader.web.text.question_templates import template_name
 
 DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s,;:=+-])++$")
 SHORT = 44
@@ -22,69 +21,67 @@ BLOCK = re.compile(r"\s*<(p|div|ul|ol|pre|table|figure|h[1-6]|blockquote)\b", re
 FIRST_PARAGRAPH = re.compile(r"\s*<p>.*?</p>", re.DOTALL)
 
 
-def page_of(library: Library, quiz: Quiz) -> dict[str, Any]:
+def describe_quiz(library: Library, quiz: Quiz) -> dict[str, Any]:
     """Returns the quiz as a learner may see it, as the template's variables."""
     return {
         "id": quiz.id,
         "title": plain_text(quiz.title),
-        "questions": [card_of(quiz.id, question, library.starter(question)) for question in quiz.questions],
-        "labs": [lab_box(lab) | {"title": plain_text(lab.title or "")} for lab in quiz.labs],
+        "questions": [describe_question(quiz.id, question, library.starter(question)) for question in quiz.questions],
+        "labs": [describe_lab(lab) | {"title": plain_text(lab.title or "")} for lab in quiz.labs],
     }
 
 
-def unopened_page(quiz: Quiz, opens: str) -> dict[str, Any]:
-    """A quiz before it opens, as the template's variables; `opens` says when."""
+def describe_unopened(quiz: Quiz, opens: str) -> dict[str, Any]:
+    """Returns a quiz before it opens, as the template's variables; `opens` says when."""
     return {"id": quiz.id, "title": plain_text(quiz.title), "opens": opens, "questions": [], "labs": []}
 
 
-def card_of(quiz_id: str, question: Question, starter: str | None) -> dict[str, Any]:
+def describe_question(quiz_id: str, question: Question, starter: str | None) -> dict[str, Any]:
     """One question: its text as safe HTML, its points, attempts and limits as sentences, and its kind's template."""
     kind, view = kind_of(question), question_view(question)
     return view | {
         "heading": unbroken(plain_text(question.title or question.label or kind.heading(question))),
-        "short": short_title(question.title or question.label, question.q),
-        "prompt": paragraphs(question.q),
-        "opening": opening(question.q),
-        "worth": worth(question.points, question.attempts),
-        "allowance": allowance(view["limits"]) if "limits" in view else "",
+        "short": shorten_title(question.title or question.label, question.q),
+        "prompt": render_prompt(question.q),
+        "opening": render_opening(question.q),
+        "worth": describe_worth(question.points, question.attempts),
+        "allowance": describe_limits(view["limits"]) if "limits" in view else "",
         "starter": starter,
         "path": f"/quizzes/{quiz_id}/{question.id}",
         "file": f"{question.id.replace('-', '_')}.py",
         "is_script": kind.is_script,
-        "template": template_name(question.kind),
+        "template": f"kinds/{question.kind}.html",
     }
 
 
-def paragraphs(text: str) -> Markup:
-    """The prompt as safe HTML, wrapped in a paragraph unless it begins with a block element."""
+def render_prompt(text: str) -> Markup:
+    """Returns the prompt as safe HTML, wrapped in a paragraph unless it begins with a block element."""
     return cached_prose(text if BLOCK.match(text) else f"<p>{text}</p>")
 
 
-def opening(text: str) -> Markup:
-    """The first paragraph of the prompt."""
+def render_opening(text: str) -> Markup:
+    """Returns the first paragraph of the prompt."""
     first = FIRST_PARAGRAPH.match(text)
-    return paragraphs(text if first is None else first[0])
+    return render_prompt(text if first is None else first[0])
 
 
-def short_title(title: str | None, text: str) -> str:
-    """The title of a question, or the first words of its text."""
-    return unbroken(plain_text(title or "") or shortened(plain_text(text)))
+def shorten_title(title: str | None, text: str) -> str:
+    """Returns the title of a question, or the first words of its text."""
+    return unbroken(plain_text(title or "") or shorten_text(plain_text(text)))
 
 
-def titles_of(library: Library) -> dict[tuple[str, str], str]:
-    """The titles of all questions, or their first words, by (quiz, question)."""
+def list_titles(library: Library) -> dict[tuple[str, str], str]:
+    """Returns the titles of all questions, or their first words, by (quiz, question)."""
     return {
-        (quiz.id, one.id): short_title(one.title or one.label, one.q)
+        (quiz.id, one.id): shorten_title(one.title or one.label, one.q)
         for quiz in library.quizzes.values()
         for one in quiz.questions
     }
 
 
-def shortened(text: str) -> str:
-    """The first words of a question that has no title, for the list of questions.
-
-    They end neither in an open bracket nor with a number whose unit is left out.
-    """
+def shorten_text(text: str) -> str:
+    """Returns the first words of a question that has no title, for the list of questions. They end neither in an open
+    bracket nor with a number whose unit is left out."""
     words = " ".join(text.replace("$", "").split())
     if len(words) <= SHORT:
         return words
@@ -92,22 +89,22 @@ def shortened(text: str) -> str:
     return (DANGLING.sub("", head) or head) + "…"
 
 
-def worth(points: float, attempts: int | None) -> str:
+def describe_worth(points: float, attempts: int | None) -> str:
     """For example `2 points, 3 attempts`."""
-    parts = [count(points, "point")]
+    parts = [format_count(points, "point")]
     if attempts is not None:
-        parts.append(count(attempts, "attempt"))
+        parts.append(format_count(attempts, "attempt"))
     return ", ".join(parts)
 
 
-def allowance(limits: dict[str, float]) -> str:
-    """The limits of a script as a sentence."""
+def describe_limits(limits: dict[str, float]) -> str:
+    """Returns the limits of a script as a sentence."""
     return (
         f"A script may use {limits['cpu_s']:g}{NARROW}s of processor time, {limits['memory_mb']:g}{NARROW}MB of memory "
         f"and {limits['output_kb']:g}{NARROW}KB of output. It has no network and no files but its own."
     )
 
 
-def count(number: float, noun: str) -> str:
+def format_count(number: float, noun: str) -> str:
     """`1 point`, `2.5 points`."""
     return f"{number:g} {noun}{'' if number == 1 else 's'}"

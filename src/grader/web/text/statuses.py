@@ -42,14 +42,14 @@ REPLACED = Told("Replaced by a newer answer", "open", "wait")
 WAITS = Told("waits", "waiting", "wait")
 
 
-def told_of(status: str, *, withheld: bool = False) -> Told:
-    """How the status of a verdict is told. A withheld one was only received."""
+def describe_status(status: str, *, withheld: bool = False) -> Told:
+    """Says how the status of a verdict is told. A withheld one was only received."""
     known = Status(status)
     return RECEIVED if withheld and known is Status.NEEDS_REVIEW else STATUSES[known]
 
 
-def told_passed(passed: bool | None, points: float) -> Told:
-    """How the outcome of a finding is told."""
+def describe_outcome(passed: bool | None, points: float) -> Told:
+    """Says how the outcome of a finding is told."""
     if passed is None:
         return PARTLY if points > 0 else UNDECIDED
     return PASSED if passed else FAILED

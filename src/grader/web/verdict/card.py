@@ -8,11 +8,11 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from grader.web.text.numbers import capital, number, points, quantity, unbroken
+from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
 from grader.web.text.prose import cached_prose
-from grader.web.text.statuses import FAILED, PASSED, Told, told_passed
+from grader.web.text.statuses import FAILED, PASSED, Told, describe_outcome
 from grader.web.verdict import evidence as read
-from grader.web.verdict.plots import Figure, figures_of
+from grader.web.verdict.plots import Figure, draw_figures
 from grader.web.verdict.work import Given
 
 WORD = re.compile(r"([A-Z][a-z]+(?: [a-z]+){0,2}): ")
@@ -114,50 +114,40 @@ class Card:
     @property
     def figures(self) -> list[Figure]:
         """The plots of the evidence, drawn where a page asks for them."""
-        return figures_of(self.evidence, self.titles)
+        return draw_figures(self.evidence, self.titles)
 
 
-def card_of(given: Given) -> Card | None:
-    """The card of an answer; None while it has no verdict."""
+def build_card(given: Given) -> Card | None:
+    """Returns the card of an answer; None while it has no verdict."""
     verdict = given.verdict
     if verdict is None:
         return None
     findings = verdict.get("findings") or []
-    columns, rows = matrix_of(findings)
-    cells = [] if columns else together([cell_of(finding) for finding in findings])
+    columns, rows = build_matrix(findings)
+    cells = [] if columns else merge_cells([build_cell(finding) for finding in findings])
     evidence = verdict.get("evidence") or {}
     titles = {finding["id"]: finding["title"] for finding in findings}
     diagnosis = verdict.get("diagnosis") or ""
-    said = capital(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
+    said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
+    score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
     return Card(
-        given,
-        given.told,
-        f"{points(verdict['points'])} of {count(verdict['max_points'], 'point')}" if given.is_decided else "",
-        said,
-        unbroken(verdict.get("read_as") or ""),
-        columns,
-        tuple(row for row in rows if not row.passed),
-        tuple(row for row in rows if row.passed),
-        tuple(notes_of(columns, rows, said)),
-        tuple(cells),
-        excerpt_of(given.text, diagnosis),
-        read.one(evidence, "tableau", read.Tableau),
-        tuple(read.several(evidence, "values", read.Value)),
+        given, given.told, score, said,
+        unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
+        tuple(row for row in rows if row.passed), tuple(list_notes(columns, rows, said)), tuple(cells),
+        extract_lines(given.text, diagnosis), read.read_one(evidence, "tableau", read.Tableau),
+        tuple(read.read_list(evidence, "values", read.Value)),
         cached_prose(verdict["explain"]) if verdict.get("explain") else Markup(),
-        (verdict.get("stdout") or "").rstrip(),
-        (verdict.get("stderr") or "").rstrip(),
-        tuple(facts_of(verdict)),
-        evidence,
-        titles,
-    )
+        (verdict.get("stdout") or "").rstrip(), (verdict.get("stderr") or "").rstrip(), tuple(list_facts(verdict)),
+        evidence, titles,
+    )  # fmt: skip
 
 
-def count(value: float, noun: str) -> str:
+def format_count(value: float, noun: str) -> str:
     """`1 point`, `2.5 points`."""
     return f"{points(value)} {noun}{'' if value == 1 else 's'}"
 
 
-def matrix_of(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], tuple[Row, ...]]:
+def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], tuple[Row, ...]]:
     """Columns and rows, where every title is `row, column` and each row has the same columns; else nothing."""
     places = [finding["title"].rpartition(", ") for finding in findings]
     columns = tuple(dict.fromkeys(column for _, _, column in places))
@@ -165,17 +155,15 @@ def matrix_of(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], t
     is_full = len(columns) > 1 and len(findings) == len(columns) * len(titles) == len({*places})
     if not is_full or "" in titles:
         return (), ()
-    cells = {(row, column): cell_of(finding) for (row, _, column), finding in zip(places, findings, strict=True)}
+    cells = {(row, column): build_cell(finding) for (row, _, column), finding in zip(places, findings, strict=True)}
     return columns, tuple(
-        Row(capital(unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
+        Row(capitalize(unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
     )
 
 
-def notes_of(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
-    """What the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its place.
-
-    Names the columns, and where other cells of a column failed otherwise, the cases too.
-    """
+def list_notes(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
+    """Says what the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its
+    place. Names the columns, and where other cells of a column failed otherwise, the cases too."""
     told: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for column, cell in zip(columns, row.cells, strict=True):
@@ -185,39 +173,39 @@ def notes_of(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -
     for message, where in told.items():
         held: dict[str, list[str]] = {}
         for name, titles in where.items():
-            held.setdefault("" if len(titles) == wrong[name] else cases_of(titles), []).append(name)
-        yield f"{', '.join(place_of(names, cases, len(columns)) for cases, names in held.items())}: {message}"
+            held.setdefault("" if len(titles) == wrong[name] else describe_cases(titles), []).append(name)
+        yield f"{', '.join(describe_place(names, cases, len(columns)) for cases, names in held.items())}: {message}"
 
 
-def place_of(names: Sequence[str], cases: str, of: int) -> str:
+def describe_place(names: Sequence[str], cases: str, of: int) -> str:
     """Some columns with the cases in them that are meant: `Euler (Hidden case 1)`; of all columns the cases alone."""
     if not cases:
         return ", ".join(names)
     return cases if len(names) == of else f"{', '.join(names)} ({cases})"
 
 
-def cases_of(titles: Sequence[str]) -> str:
+def describe_cases(titles: Sequence[str]) -> str:
     """Titles of cases in a row, hidden ones that follow each other as `Hidden cases 1 to 6`."""
     told = []
     for hidden, group in groupby(titles, lambda title: bool(HIDDEN.match(title))):
         some = list(group)
         numbers = [int(title.split()[-1]) for title in some] if hidden else []
         is_whole = len(some) > 1 and numbers == [*range(numbers[0], numbers[0] + len(some))] if hidden else False
-        told += [row_of(numbers[0], numbers[-1])] if is_whole else some
+        told += [describe_range(numbers[0], numbers[-1])] if is_whole else some
     return ", ".join(told)
 
 
-def row_of(first: int, last: int) -> str:
+def describe_range(first: int, last: int) -> str:
     """Hidden cases from one number to another."""
     return f"Hidden cases {first} {'and' if last == first + 1 else 'to'} {last}"
 
 
-def cell_of(finding: Mapping[str, Any]) -> Cell:
-    """One finding. What passed says so and no more."""
-    told = told_passed(finding["passed"], finding["points"])
-    rubric = tuple(rubric_of(finding.get("measured")))
+def build_cell(finding: Mapping[str, Any]) -> Cell:
+    """Returns one finding. What passed says so and no more."""
+    told = describe_outcome(finding["passed"], finding["points"])
+    rubric = tuple(list_rubric(finding.get("measured")))
     worth = {"got": finding["points"], "of": finding["max_points"], "rubric": rubric}
-    title, message = capital(unbroken(finding["title"])), unbroken(finding["message"])
+    title, message = capitalize(unbroken(finding["title"])), unbroken(finding["message"])
     if told == PASSED:
         return Cell(told, title, message, **worth)
     if told == FAILED and (found := WORD.match(message)):
@@ -225,11 +213,11 @@ def cell_of(finding: Mapping[str, Any]) -> Cell:
             Told(found[1].lower(), told.icon, told.tone),
             message[found.end() :][:1].upper() + message[found.end() + 1 :],
         )
-    measured = "" if rubric else said(finding.get("measured"))
-    return Cell(told, title, message, measured, said(finding.get("expected")), **worth)
+    measured = "" if rubric else describe_value(finding.get("measured"))
+    return Cell(told, title, message, measured, describe_value(finding.get("expected")), **worth)
 
 
-def together(cells: Sequence[Cell]) -> list[Cell]:
+def merge_cells(cells: Sequence[Cell]) -> list[Cell]:
     """The cells with failed hidden cases that follow each other and say the same made one: `Hidden cases 1 to 6`."""
     found: list[Cell] = []
     for (hidden, *_), group in groupby(cells, lambda cell: (bool(HIDDEN.match(cell.title)), cell.told, cell.message)):
@@ -237,14 +225,14 @@ def together(cells: Sequence[Cell]) -> list[Cell]:
         if not hidden or some[0].passed or len(some) == 1:
             found.extend(some)
             continue
-        title = row_of(*(int(cell.title.split()[-1]) for cell in (some[0], some[-1])))
+        title = describe_range(*(int(cell.title.split()[-1]) for cell in (some[0], some[-1])))
         got, of = sum(cell.got for cell in some), sum(cell.of for cell in some)
         found.append(replace(some[0], title=title, got=got, of=of))
     return found
 
 
-def said(value: Any) -> str:
-    """A measured or expected value in words; empty if there is none."""
+def describe_value(value: Any) -> str:
+    """Returns a measured or expected value in words; empty if there is none."""
     if value is None or isinstance(value, bool):
         return ""
     if isinstance(value, int | float):
@@ -252,21 +240,21 @@ def said(value: Any) -> str:
     if isinstance(value, str):
         return unbroken(value)
     if isinstance(value, list):
-        return " to ".join(map(said, value))
+        return " to ".join(map(describe_value, value))
     if isinstance(value, dict):
-        return ", ".join(f"{name.replace('_', ' ')} {said(one)}" for name, one in value.items())
+        return ", ".join(f"{name.replace('_', ' ')} {describe_value(one)}" for name, one in value.items())
     return str(value)
 
 
-def rubric_of(measured: Any) -> Iterator[str]:
-    """The items of the rubric that a reviewer chose."""
+def list_rubric(measured: Any) -> Iterator[str]:
+    """Yields the items of the rubric that a reviewer chose."""
     if isinstance(measured, dict) and isinstance(measured.get("rubric"), list):
         for item in measured["rubric"]:
             yield f"{item['title']} ({number(item['points'])})"
 
 
-def excerpt_of(source: str, diagnosis: str) -> tuple[Line, ...]:
-    """The line of the script that the diagnosis names, with its neighbours."""
+def extract_lines(source: str, diagnosis: str) -> tuple[Line, ...]:
+    """Returns the line of the script that the diagnosis names, with its neighbours."""
     found = LINE.search(diagnosis)
     lines = source.splitlines()
     hot = int(found[1] or found[2]) if found else 0
@@ -276,13 +264,13 @@ def excerpt_of(source: str, diagnosis: str) -> tuple[Line, ...]:
     return tuple(Line(index, lines[index - 1], index == hot) for index in range(first, last + 1))
 
 
-def lines_linked(text: str) -> Markup:
-    """A sentence whose `line 14` leads to that line of the editor."""
+def link_lines(text: str) -> Markup:
+    """Returns a sentence whose `line 14` leads to that line of the editor."""
     return Markup(NAMED_LINE.sub(r'<a href="#answer" data-go-to="\1">\g<0></a>', str(escape(text))))  # noqa: S704
 
 
-def facts_of(verdict: Mapping[str, Any]) -> Iterator[str]:
-    """How it was graded: times and versions."""
+def list_facts(verdict: Mapping[str, Any]) -> Iterator[str]:
+    """Says how it was graded: times and versions."""
     times = verdict.get("timing_ms") or {}
     for name, words in TIMES.items():
         if name in times:

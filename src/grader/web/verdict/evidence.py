@@ -1,7 +1,5 @@
 """The measurements behind a verdict that pages draw: read from its evidence, each kind of them if its shape is right.
-
-Evidence is stored JSON, possibly of an older version, so what cannot be read is left out.
-"""
+Evidence is stored JSON, possibly of an older version, so what cannot be read is left out."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -132,16 +130,16 @@ class Value(Part):
 Read = TypeVar("Read")
 
 
-def several(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
-    """The list under a key; empty if it is missing or of another shape."""
+def read_list(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
+    """Returns the list under a key; empty if it is missing or of another shape."""
     try:
         return TypeAdapter(list[kind]).validate_python(evidence.get(key) or [])  # type: ignore[valid-type]
     except ValidationError:
         return []
 
 
-def one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
-    """The object under a key; None if it is missing or of another shape."""
+def read_one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
+    """Returns the object under a key; None if it is missing or of another shape."""
     try:
         return TypeAdapter(kind).validate_python(evidence[key]) if evidence.get(key) else None
     except ValidationError:

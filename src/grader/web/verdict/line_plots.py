@@ -1,12 +1,12 @@
 """Line plots with direct labels: error against timestep with its order, error against time, and charts of any kind."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
-from grader.web.text.numbers import capital, number, quantity, unbroken
+from grader.web.text.numbers import capitalize, number, quantity, unbroken
 from grader.web.verdict.evidence import Chart, ChartAxis, Difference, Order
-from grader.web.verdict.svg import Axis, Drawing, Point, text_width
+from grader.web.verdict.svg import Axis, Drawing, Point, Sketch, estimate_width
 
 HEIGHT, TOP, FOOT, LEFT = 250.0, 24.0, 44.0, 46.0
 RIGHT = 12.0
@@ -18,18 +18,16 @@ INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
 STYLES = ("implicitfast", "Euler", "discrete", "implicit", "RK4")
 """Colours and dashes of lines that are not an integrator's."""
 
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
 
-
-def frame(
+def make_frame(
     width: float, xs: tuple[float, float], ys: tuple[float, float], log: tuple[bool, bool]
 ) -> tuple[Drawing, Axis, Axis]:
-    """An empty plot, and its axes."""
+    """Returns an empty plot, and its axes."""
     across = Axis(*xs, LEFT, width - RIGHT, log[0])
     return Drawing(width, HEIGHT), across, Axis(*ys, HEIGHT - FOOT, TOP, log[1])
 
 
-def order_plot(order: Order) -> Plot | None:
+def plot_order(order: Order) -> Sketch | None:
     """Error against timestep with the measured slope, beside what a step of the expected order would give."""
     found = [(h, e) for h, e in zip(order.timestep_ms, order.error, strict=False) if e is not None and e > 0 and h > 0]
     if len(found) < 2:
@@ -44,22 +42,17 @@ def order_plot(order: Order) -> Plot | None:
         title = f"Halve the timestep and your error falls by a factor of {factor}; it should be {expected}"
     caption = "The largest error against the exact motion, over the timestep; both axes are logarithmic."
     rows = tuple((quantity(h, "ms"), number(e, 3)) for h, e in found)
-    return (
-        "order",
-        title,
-        caption,
-        (("Timestep", "Your error"), *rows),
-        lambda width: draw_order(order, found, measured, width),
-    )
+    table = (("Timestep", "Your error"), *rows)
+    return Sketch("order", title, caption, table, lambda width: draw_order(order, found, measured, width))
 
 
 def draw_order(order: Order, found: Sequence[Point], measured: str, width: float) -> Drawing:
-    """The measured points, and a line of the expected slope through the last of them."""
+    """Returns the measured points, and a line of the expected slope through the last of them."""
     (h0, e0) = min(found)
     ideal = [(h, e0 * (h / h0) ** order.expected_slope) for h, _ in found]
     errors = [e for _, e in (*found, *ideal)]
     xs = (h0 / 1.25, max(found)[0] * 1.25)
-    picture, across, up = frame(width, xs, (min(errors) / 4, max(errors) * 8), (True, True))
+    picture, across, up = make_frame(width, xs, (min(errors) / 4, max(errors) * 8), (True, True))
     picture.y_axis(up, LEFT, width - RIGHT, 4)
     picture.line("axis", LEFT, HEIGHT - FOOT, width - RIGHT, HEIGHT - FOOT)
     for h, _ in found:
@@ -86,19 +79,19 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
 def draw_end(picture: Drawing, line: Sequence[Point], told: str, *, is_below: bool) -> None:
     """The name of a rising line at its upper end: above it, or below all of it that the name spans."""
     x, y = max(line)
-    left = x - text_width(told)
-    lowest = max(y, *(height_at(a, b, left) for a, b in pairwise(sorted(line)) if b[0] > left))
+    left = x - estimate_width(told)
+    lowest = max(y, *(interpolate_height(a, b, left) for a, b in pairwise(sorted(line)) if b[0] > left))
     picture.text(told, x, lowest + 20 if is_below else y - 12, "name halo", "end")
 
 
-def height_at(start: Point, end: Point, x: float) -> float:
-    """The height of the segment between two points at `x`, or at its start if that is further right."""
+def interpolate_height(start: Point, end: Point, x: float) -> float:
+    """Returns the height of the segment between two points at `x`, or at its start if that is further right."""
     share = max(0.0, (x - start[0]) / (end[0] - start[0]))
     return start[1] + share * (end[1] - start[1])
 
 
-def difference_plot(difference: Difference, name: str) -> Plot | None:
-    """The distance from MuJoCo's RK4 over time, with the tolerance as a band; None if it is zero everywhere."""
+def plot_difference(difference: Difference, name: str) -> Sketch | None:
+    """Returns the distance from MuJoCo's RK4 over time, with the tolerance as a band; None if it is zero everywhere."""
     lines = {"velocities": difference.qvel, "positions": difference.qpos}
     found = {
         label: [(t, v) for t, v in zip(difference.time_s, values, strict=False) if v is not None and v > 0]
@@ -110,25 +103,20 @@ def difference_plot(difference: Difference, name: str) -> Plot | None:
     most = max(v for points in found.values() for _, v in points)
     within = most <= difference.tolerance
     title = "Round-off is all that parts you from MuJoCo's RK4" if within else "How far you are from MuJoCo's RK4"
-    caption = f"{capital(unbroken(name))}: the largest difference against time, on a logarithmic scale."
+    caption = f"{capitalize(unbroken(name))}: the largest difference against time, on a logarithmic scale."
     rows = tuple(
         (label, number(max(v for _, v in points), 3), number(difference.tolerance)) for label, points in found.items()
     )
     head = ("Of the", "Largest difference", "Counts as right up to")
-    return (
-        f"difference-{difference.case}",
-        title,
-        caption,
-        (head, *rows),
-        lambda width: draw_difference(difference, found, width),
-    )
+    name = f"difference-{difference.case}"
+    return Sketch(name, title, caption, (head, *rows), lambda width: draw_difference(difference, found, width))
 
 
 def draw_difference(difference: Difference, found: dict[str, list[Point]], width: float) -> Drawing:
     """Both lines, and the band in which they count as right."""
     values = [v for points in found.values() for _, v in points] + [difference.tolerance]
     low, high = min(min(values) / 5, difference.tolerance / 50), max(values) * 20
-    picture, across, up = frame(width, (0, max(difference.time_s)), (low, high), (False, True))
+    picture, across, up = make_frame(width, (0, max(difference.time_s)), (low, high), (False, True))
     passes = up.at(difference.tolerance)
     picture.box("passes", LEFT, passes, width - RIGHT - LEFT, HEIGHT - FOOT - passes)
     picture.y_axis(up, LEFT, width - RIGHT, 5)
@@ -140,16 +128,16 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
         if points:
             told = f"{label}: up to {number(max(v for _, v in points), 2)}"
             # Above every velocity, or below every position, that the name spans.
-            spanned = min(1.0, text_width(told) / (across.end - across.start))
+            spanned = min(1.0, estimate_width(told) / (across.end - across.start))
             reach = [v for _, v in points[-math.ceil(spanned * len(points)) :]]
             y = up.at(min(reach)) + 20 if is_below else up.at(max(reach)) - 10
             picture.text(told, width - RIGHT - 4, y, "name halo", "end")
     return picture
 
 
-def chart_plot(chart: Chart, name: str, index: int) -> Plot | None:
-    """A chart that a kind of exercise asks for; None if it holds no number."""
-    lines = [(one.label, finite(one.x, one.y, chart)) for one in chart.series[:LINES_MAX]]
+def plot_chart(chart: Chart, name: str, index: int) -> Sketch | None:
+    """Returns a chart that a kind of exercise asks for; None if it holds no number."""
+    lines = [(one.label, select_finite(one.x, one.y, chart)) for one in chart.series[:LINES_MAX]]
     lines = [(label, points) for label, points in lines if points]
     if not lines:
         return None
@@ -157,11 +145,11 @@ def chart_plot(chart: Chart, name: str, index: int) -> Plot | None:
     caption = f"{chart.y.label or 'Value'} against {chart.x.label or 'x'}."
     rows = [(label, *(f"{number(p[0])}: {number(p[1])}" for p in (points[0], points[-1]))) for label, points in lines]
     table = (("Line", "First point", "Last point"), *rows)
-    return f"chart-{index}", title, caption, table, lambda width: draw_chart(chart, lines, width)
+    return Sketch(f"chart-{index}", title, caption, table, lambda width: draw_chart(chart, lines, width))
 
 
-def finite(xs: Sequence[float | None], ys: Sequence[float | None], chart: Chart) -> list[Point]:
-    """The points that can be drawn."""
+def select_finite(xs: Sequence[float | None], ys: Sequence[float | None], chart: Chart) -> list[Point]:
+    """Returns the points that can be drawn."""
     pairs = zip(xs, ys, strict=False)
     return [
         (x, y)
@@ -171,8 +159,8 @@ def finite(xs: Sequence[float | None], ys: Sequence[float | None], chart: Chart)
     ]  # fmt: skip
 
 
-def reach(axis: ChartAxis, values: Sequence[float]) -> tuple[float, float]:
-    """The ends of an axis: those that were asked for, else of the values with a margin."""
+def choose_ends(axis: ChartAxis, values: Sequence[float]) -> tuple[float, float]:
+    """Returns the ends of an axis: those that were asked for, else of the values with a margin."""
     low = axis.min if axis.min is not None else min(values)
     high = axis.max if axis.max is not None else max(values)
     if axis.log:
@@ -188,7 +176,9 @@ def draw_chart(chart: Chart, lines: Sequence[tuple[str, list[Point]]], width: fl
     """Lines with their names at their ends, and marked values."""
     xs = [x for _, points in lines for x, _ in points] + [mark.x for mark in chart.marks if mark.x is not None]
     ys = [y for _, points in lines for _, y in points] + [mark.y for mark in chart.marks if mark.y is not None]
-    picture, across, up = frame(width, reach(chart.x, xs), reach(chart.y, ys), (chart.x.log, chart.y.log))
+    picture, across, up = make_frame(
+        width, choose_ends(chart.x, xs), choose_ends(chart.y, ys), (chart.x.log, chart.y.log)
+    )
     picture.y_axis(up, LEFT, width - RIGHT, 4)
     picture.x_axis(across, HEIGHT - FOOT, "", 5)
     picture.text(chart.x.label, (LEFT + width) / 2, HEIGHT - 6, anchor="middle")

@@ -1,11 +1,11 @@
 """The motion at both ends of each claimed bracket: capped axes, and a cross where a run ends."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 from grader.web.text.numbers import quantity
 from grader.web.verdict.evidence import Run
-from grader.web.verdict.svg import Axis, Drawing
+from grader.web.verdict.svg import Axis, Drawing, Sketch
 
 PANEL, GAP = 118.0, 30.0
 LEFT, TITLE, BELOW = 34.0, 46.0, 30.0
@@ -22,25 +22,24 @@ SETTLED = 0.02
 NEARLY = 0.9
 """A motion that settles later than this part of the run has not settled."""
 
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
 
-
-def motion_plot(runs: Sequence[Run], integrators: Mapping[str, str]) -> Plot:
-    """The runs of all visible cases. Returns name, title, caption, table and how to draw it at a width."""
+def plot_motion(runs: Sequence[Run], integrators: Mapping[str, str]) -> Sketch:
+    """Plots the runs of all visible cases."""
     rows = [list(some) for _, some in groupby(runs, key=lambda run: run.case)]
     table = tuple(
-        (integrators.get(run.case, run.case), run.end, quantity(run.timestep_ms, "ms"), fate(run)) for run in runs
+        (integrators.get(run.case, run.case), run.end, quantity(run.timestep_ms, "ms"), describe_run(run))
+        for run in runs
     )
     caption = (
         "The first coordinate (rad or m) in our own runs. Where a run diverges, the axis stops at twice the start."
     )
     head = ("Integrator", "End of your bracket", "Timestep", "What the run does")
     title = "What the judge's runs did at both ends of your bracket"
-    return "motion", title, caption, (head, *table), lambda width: draw(rows[:ROWS_MAX], integrators, width)
+    return Sketch("motion", title, caption, (head, *table), lambda width: draw(rows[:ROWS_MAX], integrators, width))
 
 
-def fate(run: Run) -> str:
-    """What becomes of a run, in words."""
+def describe_run(run: Run) -> str:
+    """Says what becomes of a run, in words."""
     if run.diverged:
         return f"warning at {quantity(run.time_s[-1], 's', 3)}"
     reach = [abs(value) for value in run.angle]
@@ -50,13 +49,13 @@ def fate(run: Run) -> str:
         return f"grows; no warning within {quantity(run.time_s[-1], 's', 2)}"
     if last >= first / 2:
         return "keeps its size"
-    settled = settled_at(run)
+    settled = find_settling_time(run)
     if settled > NEARLY * run.time_s[-1]:
         return f"decays; not at rest after {quantity(run.time_s[-1], 's', 2)}"
     return f"settles by {quantity(settled, 's', 2)}"
 
 
-def settled_at(run: Run) -> float:
+def find_settling_time(run: Run) -> float:
     """When the motion has come down to a small part of its start for good [s]; the end of the run if it has not."""
     small = SETTLED * max(abs(value) for value in run.angle)
     late = [time for time, value in zip(run.time_s, run.angle, strict=False) if abs(value) > small]
@@ -83,7 +82,7 @@ def draw_panel(picture: Drawing, run: Run, integrator: str, place: tuple[float, 
     reach = [abs(value) for value in run.angle]
     cap = max(2 * reach[0] if run.diverged else 1.1 * max(reach), 1e-9)
     seconds = max(run.time_s[-1], 1e-9)
-    shown = 1.2 * seconds if run.diverged else min(seconds, 1.5 * settled_at(run)) or seconds
+    shown = 1.2 * seconds if run.diverged else min(seconds, 1.5 * find_settling_time(run)) or seconds
     frame_top, bottom = top + TITLE, top + TITLE + PANEL
     across, up = Axis(0, shown, x + LEFT, x + width - 8), Axis(-cap, cap, bottom, frame_top)
     picture.text(f"{integrator}, {run.end}, {quantity(run.timestep_ms, 'ms')}".lstrip(", "), x, top + 14, "name")
@@ -97,5 +96,5 @@ def draw_panel(picture: Drawing, run: Run, integrator: str, place: tuple[float, 
     picture.clipped(across.start, frame_top, across.end - across.start, PANEL, inner)
     if run.diverged:
         picture.cross(across.at(seconds), frame_top + 2)
-    picture.text(fate(run), x, top + 31, "fault" if run.diverged else "told")
+    picture.text(describe_run(run), x, top + 31, "fault" if run.diverged else "told")
     picture.x_axis(across, bottom, "s", 4)

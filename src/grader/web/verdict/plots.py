@@ -9,10 +9,10 @@ from typing import Any
 from markupsafe import Markup
 
 from grader.web.verdict import evidence as read
-from grader.web.verdict.line_plots import chart_plot, difference_plot, order_plot
-from grader.web.verdict.motion_plot import motion_plot
-from grader.web.verdict.stability_map import stability_map
-from grader.web.verdict.svg import Drawing
+from grader.web.verdict.line_plots import plot_chart, plot_difference, plot_order
+from grader.web.verdict.motion_plot import plot_motion
+from grader.web.verdict.stability_map import plot_stability
+from grader.web.verdict.svg import Drawing, Sketch
 
 WIDTHS = {"wide-plot": 734.0, "narrow-plot": 308.0}
 BORDER, HEAD = 12, 36
@@ -27,62 +27,51 @@ class Figure:
     title: str
     caption: str
     pictures: Markup
-    table: tuple[tuple[str, ...], ...] = ()
+    table: Sequence[tuple[str, ...]] = ()
 
 
-@dataclass(frozen=True)
-class Sketch:
-    """A plot before it is drawn at each width."""
-
-    name: str
-    title: str
-    caption: str
-    table: tuple[tuple[str, ...], ...]
-    draw: Any
+def draw_figures(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> list[Figure]:
+    """Returns the plots of a verdict, the one that argues most first. `titles` are those of the findings by id."""
+    return [draw_both(sketch) for sketch in list_sketches(evidence, titles)]
 
 
-def figures_of(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> list[Figure]:
-    """The plots of a verdict, the one that argues most first. `titles` are those of the findings by id."""
-    return [drawn(sketch) for sketch in sketches(evidence, titles)]
-
-
-def drawn(sketch: Sketch, wide_width: float = WIDTHS["wide-plot"]) -> Figure:
-    """The plot at both widths; a style sheet shows one of them."""
+def draw_both(sketch: Sketch, wide_width: float = WIDTHS["wide-plot"]) -> Figure:
+    """Returns the plot at both widths; a style sheet shows one of them."""
     wide, narrow = (sketch.draw(width) for width in (wide_width, WIDTHS["narrow-plot"]))
     described = f"{sketch.title}. {sketch.caption}"
     text = wide.svg("wide-plot", described) + narrow.svg("narrow-plot", described)
     return Figure(sketch.name, sketch.title, sketch.caption, Markup(text), sketch.table)  # noqa: S704  # escaped by Drawing
 
 
-def sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Sketch]:
-    """Every plot that the evidence allows."""
-    runs = read.several(evidence, "angles", read.Run)
-    limits = {one.case: one for one in read.several(evidence, "limits", read.Limit)}
-    for claims in grouped(read.several(evidence, "claims", read.Claim)):
+def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Sketch]:
+    """Yields every plot that the evidence allows."""
+    runs = read.read_list(evidence, "angles", read.Run)
+    limits = {one.case: one for one in read.read_list(evidence, "limits", read.Limit)}
+    for claims in group_claims(read.read_list(evidence, "claims", read.Claim)):
         name = titles.get(claims[0].case, claims[0].case).rpartition(", ")[0]
-        yield Sketch(*stability_map(claims, limits, runs, name))
-    named = {one.case: one.integrator for one in read.several(evidence, "claims", read.Claim)}
+        yield plot_stability(claims, limits, runs, name)
+    named = {one.case: one.integrator for one in read.read_list(evidence, "claims", read.Claim)}
     if runs:
-        yield Sketch(*motion_plot(runs, named))
-    order = read.one(evidence, "order", read.Order)
-    if order is not None and (plot := order_plot(order)) is not None:
-        yield Sketch(*plot)
-    for difference in read.several(evidence, "differences", read.Difference):
-        if (plot := difference_plot(difference, titles.get(difference.case, difference.case))) is not None:
-            yield Sketch(*plot)
-    for index, chart in enumerate(read.several(evidence, "charts", read.Chart)):
-        if (plot := chart_plot(chart, titles.get(chart.case, chart.case), index)) is not None:
-            yield Sketch(*plot)
+        yield plot_motion(runs, named)
+    order = read.read_one(evidence, "order", read.Order)
+    if order is not None and (plot := plot_order(order)) is not None:
+        yield plot
+    for difference in read.read_list(evidence, "differences", read.Difference):
+        if (plot := plot_difference(difference, titles.get(difference.case, difference.case))) is not None:
+            yield plot
+    for index, chart in enumerate(read.read_list(evidence, "charts", read.Chart)):
+        if (plot := plot_chart(chart, titles.get(chart.case, chart.case), index)) is not None:
+            yield plot
 
 
-def grouped(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:
-    """The claims of each case, whose trials are named `case.integrator`."""
+def group_claims(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:
+    """Returns the claims of each case, whose trials are named `case.integrator`."""
     return [list(some) for _, some in groupby(claims, key=lambda claim: claim.case.rpartition(".")[0])]
 
 
-def standalone(sketch: Sketch, styles: str) -> str:
-    """The wide plot as a file of its own, in light colours, with the title above it."""
-    picture: Drawing = sketch.draw(WIDTHS["wide-plot"])
+def draw_file(sketch: Sketch, styles: str) -> str:
+    """Returns the wide plot as a file of its own, in light colours, with the title above it."""
+    picture = sketch.draw(WIDTHS["wide-plot"])
     text = picture.svg("wide-plot", sketch.title)
     width, height = picture.width + 2 * BORDER, picture.height + HEAD + BORDER
     corner = f'x="{-BORDER}" y="{-HEAD}"'
@@ -94,8 +83,8 @@ def standalone(sketch: Sketch, styles: str) -> str:
     return text.replace(">", f">{rules}{''.join(title.parts)}", 1)
 
 
-def light_styles(css: str) -> str:
-    """The rules of the style sheet that plots need: the light tokens, the integrators and `.plot`."""
+def extract_light_styles(css: str) -> str:
+    """Returns the rules of the style sheet that plots need: the light tokens, the integrators and `.plot`."""
     tokens = re.search(r":root \{.*?\n\}", css, re.DOTALL)
     rules = re.findall(r"^\.(?:plot|Euler|RK4|implicit\w*|discrete)[ .{].*$", css, re.MULTILINE)
     return "\n".join([tokens[0] if tokens else "", *rules])

@@ -1,11 +1,11 @@
 """The stability map: each integrator's stable and growing timesteps, its limit, and the learner's claim upon it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from grader.web.text.numbers import number, quantity
 from grader.web.verdict.evidence import Claim, Limit, Run
-from grader.web.verdict.svg import Axis, Drawing, text_width
+from grader.web.verdict.svg import Axis, Drawing, Sketch, estimate_width
 
 ROW, BAR, MAGNIFIED = 66.0, 18.0, 40.0
 TOP, FOOT = 28.0, 40.0
@@ -23,8 +23,6 @@ BAND_PX = 16.0
 
 CLOSE = 0.02
 """Where a claim lies this near to the spring's limit, relative to it, the title says so."""
-
-Plot = tuple[str, str, str, tuple[tuple[str, ...], ...], Callable[[float], Drawing]]
 
 
 @dataclass(frozen=True)
@@ -44,27 +42,27 @@ class Row:
         return None if low is None or high is None else (not low and high)
 
 
-def stability_map(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: Sequence[Run], case: str) -> Plot:
-    """The map of one case. Returns name, title, caption, table and how to draw it at a width."""
-    rows = [row_of(claim, limits.get(claim.case), runs) for claim in claims]
+def plot_stability(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: Sequence[Run], case: str) -> Sketch:
+    """Plots the map of one case."""
+    rows = [make_row(claim, limits.get(claim.case), runs) for claim in claims]
     spring = next((row.limit.spring_ms for row in rows if row.limit), None)
     known = any(row.limit for row in rows)
     zones = "tinted is stable, hatched grows" if known else "what the runs at the ends of your brackets show"
     caption = f"{f'{case}: {zones}' if case else zones.capitalize()}. The bold bar is your claim."
     name = f"map-{claims[0].case.rpartition('.')[0] or 'all'}"
-    return name, title_of(rows, spring), caption, table_of(rows), lambda width: draw(rows, spring, width)
+    return Sketch(name, choose_title(rows, spring), caption, make_table(rows), lambda width: draw(rows, spring, width))
 
 
-def near(row: Row) -> bool:
-    """Whether claim and limit lie too near to each other to be told apart on the whole axis."""
+def is_near(row: Row) -> bool:
+    """Says whether claim and limit lie too near to each other to be told apart on the whole axis."""
     claim, limit = row.claim.claim_ms, row.limit
     if claim is None or limit is None or limit.linear_ms is None:
         return False
     return max(abs(end - limit.linear_ms) for end in claim) < MAGNIFIED_MS
 
 
-def row_of(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> Row:
-    """What is known under one integrator."""
+def make_row(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> Row:
+    """Says what is known under one integrator."""
     low, high = claim.search_ms
     ended = {run.end: run for run in runs if run.case == claim.case}
     told = tuple(ended[end].diverged if end in ended else None for end in ("lower end", "upper end"))
@@ -79,9 +77,9 @@ def row_of(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> Row:
     return Row(claim, None, stable_to if stable_to is None or stable_to > low else None, grows_from, ends)
 
 
-def title_of(rows: Sequence[Row], spring: float | None) -> str:
-    """What is to be seen."""
-    wrong = [row for row in rows if row.limit and verdict_on(row) not in ("right", None)]
+def choose_title(rows: Sequence[Row], spring: float | None) -> str:
+    """Says what is to be seen."""
+    wrong = [row for row in rows if row.limit and judge_claim(row) not in ("right", None)]
     if not any(row.limit for row in rows):
         bad = [row.claim.integrator for row in rows if row.is_right is False]
         named = " and ".join([", ".join(bad[:-1]), *bad[-1:]] if len(bad) > 1 else bad)
@@ -94,11 +92,11 @@ def title_of(rows: Sequence[Row], spring: float | None) -> str:
     if len(middles) > 1 and max(middles) - min(middles) < CLOSE * max(middles):
         return "You found the same limit for integrators that have different ones"
     first = wrong[0]
-    return f"Your claim under {first.claim.integrator} is {verdict_on(first)}"
+    return f"Your claim under {first.claim.integrator} is {judge_claim(first)}"
 
 
-def verdict_on(row: Row) -> str | None:
-    """Where a claim lies, in words; None where there is neither a claim nor a limit to compare."""
+def judge_claim(row: Row) -> str | None:
+    """Says where a claim lies, in words; None where there is neither a claim nor a limit to compare."""
     claim, limit = row.claim.claim_ms, row.limit
     if limit is None or (claim is None and not row.claim.said_none):
         return None
@@ -111,16 +109,16 @@ def verdict_on(row: Row) -> str | None:
     return "too low" if claim[1] < limit.linear_ms * 0.997 else "right"
 
 
-def said(row: Row) -> str:
-    """The claim in words."""
+def describe_claim(row: Row) -> str:
+    """Returns the claim in words."""
     claim = row.claim.claim_ms
     if claim is None:
         return "None" if row.claim.said_none else "nothing readable"
     return f"{number(claim[0])} to {quantity(claim[1], 'ms')}"
 
 
-def limit_words(row: Row) -> str:
-    """The limit in words."""
+def describe_limit(row: Row) -> str:
+    """Returns the limit in words."""
     if row.limit is None:
         return ""
     if row.limit.linear_ms is None:
@@ -128,30 +126,30 @@ def limit_words(row: Row) -> str:
     return quantity(row.limit.linear_ms, "ms")
 
 
-def table_of(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
-    """The map as a table, for those who do not see it."""
+def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
+    """Returns the map as a table, for those who do not see it."""
     words = {None: "not run", True: "unstable", False: "stable"}
     known = any(row.limit for row in rows)
     head = ("Integrator", "Your claim", "Run at the lower end", "Run at the upper end")
-    body = [(row.claim.integrator, said(row), words[row.ends[0]], words[row.ends[1]]) for row in rows]
+    body = [(row.claim.integrator, describe_claim(row), words[row.ends[0]], words[row.ends[1]]) for row in rows]
     if not known:
         return (head, *body)
     horizon = quantity(rows[0].claim.horizon_s, "s")
-    more = [(limit_words(row), within_words(row)) for row in rows]
+    more = [(describe_limit(row), describe_limit_within(row)) for row in rows]
     whole = ((*one, *two) for one, two in zip(body, more, strict=True))
     return ((*head, "Limit for ever", f"Limit within {horizon}"), *whole)
 
 
-def within_words(row: Row) -> str:
-    """The limit within the horizon, in words."""
+def describe_limit_within(row: Row) -> str:
+    """Words the limit within the horizon."""
     if row.limit is None:
         return ""
     return "none" if row.limit.within_ms is None else quantity(row.limit.within_ms, "ms")
 
 
 def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
-    """The map at a width."""
-    magnified = [row for row in rows if near(row)]
+    """Returns the map at a width."""
+    magnified = [row for row in rows if is_near(row)]
     height = TOP + ROW * len(rows) + FOOT + (MAGNIFIED + ROW) * len(magnified)
     picture = Drawing(width, height)
     low, high = rows[0].claim.search_ms
@@ -159,11 +157,8 @@ def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
     bottom = TOP + ROW * len(rows) - 6
     if spring is not None and low < spring < high:
         x = axis.at(spring)
-        words = (
-            f"spring alone: {quantity(spring, 'ms')}"
-            if width < NARROW
-            else f"2/ω = {quantity(spring, 'ms')}: the spring alone"
-        )
+        limit = quantity(spring, "ms")
+        words = f"spring alone: {limit}" if width < NARROW else f"2/ω = {limit}: the spring alone"
         picture.line("reference", x, TOP - 8, x, bottom)
         picture.text(words, x, TOP - 14, anchor="middle")
     for index, row in enumerate(rows):
@@ -215,7 +210,7 @@ def draw_row(
 
 def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | None) -> None:
     """The labelled tick where stability ends; its label keeps clear of the line at `bound` where there is room."""
-    words = limit_words(row)
+    words = describe_limit(row)
     if row.limit is None or row.limit.linear_ms is None:
         picture.text(words, axis.end, y - 4, anchor="end")
         return
@@ -223,10 +218,10 @@ def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | 
     picture.line("limit", x, y - 4, x, y + BAR)
     told = f"limit {words}"
     is_left = x > axis.start + 0.62 * (axis.end - axis.start)
-    if bound is not None and x < axis.at(bound) < x + text_width(told) + 8:
-        room = x - axis.start - text_width(row.claim.integrator) - 12
-        told = told if text_width(told) < room else words
-        is_left = text_width(told) < room
+    if bound is not None and x < axis.at(bound) < x + estimate_width(told) + 8:
+        room = x - axis.start - estimate_width(row.claim.integrator) - 12
+        told = told if estimate_width(told) < room else words
+        is_left = estimate_width(told) < room
     picture.text(told, x - 4 if is_left else x + 4, y - 4, "told halo", "end" if is_left else "start")
 
 
@@ -234,7 +229,10 @@ def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
     """Both limits, for ever and within the horizon: a bracket that meets the span between them is right."""
     assert row.limit is not None
     late = f"within {quantity(row.claim.horizon_s, 's')} {quantity(row.limit.within_ms, 'ms')}"
-    for value, words, anchor in ((row.limit.linear_ms, limit_words(row), "end"), (row.limit.within_ms, late, "start")):
+    for value, words, anchor in (
+        (row.limit.linear_ms, describe_limit(row), "end"),
+        (row.limit.within_ms, late, "start"),
+    ):
         if value is not None and value < row.claim.search_ms[1]:
             x = axis.at(value)
             picture.line("limit", x, y - 4, x, y + BAR)
@@ -244,20 +242,15 @@ def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
 def draw_claim(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
     """The claim: a black band where there is a bracket within the axis, and its words."""
     claim = row.claim.claim_ms
-    words = f"you: {said(row)}"
+    words = f"you: {describe_claim(row)}"
     below = y + BAR + 15
     if claim is None:
         picture.text(words, axis.end, below, "name", "end")
         return
     low, high = row.claim.search_ms
     if claim[1] < low or claim[0] > high:
-        picture.text(
-            f"{words}, off the axis",
-            axis.start if claim[1] < low else axis.end,
-            below,
-            "name",
-            "start" if claim[1] < low else "end",
-        )
+        x, anchor = (axis.start, "start") if claim[1] < low else (axis.end, "end")
+        picture.text(f"{words}, off the axis", x, below, "name", anchor)
         return
     left, right = axis.at(max(claim[0], low)), axis.at(min(claim[1], high))
     wide = max(right - left, SLIVER_PX)

@@ -1,7 +1,7 @@
 """A drawing as SVG text: axes, lines and labels. Everything that is written into it is escaped."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
@@ -27,31 +27,31 @@ class Axis:
     log: bool = False
 
     def at(self, value: float) -> float:
-        """The pixel of a value; values beyond the ends lie outside, though not arbitrarily far."""
+        """Returns the pixel of a value; values beyond the ends lie outside, though not arbitrarily far."""
         value, low, high = (self._turned(one) for one in (value, self.low, self.high))
         span = high - low
         share = (value - low) / span if 0 < span < math.inf else 0.5
         return self.start + min(max(share, -FAR), FAR) * (self.end - self.start)
 
     def _turned(self, value: float) -> float:
-        """The value on a linear scale; zero is far below every value of a log axis."""
+        """Returns the value on a linear scale; zero is far below every value of a log axis."""
         return value if not self.log else math.log10(value) if value > 0 else -math.inf
 
     def ticks(self, about: int) -> list[float]:
         """Round values on the axis, about so many; none if its ends are too large to be told apart."""
         if not (math.isfinite(self.low) and math.isfinite(self.high)):
             return []
-        return decades(self.low, self.high, about) if self.log else round_steps(self.low, self.high, about)
+        return list_decades(self.low, self.high, about) if self.log else list_round_steps(self.low, self.high, about)
 
     def label(self, value: float) -> str:
-        """A tick as it is written."""
+        """Returns a tick as it is written."""
         exponent = math.log10(value) if self.log and value > 0 else 0.5
         if self.log and (self.high / self.low > 1e3 or value < 1e-3) and abs(exponent - round(exponent)) < 1e-9:
             return f"10{power(round(exponent))}"
         return number(value)
 
 
-def round_steps(low: float, high: float, about: int) -> list[float]:
+def list_round_steps(low: float, high: float, about: int) -> list[float]:
     """Multiples of 1, 2 or 5 times a power of ten between `low` and `high`."""
     raw = (high - low) / max(about, 1)
     if not (raw > 0 and math.isfinite(raw)):
@@ -64,12 +64,12 @@ def round_steps(low: float, high: float, about: int) -> list[float]:
     return [float(f"{index * step:.10g}") for index in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def decades(low: float, high: float, about: int) -> list[float]:
+def list_decades(low: float, high: float, about: int) -> list[float]:
     """Powers of ten between `low` and `high`; where they are fewer than two, round values."""
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     stride = max(1, math.ceil((last - first) / max(about, 1)))
     found = [10.0**one for one in range(first, last + 1, stride)]
-    return found if len(found) > 2 else round_steps(low, high, about)
+    return found if len(found) > 2 else list_round_steps(low, high, about)
 
 
 @dataclass
@@ -79,10 +79,6 @@ class Drawing:
     width: float
     height: float
     parts: list[str] = field(default_factory=list)
-
-    def add(self, element: str) -> None:
-        """Adds an element that is SVG already."""
-        self.parts.append(element)
 
     def line(self, kind: str, x1: float, y1: float, x2: float, y2: float) -> None:
         """A straight line of a class."""
@@ -95,13 +91,13 @@ class Drawing:
     def paths(self, kind: str, lines: Sequence[Sequence[Point]]) -> None:
         """Lines of a class as one element."""
         if lines:
-            self.add(f'<path class="{kind}" d="{steps(lines)}"/>')
+            self.parts.append(f'<path class="{kind}" d="{format_path(lines)}"/>')
 
     def box(self, kind: str, x: float, y: float, width: float, height: float) -> None:
         """A filled rectangle of a class."""
         if width > 0 and height > 0:
-            self.add(
-                f'<rect class="{kind}" x="{short(x)}" y="{short(y)}" width="{short(width)}" height="{short(height)}"/>'
+            self.parts.append(
+                f'<rect class="{kind}" x="{trim(x)}" y="{trim(y)}" width="{trim(width)}" height="{trim(height)}"/>'
             )
 
     def hatch(self, kind: str, x: float, y: float, width: float, height: float) -> None:
@@ -117,15 +113,15 @@ class Drawing:
 
     def dot(self, kind: str, x: float, y: float) -> None:
         """A measured point."""
-        self.add(f'<circle class="dot {kind}" cx="{short(x)}" cy="{short(y)}" r="3.5"/>')
+        self.parts.append(f'<circle class="dot {kind}" cx="{trim(x)}" cy="{trim(y)}" r="3.5"/>')
 
     def cross(self, x: float, y: float) -> None:
         """The mark where a run ends."""
-        self.add(f'<path class="cross" d="M{short(x - 4)} {short(y - 4)}l8 8m0 -8l-8 8"/>')
+        self.parts.append(f'<path class="cross" d="M{trim(x - 4)} {trim(y - 4)}l8 8m0 -8l-8 8"/>')
 
     def text(self, said: str, x: float, y: float, kind: str = "", anchor: str = "start") -> None:
         """A label, kept within the picture by its estimated width."""
-        room = text_width(said)
+        room = estimate_width(said)
         if anchor == "start":
             x = max(0.0, min(x, self.width - room))
         elif anchor == "end":
@@ -134,13 +130,13 @@ class Drawing:
             x = min(max(x, room / 2), self.width - room / 2)
         where = "" if anchor == "start" else f' text-anchor="{anchor}"'
         named = f' class="{kind}"' if kind else ""
-        self.add(f'<text{named} x="{short(x)}" y="{short(y)}"{where}>{escape(said)}</text>')
+        self.parts.append(f'<text{named} x="{trim(x)}" y="{trim(y)}"{where}>{escape(said)}</text>')
 
     def clipped(self, x: float, y: float, width: float, height: float, inner: "Drawing") -> None:
         """Adds what another drawing holds, cut off at a frame."""
-        frame = f'x="{short(x)}" y="{short(y)}" width="{short(width)}" height="{short(height)}"'
-        view = f'viewBox="{short(x)} {short(y)} {short(width)} {short(height)}"'
-        self.add(f"<svg {frame} {view}>{''.join(inner.parts)}</svg>")
+        frame = f'x="{trim(x)}" y="{trim(y)}" width="{trim(width)}" height="{trim(height)}"'
+        view = f'viewBox="{trim(x)} {trim(y)} {trim(width)} {trim(height)}"'
+        self.parts.append(f"<svg {frame} {view}>{''.join(inner.parts)}</svg>")
 
     def x_axis(self, axis: Axis, y: float, unit: str, about: int = 5) -> None:
         """Ticks with labels under a line at height `y`; the last one carries the unit."""
@@ -159,36 +155,46 @@ class Drawing:
             self.line("grid", left, y, right, y)
             self.text(axis.label(tick), left - 6, y + 4, anchor="end")
 
-    def svg(self, kind: str, described: str, *, hidden: bool = False) -> str:
-        """The whole picture; a `hidden` one repeats another for a narrower page."""
-        label = 'aria-hidden="true"' if hidden else f'role="img" aria-label="{escape(described)}"'
-        box = f"0 0 {short(self.width)} {short(self.height)}"
+    def svg(self, kind: str, described: str) -> str:
+        """Writes the whole picture."""
+        label = f'role="img" aria-label="{escape(described)}"'
+        box = f"0 0 {trim(self.width)} {trim(self.height)}"
         return f'<svg class="plot {kind}" viewBox="{box}" {label}>{"".join(self.parts)}</svg>'
 
 
-def text_width(said: str) -> float:
-    """The estimated width of a label."""
+@dataclass(frozen=True)
+class Sketch:
+    """A plot before it is drawn at each width: `name` is the part of its address for the download, `table` says the
+    same in words, a row of headings first."""
+
+    name: str
+    title: str
+    caption: str
+    table: Sequence[tuple[str, ...]]
+    draw: Callable[[float], Drawing]
+
+
+def estimate_width(said: str) -> float:
+    """Returns the estimated width of a label."""
     return 6.9 * len(said)
 
 
-def steps(lines: Sequence[Sequence[Point]]) -> str:
-    """The data of a path through the points of each line.
-
-    Each point is given relative to the one before it, in whole tenths, so that no rounding errors accumulate.
-    Compressed, the plots of a page take 60 % of the bytes that absolute coordinates take.
-    """
+def format_path(lines: Sequence[Sequence[Point]]) -> str:
+    """Returns the data of a path through the points of each line. Each point is given relative to the one before it, in
+    whole tenths, so that no rounding errors accumulate. Compressed, the plots of a page take 60 % of the bytes that
+    absolute coordinates take."""
     at, told = (0, 0), []
     for line in lines:
         distances = []
         for x, y in line:
             to = round(10 * x), round(10 * y)
-            distances.append(f"{short((to[0] - at[0]) / 10)} {short((to[1] - at[1]) / 10)}")
+            distances.append(f"{trim((to[0] - at[0]) / 10)} {trim((to[1] - at[1]) / 10)}")
             at = to
         told.append("l".join(("m" + distances[0], " ".join(distances[1:]))).removesuffix("l"))
     return "".join(told).replace(" -", "-")
 
 
-def short(value: float) -> str:
-    """A coordinate to a tenth of a unit."""
+def trim(value: float) -> str:
+    """Returns a coordinate to a tenth of a unit."""
     told = f"{value:.1f}".removesuffix(".0")
     return "0" if told == "-0" else told

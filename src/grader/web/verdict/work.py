@@ -19,7 +19,7 @@ from grader.store import results, submissions
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import points
-from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Told, told_of
+from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Told, describe_status
 
 ATTEMPTS_MAX = 12
 """Attempts that a page lists, the newest ones."""
@@ -51,17 +51,12 @@ class Given:
         """Its state in words."""
         if self.verdict is None:
             return RUNNING if self.state == submissions.RUNNING else QUEUED
-        return told_of(self.verdict["status"], withheld=self.withheld is not None)
+        return describe_status(self.verdict["status"], withheld=self.withheld is not None)
 
     @property
     def is_decided(self) -> bool:
         """Whether points can be shown."""
         return self.verdict is not None and self.verdict["status"] != Status.NEEDS_REVIEW
-
-    @property
-    def awaits_a_person(self) -> bool:
-        """Whether the page says that an instructor decides."""
-        return self.verdict is not None and self.told is STATUSES[Status.NEEDS_REVIEW]
 
     @property
     def text(self) -> str:
@@ -91,7 +86,7 @@ class Place:
     @property
     def waits(self) -> bool:
         """Whether a person has to decide: no points yet are no lost points."""
-        return self.given is not None and self.given.awaits_a_person
+        return self.told is STATUSES[Status.NEEDS_REVIEW]
 
     @property
     def earlier_counts(self) -> bool:
@@ -116,73 +111,69 @@ class Work:
     places: Mapping[tuple[str, str], Place]
 
     def points(self, quiz: Quiz) -> tuple[float, float]:
-        """The points so far, and how many there are."""
+        """Returns the points so far, and how many there are."""
         places = [self.places[quiz.id, question.id] for question in quiz.questions]
         return sum(place.points or 0.0 for place in places), sum(place.of for place in places)
 
 
-def work_of(session: Session, library: Library, who: Identity, quizzes: Sequence[Quiz]) -> Work:
-    """The newest answer and the result at every question of some quizzes."""
+def read_work(session: Session, library: Library, who: Identity, quizzes: Sequence[Quiz]) -> Work:
+    """Returns the newest answer and the result at every question of some quizzes."""
     access = read_access(session, library, who)
     named = {quiz.id for quiz in quizzes}
     rows = [row for row in submissions.newest(session, who.course, who.id) if row.quiz in named]
-    newest = {(row.quiz, row.question): given for row, given in zip(rows, given_of(session, access, rows), strict=True)}
+    newest = {
+        (row.quiz, row.question): given for row, given in zip(rows, read_answers(session, access, rows), strict=True)
+    }
     found = results.everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
         for question in quiz.questions:
             at = (quiz.id, question.id)
-            places[at] = place_of(access, quiz, question, newest.get(at), found.get(at))
+            places[at] = describe_place(access, quiz, question, newest.get(at), found.get(at))
     return Work(access, places)
 
 
-def place_of(
+def describe_place(
     access: LearnerAccess, quiz: Quiz, question: Question, given: Given | None, result: Result | None
 ) -> Place:
-    """Where a learner stands at one question, by the policy."""
+    """Says where a learner stands at one question, by the policy."""
     progress = describe_progress_at(access, quiz, question, result)
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]
     return Place(
-        given,
-        None if counts is None else counts["points"],
-        question.points,
-        progress["notice"],
-        decision.may_answer,
-        given is not None and decision.why_no_lab is None,
-        decision.due,
-        progress["attempts_left"],
-    )
+        given, None if counts is None else counts["points"], question.points, progress["notice"], decision.may_answer,
+        given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
+    )  # fmt: skip
 
 
-def attempts_of(session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str) -> list[Given]:
-    """A learner's answers to one question, newest first; unreadable ones are left out."""
+def list_attempts(session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str) -> list[Given]:
+    """Returns a learner's answers to one question, newest first; unreadable ones are left out."""
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
     rows = submissions.page(session, wanted, None, ATTEMPTS_MAX)
     return [
         one
-        for one in given_of(session, access, rows)
+        for one in read_answers(session, access, rows)
         if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER
     ]
 
 
-def given_of(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
+def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
-    return [shown_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+    return [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
 
 
-def shown_answer(access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:
-    """One answer of `given_of`."""
+def read_answer(access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:
+    """Returns one answer of `given_of`."""
     decision = access.decide(row.quiz, row.question)
     settled = verdict if row.status in submissions.AT_REST else None
     answer = json.loads(row.answer) if row.answer else None
     shown = redact_json(settled, decision)
-    again = "" if marks is None or decision.shown < Shown.FEEDBACK else graded_again(*marks)
+    again = "" if marks is None or decision.shown < Shown.FEEDBACK else describe_regrade(*marks)
     return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
 
 
-def graded_again(before: Mark, after: Mark) -> str:
+def describe_regrade(before: Mark, after: Mark) -> str:
     """Says that a verdict replaced another; empty where the first one only left it to a person."""
     if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
         return ""
@@ -196,13 +187,13 @@ def graded_again(before: Mark, after: Mark) -> str:
     return f"{said}: {points(after.points)} {worth} now, {points(before.points)} {earlier} before."
 
 
-def given_in_full(row: Submission, verdict: Any | None) -> Given:
-    """A stored answer as an instructor sees it, with the verdict as reviewers may see it."""
+def read_in_full(row: Submission, verdict: Any | None) -> Given:
+    """Returns a stored answer as an instructor sees it, with the verdict as reviewers may see it."""
     answer = json.loads(row.answer) if row.answer else None
     settled = verdict if row.status in submissions.AT_REST else None
     return Given(row.id, row.attempt, row.created_at, answer, row.status, settled, None)
 
 
-def counting(policy: Policy) -> str:
-    """Which attempts count, in two words."""
+def describe_counting(policy: Policy) -> str:
+    """Says which attempts count, in two words."""
     return {"best": "best attempt", "latest": "latest attempt", "average": "average"}[policy.counts]

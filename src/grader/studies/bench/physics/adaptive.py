@@ -1,8 +1,6 @@
 """Adaptive solvers at the same error: SciPy's LSODA, DOP853 and Radau over mj_forward, beside the five integrators.
-
 Costs are counted in evaluations of the forward dynamics, which do not depend on the machine or its load, and timed in
-turns with MuJoCo's defaults. One scene is stiff and rich in contacts.
-"""
+turns with MuJoCo's defaults. One scene is stiff and rich in contacts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -17,11 +15,10 @@ from grader.numerics.accuracy.convergence import fit_order, measure_position_dis
 from grader.numerics.accuracy.reference import Method, build_rate
 from grader.numerics.integrators import BY_NAME, EULER
 from grader.numerics.rollout import simulate
-from grader.numerics.scene import Scene
 from grader.numerics.stepping import STEPS_MAX
-from grader.studies.bench.physics.peers import Array, make_adaptive
+from grader.studies.bench.physics.peers import Array, make_adaptive, make_exact
 from grader.studies.bench.scenes import describe_scene, load_scene
-from grader.studies.bench.study import Measurement, Record, Records, Study, select_kind
+from grader.studies.bench.study import COLOURS, Measurement, Record, Records, Study, select_kind
 from grader.studies.bench.timing import measure_pairs
 
 SCENES = {"double_pendulum": 1.024, "stiff_servo": 1.024, "joint_limits": 1.024, "pile": 0.128}
@@ -48,20 +45,9 @@ def list_times(name: str) -> Array:
     return np.linspace(0, SCENES[name], SAMPLES + 1)
 
 
-def make_exact(scene: Scene) -> Scene:
-    """Returns the scene with its constraint solver made exact, so that its tolerance is no part of an error."""
-
-    def exactly(model: mujoco.MjModel) -> None:
-        model.opt.tolerance, model.opt.iterations = 0.0, 200
-
-    return scene.changed(exactly)
-
-
 class Adaptive:
     """Called, it solves a scene at a relative tolerance, absolute a tenth of it; counts `evaluations` of mj_forward.
-
-    Counted are those of numerical Jacobians too, which SciPy leaves out.
-    """
+    Counted are those of numerical Jacobians too, which SciPy leaves out."""
 
     def __init__(self, name: str, method: Method, tolerance: float) -> None:
         self.name, self.tolerance = name, tolerance
@@ -213,16 +199,7 @@ def summarise_order(settings: list[Record]) -> Record | None:
     return {"order": fit.order, "interval": [fit.low, fit.high], "points": len(used)}
 
 
-COLOURS = {
-    "Euler": "#4477aa",
-    "RK4": "#ee6677",
-    "implicit": "#228833",
-    "implicitfast": "#ccbb44",
-    "discrete": "#aa3377",
-    "LSODA": "#000000",
-    "DOP853": "#666666",
-    "Radau": "#bb8800",
-}
+ALL_COLOURS = COLOURS | {"LSODA": "#000000", "DOP853": "#666666", "Radau": "#bb8800"}
 
 
 def draw(records: Records, _summary: Record) -> Figure:
@@ -232,7 +209,7 @@ def draw(records: Records, _summary: Record) -> Figure:
         for kind, look in ((Fixed, "o-"), (Solved, "x--")):
             for method, own in list_settings(records, name, kind).items():
                 counts, errors = [one["evaluations"] for one in own], [one["error"] for one in own]
-                axes.plot(counts, errors, look, color=COLOURS[method], ms=3.5, lw=1, label=method)
+                axes.plot(counts, errors, look, color=ALL_COLOURS[method], ms=3.5, lw=1, label=method)
         axes.axhline(records[Truth(name)]["own_error"], color="#bbbbbb", lw=3, label="own error of the reference")
         axes.set(xscale="log", yscale="log", xlabel="evaluations of the forward dynamics", title=describe_scene(name))
     figure.axes[0].set_ylabel("largest position error [rad, m]")

@@ -1,7 +1,5 @@
-"""Beyond smooth scenes: a fast ball and a thin wall, a box started inside the floor, a wheel and its stop.
-
-Each run is classified by its outcome; the first one that warned is kept with what MuJoCo's reset did to it.
-"""
+"""Beyond smooth scenes: a fast ball and a thin wall, a box started inside the floor, a wheel and its stop. Each run is
+classified by its outcome; the first one that warned is kept with what MuJoCo's reset did to it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,10 +33,8 @@ FINE, PUSHED, LOST, RESET = "#e8f1e4", "#ffcf56", "#d9827a", "#7b3fa0"
 
 @dataclass
 class Trace:
-    """One run up to its end or its first warning: the coordinate by step, and whether a constraint force acted.
-
-    `reset` says which warning, and what time [s] and qpos the user's loop reads after it.
-    """
+    """One run up to its end or its first warning: the coordinate by step, and whether a constraint force acted. `reset`
+    says which warning, and what time [s] and qpos the user's loop reads after it."""
 
     coordinate: list[float]
     touched: bool = False
@@ -48,9 +44,7 @@ class Trace:
 @dataclass(frozen=True, kw_only=True)
 class Case(Plane):
     """Runs over one parameter: how to start, how long [s], which coordinate of qpos decides, and what it may show.
-
-    `outcomes` gives the colour of each possible outcome.
-    """
+    `outcomes` gives the colour of each possible outcome."""
 
     coordinate: int
     start: Callable[[Scene, float], Scene]
@@ -103,39 +97,21 @@ def judge_wheel(trace: Trace) -> str:
 
 CASES = {
     "ball": Case(
-        scene="ball_and_wall",
-        parameter="speed [m/s]",
-        span=(1, 100),
-        timestep_span_s=(1e-4, 2e-2),
-        coordinate=0,
-        start=lambda scene, speed: scene.at(qvel=[speed, 0, 0, 0, 0, 0]),
-        seconds=lambda speed: 1 / speed,
-        judge=judge_ball,
-        outcomes={"stopped": FINE, "pushed through": PUSHED, "tunnelled": LOST, WARNED: RESET},
+        scene="ball_and_wall", parameter="speed [m/s]", span=(1, 100), timestep_span_s=(1e-4, 2e-2), coordinate=0,
+        start=lambda scene, speed: scene.at(qvel=[speed, 0, 0, 0, 0, 0]), seconds=lambda speed: 1 / speed,
+        judge=judge_ball, outcomes={"stopped": FINE, "pushed through": PUSHED, "tunnelled": LOST, WARNED: RESET},
     ),
     "box": Case(
-        scene="box_in_floor",
-        parameter="depth [m]",
-        span=(0.001, 0.09),
-        timestep_span_s=(2e-4, 4e-2),
-        coordinate=2,
-        start=lambda scene, depth: scene.at(qpos=[0, 0, FLOOR_HALF - depth, 1, 0, 0, 0]),
-        seconds=lambda _depth: 1.0,
-        judge=judge_box,
-        outcomes={"settled": FINE, "launched": PUSHED, "sunk": LOST, WARNED: RESET},
+        scene="box_in_floor", parameter="depth [m]", span=(0.001, 0.09), timestep_span_s=(2e-4, 4e-2), coordinate=2,
+        start=lambda scene, depth: scene.at(qpos=[0, 0, FLOOR_HALF - depth, 1, 0, 0, 0]), seconds=lambda _depth: 1.0,
+        judge=judge_box, outcomes={"settled": FINE, "launched": PUSHED, "sunk": LOST, WARNED: RESET},
     ),
     "wheel": Case(
-        scene="joint_stop",
-        parameter="speed [rad/s]",
-        span=(0.5, 200),
-        timestep_span_s=(2e-4, 4e-2),
-        coordinate=0,
-        start=lambda scene, speed: scene.at(qvel=[speed]),
-        seconds=lambda speed: 1.5 / speed + 0.1,
-        judge=judge_wheel,
-        outcomes={"stopped": FINE, "kicked": PUSHED, WARNED: RESET},
+        scene="joint_stop", parameter="speed [rad/s]", span=(0.5, 200), timestep_span_s=(2e-4, 4e-2), coordinate=0,
+        start=lambda scene, speed: scene.at(qvel=[speed]), seconds=lambda speed: 1.5 / speed + 0.1,
+        judge=judge_wheel, outcomes={"stopped": FINE, "kicked": PUSHED, WARNED: RESET},
     ),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

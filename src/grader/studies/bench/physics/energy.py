@@ -11,7 +11,7 @@ from grader.numerics.accuracy.drift import measure_drift
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.studies.bench.scenes import describe_scene, load_scene
-from grader.studies.bench.study import Measurement, Record, Records, Study, select_kind
+from grader.studies.bench.study import COLOURS, Measurement, Record, Records, Study, select_kind
 
 SCENES = ("double_pendulum", "spinning_body")
 TIMESTEPS_S = (0.004, 0.002, 0.001)
@@ -60,10 +60,8 @@ class Long(Measurement):
 
     def rows(self, record: Record) -> list[Record]:
         """Returns one row a minute."""
-        return [
-            {"minute": minute + 1, "largest_error": error}
-            for minute, error in enumerate(find_largest_by_minute(record))
-        ]
+        errors = enumerate(find_largest_by_minute(record), 1)
+        return [{"minute": minute, "largest_error": error} for minute, error in errors]
 
 
 def find_largest_by_minute(record: Record) -> list[float]:
@@ -103,15 +101,6 @@ def summarise_run(record: Record) -> Record:
     }
 
 
-COLOURS = {
-    "Euler": "#4477aa",
-    "RK4": "#ee6677",
-    "implicit": "#228833",
-    "implicitfast": "#ccbb44",
-    "discrete": "#aa3377",
-}
-
-
 def draw(records: Records, _summary: Record) -> Figure:
     """Draws the size of the relative error over time at 2 ms; RK4 at the other timesteps too, dotted."""
     figure = Figure(figsize=(12, 4.6))
@@ -123,12 +112,8 @@ def draw(records: Records, _summary: Record) -> Figure:
             dash = "-" if key.timestep_s == 0.002 else ":"
             label = f"{key.integrator}, {1e3 * key.timestep_s:g} ms"
             axes.plot(minutes, np.maximum(sizes, 1e-16), dash, color=COLOURS[key.integrator], lw=1, label=label)
-        axes.set(
-            yscale="log",
-            xlabel="simulated time [min]",
-            ylabel="relative error of the energy",
-            title=describe_scene(name),
-        )
+        labels = {"xlabel": "simulated time [min]", "ylabel": "relative error of the energy"}
+        axes.set(yscale="log", title=describe_scene(name), **labels)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7, frameon=False)
     return figure
 

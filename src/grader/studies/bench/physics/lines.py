@@ -1,7 +1,5 @@
-"""The cost of an author's line beside the same line written by hand in Python over MuJoCo's own arrays.
-
-At a ratio of 1 both cost the same; above it the compiled line is faster. `grader.studies.bench.floors` measures them.
-"""
+"""The cost of an author's line beside the same line written by hand in Python over MuJoCo's own arrays. At a ratio of 1
+both cost the same; above it the compiled line is faster. `grader.studies.bench.floors` measures them."""
 
 from collections.abc import Callable
 

@@ -1,8 +1,5 @@
-"""What skipping saves on well-known models, and what a run costs beside its steps.
-
-The models are Gymnasium's, which come with the package of that name (a dependency of the tests), the course's, and
-scenes of this study with contacts.
-"""
+"""What skipping saves on well-known models, and what a run costs beside its steps. The models are Gymnasium's, which
+come with the package of that name (a dependency of the tests), the course's, and scenes of this study with contacts."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -88,10 +85,8 @@ def measure_nstep(scene: Scene, budget_s: float) -> TimeRatio:
 
 
 def measure_overhead(scene: Scene, budget_s: float) -> TimeRatio:
-    """CPU time of a reset to the start over that of a run whose steps do nothing but advance the clock.
-
-    Both call that step as often. The difference of the times is what a run costs beside its steps and the reset.
-    """
+    """CPU time of a reset to the start over that of a run whose steps do nothing but advance the clock. Both call that
+    step as often. The difference of the times is what a run costs beside its steps and the reset."""
     assert CHUNK < STEPS <= CHUNK + GROWTH * CHUNK, "the run is of two chunks"
     with scene.borrow(keep=False) as workspace:
         model, data = workspace.model, workspace.data

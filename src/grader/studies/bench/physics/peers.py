@@ -1,8 +1,6 @@
-"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake.
-
-A peer's `run` integrates a scene with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape
-(len(times), nq), in MuJoCo's coordinates. Pinocchio and Drake run where the extra `peers` is installed.
-"""
+"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake. A peer's `run` integrates a scene
+with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape (len(times), nq), in MuJoCo's
+coordinates. Pinocchio and Drake run where the extra `peers` is installed."""
 
 import logging
 from collections.abc import Callable
@@ -114,11 +112,18 @@ def make_adaptive(rate: Callable[[float, Array], Any], state: Array, nq: int, me
     return run
 
 
+def make_exact(scene: Scene) -> Scene:
+    """Returns the scene with its constraint solver made exact, so that its tolerance is no part of an error."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.opt.tolerance, model.opt.iterations = 0.0, 200
+
+    return scene.changed(change)
+
+
 def double_pendulum(_t: float, state: Array) -> list[float]:
     """Two point masses of 1 kg (own inertia 1e-4) on links of 0.3 m; state (q1, q2, v1, v2), the second relative.
-
-    Lagrange's equations in the absolute angles a = q1 and b = q1 + q2.
-    """
+    Lagrange's equations in the absolute angles a = q1 and b = q1 + q2."""
     q1, q2, v1, v2 = state
     mass, length, own = 1.0, 0.3, 1e-4
     square = mass * length**2
@@ -147,9 +152,7 @@ def make_servo(kp: float, kv: float) -> Derivative:
 
 def spinning_body(_t: float, state: Array) -> list[float]:
     """A torque-free rigid body: Euler's equations in the body's frame and the quaternion's derivative q (0, w) / 2.
-
-    State (position, quaternion w x y z, velocity, angular velocity in the body's frame), inertia (0.01, 0.02, 0.03).
-    """
+    State (position, quaternion w x y z, velocity, angular velocity in the body's frame), inertia (0.01, 0.02, 0.03)."""
     _x, _y, _z, w, i, j, k, u1, u2, u3, p, q, r = state
     one, two, three = 0.01, 0.02, 0.03
     return [

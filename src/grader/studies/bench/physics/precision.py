@@ -15,9 +15,16 @@ from grader.numerics.integrators import BY_NAME
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import advance_coarsely
-from grader.studies.bench.physics.peers import EQUATIONS, Array, find_peers, make_by_hand, make_over_mj_forward
+from grader.studies.bench.physics.peers import (
+    EQUATIONS,
+    Array,
+    find_peers,
+    make_by_hand,
+    make_exact,
+    make_over_mj_forward,
+)
 from grader.studies.bench.scenes import describe_scene, load_scene
-from grader.studies.bench.study import Measurement, Record, Records, Study, select_kind
+from grader.studies.bench.study import COLOURS, Measurement, Record, Records, Study, select_kind
 from grader.studies.bench.timing import compute_median_interval, is_timer_known, measure_pairs
 
 SCENES = ("double_pendulum", "servo", "stiff_servo", "spinning_body", "eccentric_body", "joint_limits", "cube")
@@ -89,15 +96,9 @@ def smooth(name: str, scene: Scene) -> tuple[Array, list[Array], str]:
 
 
 def through_impacts(scene: Scene) -> tuple[Array, list[Array], str]:
-    """Returns two solvers of different families, whose error control finds every impact.
-
-    The constraint solver is made exact first, so that its own tolerance is no part of the reference.
-    """
-
-    def exactly(model: mujoco.MjModel) -> None:
-        model.opt.tolerance, model.opt.iterations = 0.0, 200
-
-    exact = scene.changed(exactly)
+    """Returns two solvers of different families, whose error control finds every impact. The constraint solver is made
+    exact first, so that its own tolerance is no part of the reference."""
+    exact = make_exact(scene)
     best = make_over_mj_forward(exact, "DOP853")(1e-13, SAMPLE_TIMES_S)
     other = make_over_mj_forward(exact, "LSODA")(1e-12, SAMPLE_TIMES_S)
     return best, [other], "DOP853 at 1e-13 over mj_forward; own error: distance to LSODA at 1e-12"
@@ -183,9 +184,8 @@ def plan(quick: bool) -> Sequence[Measurement]:
 
 @dataclass(frozen=True)
 class Point:
-    """One setting of one method on one scene; cost in yardsticks and the pairs it is the median of, error None where
-    it failed.
-    """
+    """One setting of one method on one scene; cost in yardsticks and the pairs it is the median of, error None where it
+    failed."""
 
     method: str
     setting: float
@@ -224,11 +224,8 @@ def find_cheapest(points: Sequence[Point], error: float) -> Point | None:
 
 
 def fit_asymptotic_order(points: Sequence[Point], own_error: float) -> Record | None:
-    """Order with its 95 % interval over the asymptotic range; None for fewer than three points.
-
-    The range begins below COARSE and ends at NOISE_FACTOR times `own_error`, or where a smaller timestep no longer
-    lowers the error.
-    """
+    """Order with its 95 % interval over the asymptotic range; None for fewer than three points. The range begins below
+    COARSE and ends at NOISE_FACTOR times `own_error`, or where a smaller timestep no longer lowers the error."""
     floor = NOISE_FACTOR * max(own_error, 1e-15)
     usable = [p for p in sorted(points, key=lambda p: -p.setting) if p.error and floor < p.error < COARSE]
     falling = usable[:1] + [finer for coarser, finer in pairwise(usable) if finer.error < coarser.error]  # type: ignore[operator]
@@ -302,14 +299,7 @@ def summarise_point(point: Point) -> Record:
     }
 
 
-MARKS = {
-    "Euler": ("#4477aa", "o"),
-    "RK4": ("#ee6677", "s"),
-    "implicit": ("#228833", "^"),
-    "implicitfast": ("#ccbb44", "v"),
-    "discrete": ("#aa3377", "D"),
-}
-"""Colour and marker. Source: Paul Tol's bright scheme, which colour-blind readers can tell apart."""
+MARKERS = dict(zip(COLOURS, "os^vD", strict=True))
 
 
 def draw_settings(records: Records, summary: Record) -> Figure:
@@ -319,7 +309,7 @@ def draw_settings(records: Records, summary: Record) -> Figure:
     for axes, name in zip(panels, SCENES, strict=True):
         by_method = list_points(records, Setting, name)
         for kind, own in by_method.items():
-            draw_line(axes, own, color=MARKS[kind][0], marker=MARKS[kind][1], ms=4, label=kind)
+            draw_line(axes, own, color=COLOURS[kind], marker=MARKERS[kind], ms=4, label=kind)
         front = find_front([*chain(*by_method.values())])
         draw_line(axes, front, color="black", lw=4, alpha=0.15, zorder=1, label="Pareto front")
         draw_axes(axes, summary["scenes"][name], describe_scene(name))
@@ -342,14 +332,10 @@ def draw_line(axes: Any, points: Sequence[Point], **look: Any) -> None:
 
 def draw_axes(axes: Any, scene: Record, title: str) -> None:
     """Logarithmic axes, and the level below which the reference itself is not known."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log", ylim=(1e-15, 20), title=title, ylabel="sup-norm error [rad, m]")
+    axes.set_xlabel(f"CPU time / ({1e3 * scene['yardstick_s']:.2f} ms: Euler at 2 ms)")
     level = scene["reference"]["own_error"]
     axes.axhspan(1e-17, level, facecolor="none", edgecolor="#bbbbbb", hatch="//", label="own error of the reference")
-    axes.set_ylim(1e-15, 20)
-    axes.set_title(title)
-    axes.set_xlabel(f"CPU time / ({1e3 * scene['yardstick_s']:.2f} ms: Euler at 2 ms)")
-    axes.set_ylabel("sup-norm error [rad, m]")
 
 
 PEER_COLOURS = {"Python loop": "#999999", "SciPy": "#0077bb", "Pinocchio": "#cc3311", "Drake": "#009988"}

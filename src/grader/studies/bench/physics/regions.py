@@ -1,8 +1,6 @@
-"""Stability regions of the five integrators in the complex plane: closed forms, checked by simulation in and out.
-
-The test equation is a held joint, q'' = 2 Re(l) q' - |l|^2 q, with the conjugate eigenvalues l and conj(l); a point of
-the plane is z = h l. All but RK4 treat positions and velocities differently, so that a single eigenvalue says nothing.
-"""
+"""Stability regions of the five integrators in the complex plane: closed forms, checked by simulation in and out. The
+test equation is a held joint, q'' = 2 Re(l) q' - |l|^2 q, with the conjugate eigenvalues l and conj(l); a point of the
+plane is z = h l. All but RK4 treat positions and velocities differently, so that a single eigenvalue says nothing."""
 
 from cmath import rect
 from collections.abc import Sequence
@@ -50,11 +48,9 @@ def compute_eigenvalue(servo: Servo) -> complex:
 
 
 def compute_growth(integrator: str, z: complex) -> float:
-    """Growth per step of the motion with the eigenvalues z and conj(z), times the timestep.
-
-    Source: RK4 by its stability polynomial. The others update v by its force, explicit or implicit, and then q by the
-    new v: derived by writing out one step of (q, h v), with a = -2 Re z for the damper and b = |z|^2 for the spring.
-    """
+    """Growth per step of the motion with the eigenvalues z and conj(z), times the timestep. Source: RK4 by its
+    stability polynomial. The others update v by its force, explicit or implicit, and then q by the new v: derived by
+    writing out one step of (q, h v), with a = -2 Re z for the damper and b = |z|^2 for the spring."""
     if integrator == "RK4":
         return abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
     a, b = -2 * z.real, abs(z) ** 2
@@ -109,18 +105,10 @@ class Ray(Measurement):
         for radius in radii:
             z = rect(radius, radians(self.angle))
             scene = build_held_joint(z)
-            by_step = compute_spectral_radius(
-                scene.at(qpos=[0.0]), timestep_s=1.0, integrator=BY_NAME[self.integrator].code
-            )
-            points.append(
-                {
-                    "radius": radius,
-                    "inside": radius < end,
-                    "closed": compute_growth(self.integrator, z),
-                    "spectral": by_step,
-                    "grows": grows(scene, self.integrator),
-                }
-            )
+            code = BY_NAME[self.integrator].code
+            by_step = compute_spectral_radius(scene.at(qpos=[0.0]), timestep_s=1.0, integrator=code)
+            found = {"closed": compute_growth(self.integrator, z), "spectral": by_step}
+            points.append({"radius": radius, "inside": radius < end, **found, "grows": grows(scene, self.integrator)})
         return {"limit": end if isfinite(end) else None, "points": points}
 
     def rows(self, record: Record) -> list[Record]:

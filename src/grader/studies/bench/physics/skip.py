@@ -38,19 +38,13 @@ BUDGET_S = {True: 0.05, False: 0.5}
 
 
 class Run:
-    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set.
-
-    `bare` is a model that moves alike and is stepped in place of the scene's own.
-    """
+    """Called, it runs a scene for STEPS steps at 2 ms from its start, with these disable bits set. `bare` is a model
+    that moves alike and is stepped in place of the scene's own."""
 
     def __init__(
-        self,
-        scene: Scene,
-        integrator: str = "Euler",
-        bits: int = 0,
-        chunk: int = CHUNK,
+        self, scene: Scene, integrator: str = "Euler", bits: int = 0, chunk: int = CHUNK,
         bare: mujoco.MjModel | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.start, self.chunk = scene.start_vector, chunk
         self.model = copy.copy(bare or scene.model)
         self.model.opt.timestep, self.model.opt.integrator = TIMESTEP_S, BY_NAME[integrator].code

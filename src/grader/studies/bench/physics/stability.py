@@ -87,32 +87,19 @@ class Chart(Plane):
 
 CHARTS = {
     "stiffness": Chart(
-        name="stiffness",
-        scene="servo",
-        parameter="kp [N m/rad]",
-        span=(100, 40000),
-        timestep_span_s=(0.001, 0.1),
+        name="stiffness", scene="servo", parameter="kp [N m/rad]", span=(100, 40000), timestep_span_s=(0.001, 0.1),
         servo=lambda kp: Servo(PENDULUM_INERTIA, kp, 5, PENDULUM_GRAVITY_STIFFNESS),
     ),
     "damping": Chart(
-        name="damping",
-        scene="servo",
-        parameter="kv [N m s/rad]",
-        span=(0.5, 100),
-        timestep_span_s=(0.001, 0.2),
+        name="damping", scene="servo", parameter="kv [N m s/rad]", span=(0.5, 100), timestep_span_s=(0.001, 0.2),
         servo=lambda kv: Servo(PENDULUM_INERTIA, 100, kv, PENDULUM_GRAVITY_STIFFNESS),
     ),
     "oscillator": Chart(
-        name="oscillator",
-        scene="oscillator",
-        parameter="damping ratio",
-        span=(0.01, 10),
+        name="oscillator", scene="oscillator", parameter="damping ratio", span=(0.01, 10),
         timestep_span_s=(0.1 / OMEGA, 10 / OMEGA),
-        servo=lambda zeta: Servo(1.0, OMEGA**2, 2 * zeta * OMEGA),
-        timestep_scale=OMEGA,
-        timestep_label="h * omega",
+        servo=lambda zeta: Servo(1.0, OMEGA**2, 2 * zeta * OMEGA), timestep_scale=OMEGA, timestep_label="h * omega",
     ),
-}
+}  # fmt: skip
 
 
 @lru_cache(maxsize=300)

@@ -1,8 +1,6 @@
-"""MuJoCo 3.14.0 beside 4.0.0: the error of RK4 at equal timesteps, on a free body and on hinges.
-
-Each version measures itself: `python -m grader.studies.bench.physics.versions docs/measured/versions.json` writes
-the row of the MuJoCo that runs it, and leaves the others.
-"""
+"""MuJoCo 3.14.0 beside 4.0.0: the error of RK4 at equal timesteps, on a free body and on hinges. Each version measures
+itself: `python -m grader.studies.bench.physics.versions docs/measured/versions.json` writes the row of the MuJoCo that
+runs it, and leaves the others."""
 
 import json
 import sys

@@ -1,7 +1,5 @@
-"""What sentences of the pages say about the results: each claim renders its numbers from them, or is denied by them.
-
-In a page a claim stands between `<!--=NAME-->` and `<!--=-->`.
-"""
+"""What sentences of the pages say about the results: each claim renders its numbers from them, or is denied by them. In
+a page a claim stands between `<!--=NAME-->` and `<!--=-->`."""
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise

@@ -53,9 +53,7 @@ def load_results(folder: Path) -> Results:
 
 def fill(page: str, results: Results) -> tuple[str, list[str]]:
     """The page with every marked block and claim rendered anew, and the claims that the results deny, left as they are.
-
-    Raises KeyError for a block or claim that does not exist.
-    """
+    Raises KeyError for a block or claim that does not exist."""
     denied = []
 
     def claimed(found: re.Match[str]) -> str:
@@ -108,6 +106,11 @@ def times(timed: Results, digits: str = ".2f") -> str:
 def setting(best: Results | None) -> str:
     """`RK4 8 ms (x0.9)`, or a dash where no setting gets there."""
     return f"{best['integrator']} {milliseconds(best['timestep_s'])} (x{best['ratio']:.3g})" if best else "-"
+
+
+def fitted(fit: Results | None) -> str:
+    """`3.98 (3.95 to 4.01)`, or a dash where no order was fitted."""
+    return "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
 
 
 def trade(point: Results) -> str:
@@ -178,11 +181,8 @@ def procedure(results: Results) -> Iterator[tuple[str, ...]]:
 def orders(results: Results) -> Iterator[tuple[str, ...]]:
     """Fitted orders with their 95 % intervals."""
     for name, scene in results["precision"]["scenes"].items():
-        fits = (
-            fit and "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit)
-            for fit in scene["orders"].values()
-        )
-        yield describe_scene(name), f"{scene['reference']['own_error']:.0e}", *(fit or "-" for fit in fits)
+        fits = map(fitted, scene["orders"].values())
+        yield describe_scene(name), f"{scene['reference']['own_error']:.0e}", *fits
 
 
 @table("scene", "peer", *SHOWN_ERRORS)
@@ -190,11 +190,8 @@ def peers(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the cost of each peer over that of MuJoCo's cheapest setting within four errors."""
     for name, scene in results["precision"]["scenes"].items():
         for peer, ratios in scene["peers"].items():
-            yield (
-                describe_scene(name),
-                peer,
-                *(ratio(ratios[error], scene["cheapest"][error]) for error in SHOWN_ERRORS),
-            )
+            costs = (ratio(ratios[error], scene["cheapest"][error]) for error in SHOWN_ERRORS)
+            yield describe_scene(name), peer, *costs
 
 
 @table(
@@ -307,8 +304,7 @@ def pile(results: Results) -> Iterator[tuple[str, ...]]:
     """Error against timestep where many stiff contacts open and close."""
     scene = results["adaptive"]["scenes"]["pile"]
     for kind, errors in scene["errors"].items():
-        fit = scene["orders"][kind]
-        order = "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
+        order = fitted(scene["orders"][kind])
         yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
 
 
@@ -352,11 +348,8 @@ def summary(results: Results) -> Iterator[tuple[str, ...]]:
     skipped = {name: scene["savings"] for name, scene in results["skip"]["scenes"].items()}
     for name, scene in results["precision"]["scenes"].items():
         apart = [f"{skipped[name][stage]['ratio']:.2f}" for stage in (TIMER, IN_C, SKIPPING)] if name in skipped else []
-        yield (
-            describe_scene(name),
-            *(setting(scene["cheapest"][error]) for error in SHOWN_ERRORS),
-            " x ".join(apart) or "-",
-        )
+        cheapest = (setting(scene["cheapest"][error]) for error in SHOWN_ERRORS)
+        yield describe_scene(name), *cheapest, " x ".join(apart) or "-"
 
 
 def main(

@@ -1,7 +1,4 @@
-"""The benchmarks' models.
-
-Each has a keyframe `start`, at which its runs begin.
-"""
+"""The benchmarks' models. Each has a keyframe `start`, at which its runs begin."""
 
 from pathlib import Path
 

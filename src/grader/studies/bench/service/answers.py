@@ -5,7 +5,6 @@ A busy machine flatters the ratio, since the bare route starves first. The bare 
 attempts, which the service counts with every answer.
 """
 
-import argparse
 import json
 import os
 import queue
@@ -205,11 +204,6 @@ def run_together(clients: list[Client], work: Callable[[Client], list[float]]) -
         return [time_s for times in pool.map(work, clients) for time_s in times]
 
 
-def send_first_answers(clients: list[Client]) -> None:
-    """Every learner answers once: the service looks up a credential when it is used for the first time."""
-    run_together(clients, lambda client: [client.answer() for _ in range(client.learners)])
-
-
 def send_burst(clients: list[Client], seconds: float) -> list[float]:
     """Sends one answer after the other from every client for so long; returns the times of all [s]."""
 
@@ -223,19 +217,14 @@ def send_burst(clients: list[Client], seconds: float) -> list[float]:
 
 
 def compare_with_bare(backend: str, students: int, rounds: int, seconds: float) -> Record:
-    """Answers a second of the bare route and of the service, in turn; the ratio is the median of the pairs.
-
-    `cpu_s` and `bare_cpu_s` are the CPU times of the servers for one answer: they tell more on a busy machine.
-    """
+    """Answers a second of the bare route and of the service, in turn; the ratio is the median of the pairs. `cpu_s` and
+    `bare_cpu_s` are the CPU times of the servers for one answer: they tell more on a busy machine."""
     with ExitStack() as stack:
         urls = [stack.enter_context(open_database(backend)) for _ in range(2)]
         ports = [find_free_port(), find_free_port()]
         tokens = create_tokens(urls[1], LEARNERS)
-        pids = [
-            stack.enter_context(
-                start_process(["-m", "grader.studies.bench.service.answers", urls[0], str(ports[0])], ports[0], {})
-            )
-        ]
+        bare_route = ["-m", "grader.studies.bench.service.answers", urls[0], str(ports[0])]
+        pids = [stack.enter_context(start_process(bare_route, ports[0], {}))]
         serve = build_serve_arguments(ports[1], stack.enter_context(TemporaryDirectory()))
         settings = UNLIMITED | {"GRADER_WORKERS": "0", "GRADER_DATABASE_URL": urls[1]}
         pids.append(stack.enter_context(start_process(serve, ports[1], settings)))
@@ -243,7 +232,8 @@ def compare_with_bare(backend: str, students: int, rounds: int, seconds: float) 
         for clients in (bare, ours):
             for client in clients:
                 stack.callback(client.close)
-            send_first_answers(clients)
+            # The service looks up a credential when it is used for the first time.
+            run_together(clients, lambda client: [client.answer() for _ in range(client.learners)])
             send_burst(clients, 0.5)
         before = [read_cpu_s(pid) for pid in pids]
         pairs = [(send_burst(bare, seconds), send_burst(ours, seconds)) for _ in range(rounds)]
@@ -283,16 +273,11 @@ def create_tokens(url: str, students: int) -> list[str]:
     return tokens
 
 
-def serve_bare(arguments: list[str]) -> None:
-    """Serves the bare route: URL PORT."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("url")
-    parser.add_argument("port", type=int)
-    given = parser.parse_args(arguments)
-    uvicorn.run(
-        build_bare_app(given.url), port=given.port, log_level="warning", access_log=False, http="h11", loop="asyncio"
-    )
+def serve_bare(url: str, port: str) -> None:
+    """Serves the bare route on the database of an address."""
+    app = build_bare_app(url)
+    uvicorn.run(app, port=int(port), log_level="warning", access_log=False, http="h11", loop="asyncio")
 
 
 if __name__ == "__main__":
-    serve_bare(sys.argv[1:])
+    serve_bare(*sys.argv[1:])

@@ -1,7 +1,5 @@
-"""Latency and throughput of submissions: the real server, its jail and its database, over HTTP.
-
-Wall time, unlike in the other benchmarks: a student waits in wall time.
-"""
+"""Latency and throughput of submissions: the real server, its jail and its database, over HTTP. Wall time, unlike in
+the other benchmarks: a student waits in wall time."""
 
 import atexit
 import subprocess
@@ -50,10 +48,8 @@ SUBMIT: dict[str, Callable[[Client], object]] = {
 
 
 def open_clients() -> list[Client]:
-    """Returns the clients of one server, each with a new connection: a server closes those that are idle.
-
-    A request on such a connection raises BrokenPipeError, which click takes for a closed stdout: it exits silently.
-    """
+    """Returns the clients of one server, each with a new connection: a server closes those that are idle. A request on
+    such a connection raises BrokenPipeError, which click takes for a closed stdout: it exits silently."""
     for client in start_clients():
         client.connection.close()  # and the next request opens one
     return start_clients()
@@ -123,30 +119,24 @@ class Judging(Measurement):
         """CPU time [s]; every submission draws its cases anew."""
         source, count = read_right_answer(self.exercise), 3 if quick else 15
         verdicts = [open_clients()[0].graded(self.exercise, f"{source}\n# {number}\n") for number in range(count)]
-        return {"submissions": count} | compute_percentiles(
-            [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
-        )
+        times = [verdict["timing_ms"]["judge_cpu"] / 1000 for verdict in verdicts]
+        return {"submissions": count} | compute_percentiles(times)
 
 
 @dataclass(frozen=True)
 class Overhead(Measurement):
-    """What the jail costs above the script's own time, idle and in bursts.
-
-    Idle runs take turns with a new interpreter and a single-use bubblewrap cell, so that load on the machine meets all
-    three alike.
-    """
+    """What the jail costs above the script's own time, idle and in bursts. Idle runs take turns with a new interpreter
+    and a single-use bubblewrap cell, so that load on the machine meets all three alike."""
 
     def measure(self, quick: bool, done: Records) -> Record:
         """Wall times by what was run [s], and the median rate of the bursts [jobs/s]."""
         models, (rounds, bursts) = Settings().content / "models", (10, 1) if quick else (40, 3)
         runtime = cell.find_runtime()
         importing = f"import sys; sys.path += {list(map(str, runtime.packages))!r}; import mujoco, numpy"
+        single_use = cell.build_cell_command(runtime, models, cell.INSIDE, control=0)[:-2]
         commands = {
             "new interpreter": [str(runtime.executable), *cell.ISOLATED, "-c", importing],
-            "single-use bubblewrap": [
-                *cell.build_cell_command(runtime, models, cell.INSIDE, control=0)[:-2],
-                importing,
-            ],
+            "single-use bubblewrap": [*single_use, importing],
         }
         times: dict[str, list[float]] = {name: [] for name in ("jail, idle", "jail, in a burst", *commands)}
         rates = []

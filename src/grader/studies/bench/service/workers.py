@@ -60,15 +60,9 @@ class Workers(Measurement):
         runs = []
         for n in WORKER_COUNTS:
             rates, costs = zip(*(burst[n] for burst in bursts), strict=True)
-            runs.append(
-                {
-                    "workers": n,
-                    "per_second": float(np.median(rates)),
-                    "ratio": float(np.median([burst[n][0] / burst[1][0] for burst in bursts])),
-                    "cores": float(np.median(np.multiply(rates, costs))),
-                    "cpu_s": float(np.median(costs)),
-                }
-            )
+            ratios = [burst[n][0] / burst[1][0] for burst in bursts]
+            found = {"per_second": rates, "ratio": ratios, "cores": np.multiply(rates, costs), "cpu_s": costs}
+            runs.append({"workers": n} | {name: float(np.median(values)) for name, values in found.items()})
         return {"machine_cores": os.cpu_count() or 1, "runs": runs}
 
     def rows(self, record: Record) -> list[Record]:
@@ -78,9 +72,7 @@ class Workers(Measurement):
 
 def measure_queue(client: Client, source: str, scripts: int) -> tuple[float, float]:
     """The rate at which queued scripts are graded [1/s], and the CPU time of one in all processes of the service [s].
-
-    The grading processes are held until all are handed in; at most 100 scripts.
-    """
+    The grading processes are held until all are handed in; at most 100 scripts."""
     client.connection.close()  # and a new one: a server closes those that are idle
     sources = (f"{source}# {next(NUMBERS)}\n" for _ in range(scripts))  # each draws other cases
     with hold_processes(client.server):

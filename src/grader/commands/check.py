@@ -1,0 +1,56 @@
+"""Commands for authors: `grader check | import`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from grader.commands.grade import open_pipeline
+from grader.commands.options import USAGE, Json, err, read_settings, say
+from grader.errors import ContentError
+
+cli = typer.Typer()
+
+
+@cli.command()
+def check(
+    paths: Annotated[list[Path] | None, typer.Argument()] = None,
+    as_json: Json = False,
+    draws: Annotated[int, typer.Option(min=1, help="draws of the hidden cases for each reference program")] = 1,
+) -> None:
+    """Load every quiz and model, re-derive every answer key, grade every reference solution."""
+    from grader.grading.checking import check_content
+
+    reports = [check_content(path, open_pipeline, say, draws) for path in paths or [read_settings().content]]
+    faults = [fault for report in reports for fault in report.faults]
+    if as_json:
+        documents = [report.to_json() for report in reports]
+        print(json.dumps(documents if len(documents) > 1 else documents[0], indent=2))
+    else:
+        for warning in [warning for report in reports for warning in report.warnings]:
+            err.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+        for fault in faults:
+            print(fault)
+        say(f"{len(faults)} fault(s)" if faults else "all holds")
+    sys.exit(USAGE if faults else 0)
+
+
+@cli.command("import")
+def import_(
+    lesson: Path, out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes")
+) -> None:
+    """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON; labs with faults are left out."""
+    from grader.importing.lesson import import_lesson
+
+    imported = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem)
+    for remark in imported.remarks:
+        print(f"warning: {remark}", file=sys.stderr)
+    out.mkdir(parents=True, exist_ok=True)
+    for quiz_id, quiz in imported.quizzes.items():
+        path = out / f"{quiz_id}.json"
+        path.write_text(json.dumps(quiz, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
+        print(path)
+    if imported.faults:
+        raise ContentError(imported.faults)

@@ -1,0 +1,112 @@
+"""Grades one answer without a server: `grader grade`."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from grader.commands.options import CORRECT, FAULT, OTHER_VERDICT, Json, read_settings
+from grader.errors import Unprocessable
+
+if TYPE_CHECKING:
+    from grader.domain.verdict import Verdict
+    from grader.grading.pipeline import Pipeline
+    from grader.library import Library
+
+cli = typer.Typer()
+
+
+@contextmanager
+def open_pipeline(library: "Library", jailed: bool = True) -> Iterator["Pipeline"]:
+    """Makes a pipeline without server or database; the jail starts only if a script is to run."""
+    from grader.grading.pipeline import Pipeline
+
+    if not jailed:
+        yield Pipeline(library)
+        return
+    from grader.sandbox.jail import Jail
+
+    with Jail(library.root / "models", allow_t2=read_settings().allow_t2) as jail:
+        yield Pipeline(library, jail.run)
+
+
+@cli.command()
+def grade(
+    quiz: str,
+    question: str,
+    answer: Annotated[str, typer.Argument(help="A file for an exercise, else the answer itself.")],
+    as_json: Json = False,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Repeats the hidden cases of an earlier verdict; drawn at random if not given."),
+    ] = None,
+    *,
+    key: Annotated[
+        Path | None, typer.Option(help="A file of random bytes: with it the same answer gets the same hidden cases.")
+    ] = None,
+    form: Annotated[
+        Literal["gradescope", "junit"] | None, typer.Option("--format", help="Print the document of another grader.")
+    ] = None,
+) -> None:
+    """Grade one answer with no server and no database. Exits 0 if it is correct, else 1."""
+    from grader.courses.rules.policy import reported
+    from grader.domain.verdict import Status
+    from grader.library import load
+    from grader.questions import kind_of
+
+    if as_json and form is not None:
+        raise Unprocessable("Give either --json or --format.")
+    library = load(read_settings().content)
+    asked = library.question(quiz, question)
+    kind = kind_of(asked)
+    is_script = kind.is_script
+    given = kind.from_text(asked, read_script(Path(answer)) if is_script else answer)
+    with open_pipeline(library, jailed=is_script) as pipeline:
+        keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
+        submission = keyed.read(quiz, question, given, seed)
+        verdict = reported(keyed.judge_with_retries(submission), submission.question)
+    if form is not None:
+        from grader.reports import Graded, junit_xml, results_json
+
+        write = {"gradescope": results_json, "junit": junit_xml}[form]
+        print(write(Graded(library.quiz(quiz), submission.question, verdict, submission.seed)))
+    elif as_json:
+        document = json.loads(verdict.model_dump_json()) | {"seed": submission.seed}
+        print(json.dumps(document, ensure_ascii=False, indent=2))
+    else:
+        show(verdict, submission.seed)
+    if verdict.status is Status.GRADER_FAULT:
+        sys.exit(FAULT)
+    sys.exit(CORRECT if verdict.status is Status.CORRECT else OTHER_VERDICT)
+
+
+def read_script(path: Path) -> str:
+    """Reads the text of a script. Raises OSError, Unprocessable."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise Unprocessable(f"{path} is not UTF-8 text: {error}") from error
+
+
+def show(verdict: "Verdict", seed: int | None) -> None:
+    """Prints a verdict for a person at a terminal, with the seed that repeats it."""
+    out = Console(markup=False, highlight=False, soft_wrap=True)
+    out.print(f"{verdict.status}: {verdict.points:g} of {verdict.max_points:g} points")
+    if verdict.read_as:
+        out.print(f"read as: {verdict.read_as}")
+    if verdict.diagnosis:
+        out.print(verdict.diagnosis)
+    for finding in verdict.findings:
+        mark = {True: "+", False: "-", None: "?"}[finding.passed]
+        out.print(f"  {mark} {finding.title}: {finding.message}")
+    for name, text in (("stdout", verdict.stdout), ("stderr", verdict.stderr)):
+        if text:
+            out.print(f"--- {name}\n{text.rstrip()}")
+    if seed is not None:
+        out.print(f"hidden cases: --seed {seed}")

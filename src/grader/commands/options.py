@@ -1,0 +1,70 @@
+"""Options that several commands share, the settings and the database that they name, and lines on stderr."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from grader.errors import Unprocessable
+
+if TYPE_CHECKING:
+    from sqlalchemy.orm import Session
+
+    from grader.settings import Settings
+    from grader.store.engine.database import Database
+
+CORRECT, OTHER_VERDICT, USAGE, FAULT = range(4)
+"""Exit codes. A fault of the grader is no verdict."""
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
+Course = Annotated[str | None, typer.Option(help="Name of the course.")]
+Data = Annotated[Path | None, typer.Option(help="Folder of the database.")]
+
+err = Console(stderr=True)
+
+
+def say(message: str) -> None:
+    """Prints a line of progress on stderr."""
+    err.print(message, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def complain(*lines: str) -> None:
+    """Prints errors on stderr."""
+    for line in lines:
+        err.print(line, style="red", markup=False, soft_wrap=True)
+
+
+def read_settings(**overrides: Any) -> "Settings":
+    """Reads the settings from the environment; options of the command line override them."""
+    from grader.settings import Settings
+
+    return Settings(**{name: value for name, value in overrides.items() if value is not None})
+
+
+@contextmanager
+def open_database(data: Path | None, revision: str | None = None) -> Iterator["Database"]:
+    """Opens the database of the settings, at the newest revision or another."""
+    from grader.store.engine.database import Database
+
+    database = Database(read_settings(data=data).database)
+    try:
+        database.migrate(revision)
+        yield database
+    finally:
+        database.close()
+
+
+@contextmanager
+def begin_transaction(data: Path | None) -> Iterator["Session"]:
+    """Opens the database of the settings for a transaction that writes."""
+    with open_database(data) as database, database.write() as session:
+        yield session
+
+
+def require_one(user: str | None, member_id: str | None) -> None:
+    """Raises Unprocessable unless one of the two options is given."""
+    if (user is None) == (member_id is None):
+        raise Unprocessable("Give either --user or --id.")
