@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from grader.settings import Settings
+from support.sites import Site
 from support.tokens import issue_token
 
 ROOT = Path(__file__).parents[2]
@@ -199,7 +200,20 @@ def test_every_route_of_the_api_is_described_with_its_refusals(nobody: httpx.Cli
             assert all(list(one["content"]) == ["application/problem+json"] for one in refusals.values())
 
 
-def test_a_body_of_many_errors_lists_the_first_twenty(ann: httpx.Client) -> None:
-    refused = ann.post("/api/v1/submissions", json={f"k{n}": 1 for n in range(5000)})
+def test_a_body_of_many_errors_lists_the_first_twenty(site: Site) -> None:
+    refused = site.client("tina", "instructor").post("/api/v1/invitations", json={"names": [1] * 50})
     assert refused.status_code == 422
     assert len(refused.json()["errors"]) == 20
+
+
+def test_of_many_unknown_keys_the_first_is_named(ann: httpx.Client) -> None:
+    body = {"quiz": "small", "question": "q1", "answer": 1, **{f"k{n}": 1 for n in range(1000)}}
+    refused = ann.post("/api/v1/submissions", json=body)
+    assert refused.status_code == 422
+    assert [error["at"] for error in refused.json()["errors"]] == [["body", "k0"]]
+
+
+def test_a_long_list_is_refused_before_its_entries(site: Site) -> None:
+    refused = site.client("tina", "instructor").post("/api/v1/invitations", json={"names": [1] * 1001})
+    assert refused.status_code == 422
+    assert [error["why"] for error in refused.json()["errors"]] == ["names has more than 1000 entries"]

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gate.test_rights import BODIES, UNLIMITED
-from grader.gate.admission import PAGE_BODY_BYTES_MAX, PREFIX
+from grader.gate.admission import PREFIX, SMALL_BODY_BYTES_MAX
 from grader.settings import Settings
 from support.sites import Site, open_site, write_content
 
@@ -102,7 +102,7 @@ def test_no_body_of_the_api_keeps_the_loop(route: str, site: Site, held: list[fl
 
     hold_s("{}")  # the first request of a route builds what others find
     worst = []
-    for size in (PAGE_BODY_BYTES_MAX, site.settings.body_kb * 1024):
+    for size in (SMALL_BODY_BYTES_MAX, site.settings.body_kb * 1024):
         for name, body in worst_bodies(fields, size):
             # What else the thread does now and then, such as collecting garbage, is not the body's.
             seconds = min(hold_s(body) for _ in range(2))

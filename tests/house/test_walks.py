@@ -18,7 +18,7 @@ from support.sites import ROOT, open_site
 
 SOURCES = str(Path(grader.__file__).parent)
 
-LIMITS = {"choice": (21, 76), "number": (27, 96), "typed number": (29, 106), "script": (24, 88)}
+LIMITS = {"choice": (22, 78), "number": (28, 98), "typed number": (30, 108), "script": (25, 90)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """
