@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gate.test_rights import BODIES, UNLIMITED
-from grader.gate.admission import PREFIX, SMALL_BODY_BYTES_MAX
+from grader.gate.admission import LARGE_BODIES, PREFIX, SMALL_BODY_BYTES_MAX
 from grader.settings import Settings
 from support.sites import Site, open_site, write_content
 
@@ -102,10 +102,13 @@ def test_no_body_of_the_api_keeps_the_loop(route: str, site: Site, held: list[fl
 
     hold_s("{}")  # the first request of a route builds what others find
     worst = []
-    for size in (SMALL_BODY_BYTES_MAX, site.settings.body_kb * 1024):
-        for name, body in worst_bodies(fields, size):
+    sizes = {SMALL_BODY_BYTES_MAX: fields}
+    if url in LARGE_BODIES:
+        sizes[site.settings.body_kb * 1024] = {"answer": 1}
+    for size, known in sizes.items():
+        for name, body in worst_bodies(known, size):
             # What else the thread does now and then, such as collecting garbage, is not the body's.
-            seconds = min(hold_s(body) for _ in range(2))
-            worst.append((seconds, size, name))
+            seconds = hold_s(body)
+            worst.append((seconds if seconds < HELD_S else min(seconds, hold_s(body)), size, name))
     print(*(f"{1000 * s:.1f} ms {size} {name}" for s, size, name in sorted(worst)[-3:]), sep="\n")
     assert max(worst)[0] < HELD_S
