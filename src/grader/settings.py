@@ -98,7 +98,7 @@ class Settings(BaseSettings):
         default=(),
         description='Reverse proxies whose X-Forwarded-For is believed, as JSON: ["10.0.0.0/8"].',
     )
-    body_kb: int = Field(default=2048, ge=1, description="Largest request body with a script or a file [KB]; others end at 64.")
+    body_kb: int = Field(default=2048, ge=1, description="Largest body with a script or a file [KB]; others end at 64.")
     queue_per_user: int = Field(default=100, ge=1, description="Scripts of one user that may wait in the queue.")
     lab_cache_mb: int = Field(default=64, ge=0, description="Cache of lab runs [MB].")
 
