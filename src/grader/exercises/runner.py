@@ -23,16 +23,7 @@ from grader.errors import Fault, GraderError, JailFault, NotFound
 from grader.exercises import catching, harness, recorder
 from grader.exercises.crashes import explain_error, explain_hidden_slip
 from grader.exercises.embedding import embed_code
-from grader.exercises.kind import (
-    Content,
-    DrawnCase,
-    JudgedTrial,
-    Judgement,
-    Kind,
-    Results,
-    TextOf,
-    Trial,
-)
+from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, TextOf, Trial
 from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
 from grader.exercises.parameters import (
     Case,

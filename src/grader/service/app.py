@@ -228,11 +228,7 @@ def run_server(settings: Settings) -> None:
     run_app(settings, ready)
 
 
-def run_app(
-    settings: Settings,
-    ready: Callable[[int, FastAPI], None],
-    listener: socket.socket | None = None,
-) -> None:
+def run_app(settings: Settings, ready: Callable[[int, FastAPI], None], listener: socket.socket | None = None) -> None:
     """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again.
 
     Calls `ready` with the port and the app. Exits 3 if it cannot start.

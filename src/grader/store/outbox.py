@@ -81,10 +81,7 @@ class Delivery(Base):
         Index("ix_outbox_course", "course", "state", "id"),
         Index("ix_outbox_learner", "course", "learner"),
         Index(
-            "ix_outbox_open",
-            "state",
-            sqlite_where=text("state <> 'sent'"),
-            postgresql_where=text("state <> 'sent'"),
+            "ix_outbox_open", "state", sqlite_where=text("state <> 'sent'"), postgresql_where=text("state <> 'sent'")
         ),
     )
 

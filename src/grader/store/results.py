@@ -26,14 +26,7 @@ from grader.store.engine.bulk import insert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.submissions import NEWEST
-from grader.store.tables import (
-    Credential,
-    Member,
-    Result,
-    ResultRevision,
-    Submission,
-    VerdictRow,
-)
+from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow
 
 COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
 """The columns of a result whose change is a new revision, and a row of the feed."""

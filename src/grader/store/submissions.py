@@ -15,16 +15,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
 from grader.store.engine.bulk import UtcDateTime, insert_rows
 from grader.store.engine.signals import announce
-from grader.store.tables import (
-    Event,
-    Member,
-    Review,
-    Submission,
-    VerdictRow,
-    first_id,
-    now,
-    values_of,
-)
+from grader.store.tables import Event, Member, Review, Submission, VerdictRow, first_id, now, values_of
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)

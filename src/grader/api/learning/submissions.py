@@ -174,11 +174,7 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
     return page_of(items, query, "/submissions", response)
 
 
-@router.get(
-    "/submissions/{submission_id}",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 422, 429),
-)
+@router.get("/submissions/{submission_id}", response_model=SubmissionView, responses=refusals(401, 403, 404, 422, 429))
 def show_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with services.database.read() as session:
@@ -186,9 +182,7 @@ def show_submission(submission_id: str, who: Learner, services: AppServices, res
 
 
 @router.post(
-    "/submissions/{submission_id}:stop",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/submissions/{submission_id}:stop", response_model=SubmissionView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def stop_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Stops one's own script, which uses no attempt before its hidden cases have begun. 409 once it has its verdict."""

@@ -105,9 +105,7 @@ def read_answer_of(
 
 
 @router.get(
-    "/lms/submissions/{submission_id}",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 422, 429),
+    "/lms/submissions/{submission_id}", response_model=SubmissionView, responses=refusals(401, 403, 404, 422, 429)
 )
 def show_submission_on_behalf(
     submission_id: str, who: Service, services: AppServices, response: Response

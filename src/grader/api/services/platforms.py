@@ -104,10 +104,7 @@ def list_platforms(_who: Administrator, services: AppServices) -> dict[str, Any]
 
 
 @router.post(
-    "/platforms",
-    status_code=201,
-    response_model=PlatformView,
-    responses=refusals(401, 403, 409, 413, 422, 429),
+    "/platforms", status_code=201, response_model=PlatformView, responses=refusals(401, 403, 409, 413, 422, 429)
 )
 def add_platform(body: PlatformBody, who: Administrator, services: AppServices) -> dict[str, Any]:
     """Registers a platform, which then waits for approval."""

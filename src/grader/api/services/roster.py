@@ -81,9 +81,7 @@ def read_entries(media_type: str, body: bytes, namespace: str, course_class: str
 
 
 @router.get(
-    "/roster.csv",
-    response_class=Response,
-    responses=refusals(401, 403, 422, 429, more={200: {"content": {CSV: TEXT}}}),
+    "/roster.csv", response_class=Response, responses=refusals(401, 403, 422, 429, more={200: {"content": {CSV: TEXT}}})
 )
 def export_roster(who: Staff, services: AppServices, *, bom: bool = False) -> Response:
     """Sends the members of the course as CSV in our own form; `bom` marks it as UTF-8 for Excel."""

@@ -172,9 +172,7 @@ def list_deliveries(
 
 
 @router.post(
-    "/deliveries/{delivery_id}:replay",
-    response_model=DeliveryView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/deliveries/{delivery_id}:replay", response_model=DeliveryView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def replay_delivery(delivery_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Delivers a dead letter once more. A score then replaces what a person has entered at the platform."""

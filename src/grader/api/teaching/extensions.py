@@ -39,9 +39,7 @@ class ExtensionBody(Extension):
 
 
 @router.get(
-    "/quizzes/{quiz_id}/extensions",
-    response_model=Page[GivenExtension],
-    responses=refusals(401, 403, 404, 422, 429),
+    "/quizzes/{quiz_id}/extensions", response_model=Page[GivenExtension], responses=refusals(401, 403, 404, 422, 429)
 )
 def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
@@ -52,9 +50,7 @@ def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dic
 
 
 @router.put(
-    "/quizzes/{quiz_id}/extensions",
-    response_model=ExtensionView,
-    responses=refusals(401, 403, 404, 413, 422, 429),
+    "/quizzes/{quiz_id}/extensions", response_model=ExtensionView, responses=refusals(401, 403, 404, 413, 422, 429)
 )
 def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""

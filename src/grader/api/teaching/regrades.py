@@ -100,10 +100,7 @@ class ListQuery(BaseModel):
 
 
 @router.post(
-    "/regrades",
-    status_code=202,
-    response_model=RegradeView,
-    responses=refusals(401, 403, 404, 409, 413, 422, 429),
+    "/regrades", status_code=202, response_model=RegradeView, responses=refusals(401, 403, 404, 409, 413, 422, 429)
 )
 def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Queues a regrade by the content that is loaded now. 409 while another one changes the same quiz."""
@@ -149,9 +146,7 @@ def show_regrade(
 
 
 @router.post(
-    "/regrades/{regrade_id}:cancel",
-    response_model=RegradeView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/regrades/{regrade_id}:cancel", response_model=RegradeView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def cancel_regrade(regrade_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Ends a regrade; what it has changed stays. 409 if it is over."""

@@ -197,9 +197,7 @@ def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dic
 
 
 @router.get(
-    "/submissions/{submission_id}/review",
-    response_model=ReviewView,
-    responses=refusals(401, 403, 404, 422, 429),
+    "/submissions/{submission_id}/review", response_model=ReviewView, responses=refusals(401, 403, 404, 422, 429)
 )
 def show_for_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows a submission as its reviewer sees it, without claiming it."""

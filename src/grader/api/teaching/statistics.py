@@ -19,8 +19,7 @@ router = APIRouter()
 
 
 @router.get(
-    "/quizzes/{quiz_id}/statistics",
-    responses=refusals(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}}),
+    "/quizzes/{quiz_id}/statistics", responses=refusals(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}})
 )
 def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""

@@ -19,13 +19,7 @@ ROLES_THAT_SEE_ALL = ("instructor", "service")
 
 UNANSWERED = "Answer the question first: the lab opens when your prediction is made."
 
-RUN_ENDS = (
-    Status.CRASHED,
-    Status.TIMED_OUT,
-    Status.OUT_OF_MEMORY,
-    Status.OUTPUT_TOO_LARGE,
-    Status.FORBIDDEN,
-)
+RUN_ENDS = (Status.CRASHED, Status.TIMED_OUT, Status.OUT_OF_MEMORY, Status.OUTPUT_TOO_LARGE, Status.FORBIDDEN)
 NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
 """Statuses that are shown at once, with their sentence: nothing was compared with a right answer."""
 

@@ -104,10 +104,7 @@ def explain_borrowed_slopes(reading: Reading) -> str | None:
         if any(row and {(term.slope, term.power) for term in row} == {(slope, 1)} for row in rows)
     ]
     if crossed:
-        seen = {
-            "position": "Your positions move by accelerations",
-            "velocity": "Your velocities move by velocities",
-        }
+        seen = {"position": "Your positions move by accelerations", "velocity": "Your velocities move by velocities"}
         return (
             f"{' and your '.join([seen[crossed[0]], *(seen[what][5:] for what in crossed[1:])])}: the slope of "
             "data.qpos is data.qvel, and the slope of data.qvel is data.qacc. Look where you unpack or sum them."

@@ -247,16 +247,8 @@ def is_limit_of_file(context: ClaimContext, claim: Claim) -> bool:
 
 
 METHODS: tuple[WrongMethod, ...] = (
-    WrongMethod(
-        "milliseconds",
-        "You reported milliseconds, not seconds: divide by 1000.",
-        is_in_milliseconds,
-    ),
-    WrongMethod(
-        "hertz",
-        "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f.",
-        is_in_hertz,
-    ),
+    WrongMethod("milliseconds", "You reported milliseconds, not seconds: divide by 1000.", is_in_milliseconds),
+    WrongMethod("hertz", "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f.", is_in_hertz),
     WrongMethod(
         "swapped",
         "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
@@ -395,11 +387,7 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTri
         return CACHED_RESULTS if has_cached_results(judged) else SAME_EVERYWHERE
     first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
     claims = [
-        (
-            ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]),
-            one.judgement.outcome,
-            one,
-        )
+        (ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
         for one in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
