@@ -1,7 +1,5 @@
-"""Exercises: scripts that are run in the jail and judged by simulating again, each of a kind that is a plug-in.
-
-Other rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes.
-"""
+"""Exercises: scripts that are run in the jail and judged by simulating again, each of a kind that is a plug-in. Other
+rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes."""
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
 from grader.domain.run import Limits

@@ -1,10 +1,8 @@
-"""Notes the exceptions that `except` clauses of the script catch: `handled`, with class, both lines, and how often.
-
-The code of this file is sent to the jail behind that of the recorder, if the script has the word `except`; it imports
+"""Notes the exceptions that `except` clauses of the script catch: `handled`, with class, both lines, and how often. The
+code of this file is sent to the jail behind that of the recorder, if the script has the word `except`; it imports
 nothing of the grader. Handled exceptions are seen by a call that is compiled into each clause: tracing (`sys.settrace`,
 `sys.setprofile`) would slow every line of the script, and `sys.monitoring` needs Python 3.12. `contextlib.suppress` is
-not seen.
-"""
+not seen."""
 
 import ast
 import builtins
@@ -37,10 +35,8 @@ def finish() -> None:
 
 
 def compile_source(source: str, filename: str) -> types.CodeType:
-    """Compiles the student's source, with a call of `handle` at the start of each `except` clause.
-
-    Falls back on the plain compiler, which raises what there is to raise.
-    """
+    """Compiles the student's source, with a call of `handle` at the start of each `except` clause. Falls back on the
+    plain compiler, which raises what there is to raise."""
     if len(source) <= SOURCE_BYTES_MAX:
         try:
             tree = ast.parse(source, filename)

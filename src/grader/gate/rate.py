@@ -1,7 +1,5 @@
-"""Rate limits: one token bucket per learner or address, which requests empty and time refills.
-
-A bucket is stored as the time at which it is full again, so that a full one needs no entry.
-"""
+"""Rate limits: one token bucket per learner or address, which requests empty and time refills. A bucket is stored as
+the time at which it is full again, so that a full one needs no entry."""
 
 import math
 import time
@@ -20,10 +18,8 @@ ROUNDING = 1e-6
 
 
 class RateLimit:
-    """Token buckets of size `burst`, refilled at `rate_per_s` [1/s]. Not thread-safe: for the event loop.
-
-    Each server process counts alone: see `Settings.share`.
-    """
+    """Token buckets of size `burst`, refilled at `rate_per_s` [1/s]. Not thread-safe: for the event loop. Each server
+    process counts alone: see `Settings.share`."""
 
     def __init__(
         self,

@@ -63,12 +63,10 @@ def find_content_root(path: Path) -> Path:
 def check_content(
     path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say, draws: int = 1
 ) -> Report:
-    """Load the content folder of `path`, certify its keys, and grade its reference programs.
-
-    A path inside the folder restricts certificates and reference programs to those below it. `pipeline_for` opens a
-    pipeline, with its jail, for a library. Each reference program is graded under `draws` draws of the hidden cases,
-    and must get one status and one diagnosis under all of them.
-    """
+    """Load the content folder of `path`, certify its keys, and grade its reference programs. A path inside the folder
+    restricts certificates and reference programs to those below it. `pipeline_for` opens a pipeline, with its jail, for
+    a library. Each reference program is graded under `draws` draws of the hidden cases, and must get one status and one
+    diagnosis under all of them."""
     report = Report()
     try:
         library = load(find_content_root(path))
@@ -150,10 +148,8 @@ def find_luck_faults(library: Library, quiz_id: str, question: ScriptQuestion, s
 
 @dataclass(frozen=True)
 class ReferenceProgram:
-    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root.
-
-    `status` and `diagnosis` are what it must get with the installed MuJoCo.
-    """
+    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root. `status` and
+    `diagnosis` are what it must get with the installed MuJoCo."""
 
     file: str
     source: str
@@ -176,11 +172,9 @@ def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
 
 
 def read_demand(source: str, status: str, installed: str = INSTALLED) -> tuple[str, str | None]:
-    """Return the status and the diagnosis that a program must get, `status` being the one in its name.
-
-    A first line `# diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says
-    what the program gets with this version or a later one; of several lines the last that applies counts.
-    """
+    """Return the status and the diagnosis that a program must get, `status` being the one in its name. A first line `#
+    diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says what the program
+    gets with this version or a later one; of several lines the last that applies counts."""
     head = list(takewhile(lambda line: line.startswith("#"), source.splitlines()))
     diagnosis = head[0].removeprefix("# diagnosis:").strip() if head and head[0].startswith("# diagnosis:") else None
     for found in filter(None, map(FROM_VERSION.fullmatch, head)):

@@ -25,10 +25,8 @@ AnyKind = QuestionKind[Any, Any]
 
 @cache
 def installed_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by each of its names, in the order of the names of the entry points.
-
-    Raises GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole.
-    """
+    """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
+    GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyKind] = {}
     for point in sorted(entry_points(group=GROUP)):
         kind = load_kind(point)
@@ -83,19 +81,15 @@ def kind_of(question: Question) -> AnyKind:
 
 
 def read_answer(question: Question, answer: Any) -> str:
-    """Return the answer as it is understood, for the learner to confirm.
-
-    Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
-    """
+    """Return the answer as it is understood, for the learner to confirm. Raises InvalidAnswer with one sentence: why
+    the answer cannot be read, and what would be readable."""
     kind = kind_of(question)
     return kind.describe(question, kind.read(question, answer))
 
 
 def grade_answer(question: Question, answer: Any) -> Verdict:
-    """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason.
-
-    Of a wrong answer only `explain`, and `expected` of a finding, may contain the right one.
-    """
+    """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason. Of a wrong answer only
+    `explain`, and `expected` of a finding, may contain the right one."""
     kind = kind_of(question)
     try:
         given = kind.read(question, answer)

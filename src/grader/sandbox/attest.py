@@ -29,11 +29,9 @@ def read_namespaces(pid: int) -> dict[str, str]:
 
 
 def list_missing_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
-    """List the locks that the child lacks; none may be missing when it receives a script.
-
-    `probed` is what the child itself reported before any script was in it; `zygote` holds the namespaces of the zygote
-    (None in tier T2); `uid` is the user that it must run as.
-    """
+    """List the locks that the child lacks; none may be missing when it receives a script. `probed` is what the child
+    itself reported before any script was in it; `zygote` holds the namespaces of the zygote (None in tier T2); `uid` is
+    the user that it must run as."""
     lines = read_proc(f"{pid}/status").splitlines()
     status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
     faults = [name for name in CAPABILITIES if int(status[name], 16)]
@@ -56,11 +54,7 @@ def list_missing_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str,
 
 
 def check_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> None:
-    """Refuse a child that lacks a lock.
-
-    Raises:
-        JailFault: a lock is missing; the text names it.
-    """
+    """Refuse a child that lacks a lock. Raises JailFault if a lock is missing; the text names it."""
     try:
         faults = list_missing_locks(pid, probed, zygote, uid)
     except (OSError, KeyError, ValueError) as error:

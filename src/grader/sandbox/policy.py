@@ -1,7 +1,5 @@
-"""What the jail allows, as data.
-
-Source of the limits: measured on MuJoCo 3.14.0; tighter AS or DATA hangs MuJoCo's thread pool.
-"""
+"""What the jail allows, as data. Source of the limits: measured on MuJoCo 3.14.0; tighter AS or DATA hangs MuJoCo's
+thread pool."""
 
 from typing import Final
 

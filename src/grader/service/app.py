@@ -156,9 +156,7 @@ def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Rea
 
 def lifespan_of(services: Services) -> Any:
     """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
-
-    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content.
-    """
+    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content."""
     database, graders, worker = services.database, services.monitor.graders, services.monitor.worker
     recomputing = Recomputing(database=database, desk_of=services.desk_of)
     services.content.add_listener(recomputing.wake)
@@ -229,10 +227,8 @@ def run_server(settings: Settings) -> None:
 
 
 def run_app(settings: Settings, ready: Callable[[int, FastAPI], None], listener: socket.socket | None = None) -> None:
-    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again.
-
-    Calls `ready` with the port and the app. Exits 3 if it cannot start.
-    """
+    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again. Calls
+    `ready` with the port and the app. Exits 3 if it cannot start."""
     sys.setswitchinterval(SWITCH_S)
     gc.set_threshold(YOUNG_OBJECTS)
     app = create_app(settings)

@@ -1,8 +1,6 @@
-"""`grader serve`: one server process, or several that share one listening socket, with a worker beside them.
-
-With several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
-ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little.
-"""
+"""`grader serve`: one server process, or several that share one listening socket, with a worker beside them. With
+several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
+ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little."""
 
 import json
 import os
@@ -182,10 +180,8 @@ def catch_signals(children: Sequence[Child], stopping: threading.Event) -> None:
 
 
 def supervise(children: Sequence[Child], stopping: threading.Event, settings: Settings) -> int:
-    """Starts the processes and keeps them until `stopping`. Returns 0, or the status of one that cannot start.
-
-    The first starts alone: it moves the tables, and tells the faults of content and settings once.
-    """
+    """Starts the processes and keeps them until `stopping`. Returns 0, or the status of one that cannot start. The
+    first starts alone: it moves the tables, and tells the faults of content and settings once."""
     first, *others = children
     with ThreadPoolExecutor(len(children)) as pool:
         alive = {first: first.start()}

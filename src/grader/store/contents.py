@@ -37,10 +37,8 @@ class ContentManifest(Base):
 
 
 class ContentInUse(Base):
-    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone.
-
-    The rows of the course `EVERY` are for courses without content of their own, which have no rows.
-    """
+    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone. The rows of
+    the course `EVERY` are for courses without content of their own, which have no rows."""
 
     __tablename__ = "content_in_use"
 

@@ -29,11 +29,9 @@ class Waits(NamedTuple):
 
 @dataclass(frozen=True)
 class Queue:
-    """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer.
-
-    A submission does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes
-    `averaged`, where all attempts count. `quizzes` are the only ones to look into, if not None.
-    """
+    """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer. A submission
+    does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes `averaged`,
+    where all attempts count. `quizzes` are the only ones to look into, if not None."""
 
     wanted: SubmissionFilter
     averaged: Collection[str]

@@ -74,10 +74,8 @@ class SubmissionFilter:
 
 
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
-    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table.
-
-    The objects get their state, and are not followed by the session.
-    """
+    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table. The
+    objects get their state, and are not followed by the session."""
     clock = clock or now()
     for submission, verdict in new:
         submission.version, submission.created_at = 1, clock
@@ -185,10 +183,8 @@ def unsolved(
     session: Session, course: str, since: datetime, attempts: int, *, newest: int, limit: int
 ) -> Sequence[Try]:
     """The graded attempts since a moment at questions where a member has made that many and none was right, in order.
-
     Among the `newest` submissions of the course, and of at most `limit` learners at a question, who tried last. Leaves
-    out what a person marks, and who was removed.
-    """
+    out what a person marks, and who was removed."""
     here = select(Submission.id).where(Submission.course == course).order_by(Submission.id.desc())
     oldest = max(first_id(since), session.scalar(here.offset(newest - 1).limit(1)) or "")
     is_marked = select(Review.submission_id).where(Review.submission_id == Submission.id).exists()

@@ -43,10 +43,8 @@ def now() -> datetime:
 
 
 def new_id(after: str = "") -> str:
-    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits.
-
-    It sorts behind the id `after`, also where the clock has been set back or shows the same millisecond.
-    """
+    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits. It sorts behind the
+    id `after`, also where the clock has been set back or shows the same millisecond."""
     earliest = int(after[:12], 16) + 1 if after else 0
     return f"{max(int(now().timestamp() * 1000), earliest):012x}{secrets.token_hex(10)}"
 
@@ -195,11 +193,9 @@ class Result(Base):
 
 
 class ResultRevision(Base):
-    """One change of a result; never changed but for its `position`, never removed.
-
-    The order of ids is not the order of commits. `position` is given to rows that are committed, so that a reader who
-    has seen a position has seen everything before it.
-    """
+    """One change of a result; never changed but for its `position`, never removed. The order of ids is not the order of
+    commits. `position` is given to rows that are committed, so that a reader who has seen a position has seen
+    everything before it."""
 
     __tablename__ = "result_revisions"
     __table_args__ = (

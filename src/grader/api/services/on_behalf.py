@@ -96,10 +96,8 @@ async def create_submission_on_behalf(
 def read_answer_of(
     services: Services, who: Identity, learner: External, body: OnBehalfBody, key: str | None
 ) -> NewAnswer:
-    """As `read_answer`, for a learner, who becomes a member only with an answer that can be read.
-
-    Raises Forbidden for one who was removed.
-    """
+    """As `read_answer`, for a learner, who becomes a member only with an answer that can be read. Raises Forbidden for
+    one who was removed."""
     answer = read_answer(services, who, body, key)
     return replace(answer, who=learner_behind(services.database, who, learner, body.learner.name))
 

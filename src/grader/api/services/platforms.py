@@ -1,7 +1,5 @@
 """`/lti`: learning platforms, for instructors of the course `default`, and their courses, for those of the linked one.
-
-A restricted token may do none of it: a link makes instructors.
-"""
+A restricted token may do none of it: a link makes instructors."""
 
 from typing import Annotated, Any
 

@@ -116,10 +116,8 @@ def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
 
 
 def row_of(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
-    """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member.
-
-    `marks` has those of learners whose name another bears too.
-    """
+    """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member. `marks`
+    has those of learners whose name another bears too."""
     is_named = known.account is not None and known.account.startswith(NAMED)
     is_canvas = known.namespace == CANVAS
     return Row(

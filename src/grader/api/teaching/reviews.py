@@ -41,10 +41,8 @@ class ReviewQuery(PageQuery):
 
 
 class ClaimBody(RequestBody):
-    """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course.
-
-    With `second`, one that waits for a second mark.
-    """
+    """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course. With
+    `second`, one that waits for a second mark."""
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)

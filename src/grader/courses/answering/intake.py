@@ -40,11 +40,9 @@ class Receipt:
 
 @dataclass(frozen=True, eq=False)
 class NewAnswer:
-    """An answer that was read, and graded where that is instant; else it gets a job for a worker.
-
-    The same idempotency `key` with the same answer gives the first receipt again. `queue_max` is how many scripts of
-    one learner may wait.
-    """
+    """An answer that was read, and graded where that is instant; else it gets a job for a worker. The same idempotency
+    `key` with the same answer gives the first receipt again. `queue_max` is how many scripts of one learner may
+    wait."""
 
     who: Identity
     library: Library
@@ -60,11 +58,8 @@ class NewAnswer:
 
 
 def store_answers(database: Database, session: Session, answers: Sequence[NewAnswer]) -> list[Receipt | CallerError]:
-    """Decides on answers in the order of their coming, and stores those that are taken.
-
-    Returns the receipt of each, which holds once the transaction is committed, or else Unauthorized, Unprocessable,
-    Conflict or TooManyRequests.
-    """
+    """Decides on answers in the order of their coming, and stores those that are taken. Returns the receipt of each,
+    which holds once the transaction is committed, or else Unauthorized, Unprocessable, Conflict or TooManyRequests."""
     database.lock_learners(session, {(answer.who.course, answer.who.id) for answer in answers})
     batch = AnswerBatch(session)
     keys = [AnswerKeys(answer.place, answer.who.credential, answer.key) for answer in answers]

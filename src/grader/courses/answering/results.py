@@ -54,11 +54,9 @@ class NewSubmission:
 def count_new(
     session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime
 ) -> None:
-    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date.
-
-    The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
-    decide together what counts now: the time does not grow with the number of attempts.
-    """
+    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date. The
+    caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt decide
+    together what counts now: the time does not grow with the number of attempts."""
     changed, revised, averages = dict[LearnerAt, Columns](), list[Columns](), dict[LearnerAt, Library]()
     for one in new:
         state, before = states[one.place], states[one.place].result
@@ -118,10 +116,8 @@ def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmissi
 def describe_answers(
     session: Session, decided: Sequence[str], before: Columns | None, new: NewSubmission | None
 ) -> dict[str, Any]:
-    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict.
-
-    A first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read.
-    """
+    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict. A
+    first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read."""
     if before is not None and new is not None and new.verdict is not None and new.submission.revision == 1:
         if new.submission.id not in decided:
             return {}
@@ -169,10 +165,8 @@ def grant(
     granted: Extension,
     by: Identity | None,
 ) -> None:
-    """Gives a learner an extension of a quiz, and counts the learner's results in it again.
-
-    `by` is None for the command line. Raises NotFound if the course has no such quiz.
-    """
+    """Gives a learner an extension of a quiz, and counts the learner's results in it again. `by` is None for the
+    command line. Raises NotFound if the course has no such quiz."""
     library.quiz(quiz)
     database.lock_learner(session, learner.course, learner.id)
     extensions.put(session, (learner.course, quiz, learner.id), granted, COMMAND_LINE if by is None else by.user)

@@ -129,11 +129,7 @@ def play(work: dict[str, Any]) -> NoReturn:
 
 
 def submit(name: str, value: Any) -> None:
-    """Send one named array of numbers back.
-
-    Raises:
-        TypeError: not numbers.
-    """
+    """Send one named array of numbers back. Raises TypeError for anything else."""
     array = np.ascontiguousarray(value).reshape(np.shape(value))
     if array.dtype.kind in "iu" and array.dtype.name not in DTYPES:
         array = array.astype(np.int64)

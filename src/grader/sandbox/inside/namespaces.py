@@ -15,11 +15,8 @@ SIGKILL = 9
 
 
 def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
-    """Enter new user, pid, mount, network, IPC and UTS namespaces.
-
-    The scratch directory and /proc are empty, and the files `hidden` read as /dev/null. The pid namespace begins with
-    the next fork.
-    """
+    """Enter new user, pid, mount, network, IPC and UTS namespaces. The scratch directory and /proc are empty, and the
+    files `hidden` read as /dev/null. The pid namespace begins with the next fork."""
     uid, gid = os.getuid(), os.getgid()
     # When memory is short the kernel must end this process, never the zygote.
     Path("/proc/self/oom_score_adj").write_text("1000")

@@ -1,7 +1,5 @@
-"""The revisions of the tables, up and down.
-
-Alembic takes long to import, so it is imported only where tables have to move: most commands find them current.
-"""
+"""The revisions of the tables, up and down. Alembic takes long to import, so it is imported only where tables have to
+move: most commands find them current."""
 
 from importlib import resources
 from typing import TYPE_CHECKING
@@ -37,10 +35,8 @@ def revisions() -> list[str]:
 
 
 def move(connection: Connection, target: str | None = None) -> None:
-    """Brings the tables to the revision `target`, the newest if None, in the connection's transaction.
-
-    Raises Conflict if a later version has written them, and Unprocessable for an unknown target.
-    """
+    """Brings the tables to the revision `target`, the newest if None, in the connection's transaction. Raises Conflict
+    if a later version has written them, and Unprocessable for an unknown target."""
     stored, wanted = current(connection), newest() if target is None else target
     if stored == wanted == newest():
         return

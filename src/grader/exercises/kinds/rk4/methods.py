@@ -59,9 +59,7 @@ def find_name(rows: Matrix) -> str | None:
 
 def compute_order(rows: Matrix) -> int:
     """Returns the order of a method, at most 5: how many groups of Butcher's order conditions its tableau meets.
-
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.2.
-    """
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.2."""
     *stages, weights = rows
     a = np.stack([pad_row(row, len(stages)) for row in stages])
     b, c = pad_row(weights, len(stages)), a.sum(axis=1)

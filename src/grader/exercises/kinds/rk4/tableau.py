@@ -55,12 +55,10 @@ STALE, SMOOTH = "stale", "smooth"
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What makes up each stage and, in the last row, the result; None where nothing does.
-
-    `slope` names in terms: "v" (stage 0: at the start of the step; n + 1: after it), "a", "r", "t". `idle` are the dofs
-    whose velocity never changes, `still` those whose position never does; the rows leave them out. Rotations are left
-    out of the positions where there are others: rotations.py reads them.
-    """
+    """What makes up each stage and, in the last row, the result; None where nothing does. `slope` names in terms: "v"
+    (stage 0: at the start of the step; n + 1: after it), "a", "r", "t". `idle` are the dofs whose velocity never
+    changes, `still` those whose position never does; the rows leave them out. Rotations are left out of the positions
+    where there are others: rotations.py reads them."""
 
     model: mujoco.MjModel
     calls: int
@@ -323,9 +321,7 @@ def pad_row(row: Row, length: int) -> Rows:
 
 def draw_tableau(reading: Reading) -> dict[str, Any] | None:
     """Returns the tableau of the velocities, and that of the positions where it is another; None if neither is one.
-
-    `wrong` lists the entries that differ from the classical method's: ["a", row, column], ["b", column], ["c", row].
-    """
+    `wrong` lists the entries that differ from the classical method's: ["a", row, column], ["b", column], ["c", row]."""
     velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
     main = velocities or positions
     if main is None or not reading.calls:

@@ -1,7 +1,5 @@
-"""Says what is wrong with a tableau: the student's stages and weights beside the classical ones.
-
-`what` is what the rows move: the whole "state", or the "position" or "velocity" alone.
-"""
+"""Says what is wrong with a tableau: the student's stages and weights beside the classical ones. `what` is what the
+rows move: the whole "state", or the "position" or "velocity" alone."""
 
 from collections.abc import Mapping, Sequence
 

@@ -105,11 +105,8 @@ def compute_row_maxima(values: Rows) -> Rows:
 
 
 def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
-    """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
-
-    The length of a quaternion does not count within QUATERNION_LENGTHS: MuJoCo normalises wherever it reads one, so it
-    is no part of the state.
-    """
+    """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`. The length of a quaternion does
+    not count within QUATERNION_LENGTHS: MuJoCo normalises wherever it reads one, so it is no part of the state."""
     if len(run.qpos) == len(run.qvel):
         return other - one
     model = run.scene().model

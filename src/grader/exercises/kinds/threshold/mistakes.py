@@ -67,11 +67,9 @@ Predicate = Callable[[ClaimContext, Claim], bool]
 
 @dataclass(frozen=True)
 class WrongMethod:
-    """A mistake: the sentence for the student, and whether the mistake gives a claim.
-
-    The mistake must explain every wrong claim; with `all_claims` also the right ones, which may be right by accident.
-    At least one wrong claim must hold numbers, unless `of_numbers` is false: a claim of `None` has many explanations.
-    """
+    """A mistake: the sentence for the student, and whether the mistake gives a claim. The mistake must explain every
+    wrong claim; with `all_claims` also the right ones, which may be right by accident. At least one wrong claim must
+    hold numbers, unless `of_numbers` is false: a claim of `None` has many explanations."""
 
     id: str
     sentence: str
@@ -438,10 +436,8 @@ def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
 
 
 def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
-    """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so.
-
-    In the call itself that timestep, or a larger one, raised no warning.
-    """
+    """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so. In
+    the call itself that timestep, or a larger one, raised no warning."""
     visible = [one for one in wrong if not one.trial.hidden]
     unstable: set[float] = set()
     explained = 0

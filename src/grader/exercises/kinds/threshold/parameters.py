@@ -69,9 +69,7 @@ class ThresholdParameters(ExerciseParameters):
 @dataclass(frozen=True)
 class Cell:
     """One model under one integrator. Both scenes begin at `start`, a joint's name with its position [rad or m].
-
-    `scene_as_written` lacks the drawn numbers. A scene is compiled on its first use, once for all integrators.
-    """
+    `scene_as_written` lacks the drawn numbers. A scene is compiled on its first use, once for all integrators."""
 
     case: str
     xml: str

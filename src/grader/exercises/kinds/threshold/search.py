@@ -1,7 +1,5 @@
-"""Names the mistake that the runs of a script show.
-
-The trace is a claim: what is said here explains a verdict and decides nothing.
-"""
+"""Names the mistake that the runs of a script show. The trace is a claim: what is said here explains a verdict and
+decides nothing."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -176,10 +174,8 @@ FALLBACK_RULES: tuple[Rule, ...] = (
 def explain_searches(
     parameters: ThresholdParameters, wrong: Sequence[JudgedTrial[Cell, Claim]], rules: Sequence[Rule]
 ) -> str | None:
-    """Returns the sentence of the first rule that explains every wrong claim of the visible trials.
-
-    If all visible claims are right, it must explain those of the hidden trials, of whose runs only the first are known.
-    """
+    """Returns the sentence of the first rule that explains every wrong claim of the visible trials. If all visible
+    claims are right, it must explain those of the hidden trials, of whose runs only the first are known."""
     told = [one for one in wrong if not one.trial.hidden] or wrong
     observed = [
         Observation(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)

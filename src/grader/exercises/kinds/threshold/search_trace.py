@@ -45,9 +45,7 @@ class Run:
 @dataclass(frozen=True)
 class Search:
     """The runs of one trial: `differing_fields` names for each model the fields in which it is not the given one.
-
-    `created` counts how often a data was created or reset; `was_reset`: the last run was followed by a reset.
-    """
+    `created` counts how often a data was created or reset; `was_reset`: the last run was followed by a reset."""
 
     runs: tuple[Run, ...]
     total: int

@@ -107,10 +107,8 @@ def option_key(question: OptionsQuestion, lab: LabConfig | None = None) -> Optio
 
 
 def read_choice(options: Sequence[str], answer: Any) -> int:
-    """Read the 0-based index of an option from an index, its digits, or the whole text of the option.
-
-    Raises InvalidAnswer; JSON `true` is not an index.
-    """
+    """Read the 0-based index of an option from an index, its digits, or the whole text of the option. Raises
+    InvalidAnswer; JSON `true` is not an index."""
     last = len(options) - 1
     advice = f"choose one of the {last + 1} options by its number, from 0 to {last}"
     index = _as_index(answer)

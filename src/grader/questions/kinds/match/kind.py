@@ -38,9 +38,7 @@ def _distinct_lefts(pairs: tuple[Pair, ...]) -> tuple[Pair, ...]:
 
 class MatchQuestion(Question):
     """Pairs of texts; several may have the same right side. `extra` has further right sides that belong to no left one.
-
-    Points are the share of the pairs that are right.
-    """
+    Points are the share of the pairs that are right."""
 
     kind: Literal["match"]
     pairs: Annotated[tuple[Pair, ...], Field(min_length=2, max_length=PARTS_MAX), AfterValidator(_distinct_lefts)]

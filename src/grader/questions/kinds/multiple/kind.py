@@ -28,9 +28,7 @@ def _each_once(answer: tuple[int, ...]) -> tuple[int, ...]:
 
 class MultipleQuestion(Question):
     """Several right options; `answer` has their 0-based indices. Each option may have a sentence of its own in `whys`.
-
-    Points are the share of the right options that are chosen, less as much for every wrong one, and never below 0.
-    """
+    Points are the share of the right options that are chosen, less as much for every wrong one, and never below 0."""
 
     kind: Literal["multiple"]
     options: Options
@@ -126,10 +124,8 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
 
 
 def _findings(question: MultipleQuestion, answer: tuple[int, ...]) -> Iterator[Finding]:
-    """Yields a finding for each chosen option, and one for all right options that are not chosen.
-
-    Wrong options take away at most the points of the right ones.
-    """
+    """Yields a finding for each chosen option, and one for all right options that are not chosen. Wrong options take
+    away at most the points of the right ones."""
     share = question.points / len(question.answer)
     right = [index for index in answer if index in question.answer]
     wrong = len(answer) - len(right)
