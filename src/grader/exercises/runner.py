@@ -400,15 +400,10 @@ def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequ
         message = " ".join(reviews)
         findings.append(
             Finding(
-                id="doubt",
-                title="for a person",
-                passed=None,
-                points=0.0,
-                max_points=0.0,
-                message=message,
-                direction=message,
+                id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message,
+                direction=message
             )
-        )
+        )  # fmt: skip
     return tuple(findings)
 
 
@@ -417,16 +412,10 @@ def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
     say how far the result is off, so the direction leaves it out."""
     shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
-        id=judged.trial.id,
-        title=title,
-        passed=judged.counts,
-        points=points if judged.counts else 0.0,
-        max_points=points,
-        message=" ".join(filter(None, (choose_message(judged), shown.detail))),
-        direction=choose_message(judged),
-        measured=shown.measured,
-        expected=shown.expected,
-    )
+        id=judged.trial.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
+        max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
+        direction=choose_message(judged), measured=shown.measured, expected=shown.expected
+    )  # fmt: skip
 
 
 def choose_message(judged: AnyJudged) -> str:

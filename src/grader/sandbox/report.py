@@ -23,8 +23,8 @@ NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocat
 
 
 def build_report(ending: Ending, job: Job) -> RunReport:
-    """Decide the status; of a script that ran out of time, say where. Nothing that a script does can make this raise but
-    this: JailFault if something other than the jail or a limit killed the process, and ScriptStopped."""
+    """Decide the status; of a script that ran out of time, say where. Nothing that a script does can make this raise.
+    Raises JailFault if something other than the jail or a limit killed the process, and ScriptStopped."""
     if ending.cause is Cause.STOP:
         raise ScriptStopped(ending.hidden_sent)
     limits = job.limits

@@ -201,19 +201,10 @@ class Server(uvicorn.Server):
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     """How uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
     return uvicorn.Config(
-        app,
-        http="httptools",
-        ws="none",
-        loop="uvloop",
-        host=settings.host,
-        port=settings.port,
-        log_config=None,
-        log_level="warning",
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        timeout_graceful_shutdown=SHUTDOWN_S,
-    )
+        app, http="httptools", ws="none", loop="uvloop", host=settings.host, port=settings.port, log_config=None,
+        log_level="warning", access_log=False, proxy_headers=False, server_header=False,
+        timeout_graceful_shutdown=SHUTDOWN_S
+    )  # fmt: skip
 
 
 def run_server(settings: Settings) -> None:

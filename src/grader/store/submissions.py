@@ -289,17 +289,10 @@ def _settled(verdict: Verdict, revision: int) -> dict[str, Any]:
 
 def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dict[str, Any]:
     return {
-        "submission_id": submission.id,
-        "revision": submission.revision,
-        "cause": cause,
-        "status": verdict.status.value,
-        "points": verdict.points,
-        "max_points": verdict.max_points,
-        "course": submission.course,
-        "seed": submission.seed,
-        "content_digest": verdict.content_digest,
-        "body": verdict.model_dump_json(),
-    }
+        "submission_id": submission.id, "revision": submission.revision, "cause": cause, "status": verdict.status.value,
+        "points": verdict.points, "max_points": verdict.max_points, "course": submission.course,
+        "seed": submission.seed, "content_digest": verdict.content_digest, "body": verdict.model_dump_json(),
+    }  # fmt: skip
 
 
 NEW_EVENT = insert(Event).from_select(

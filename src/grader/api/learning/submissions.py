@@ -252,17 +252,11 @@ def view(
     """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says. A `pseudonym`
     replaces the learner's name and id."""
     shown = {
-        "id": submission.id,
-        "quiz": submission.quiz,
-        "question": submission.question,
-        "learner": submission.learner if pseudonym is None else None,
-        "user": pseudonym or submission.user,
-        "status": status_with(submission, verdict),
-        "attempt": submission.attempt,
-        "created_at": submission.created_at,
-        "revision": submission.revision,
-        "verdict": verdict,
-    }
+        "id": submission.id, "quiz": submission.quiz, "question": submission.question,
+        "learner": submission.learner if pseudonym is None else None, "user": pseudonym or submission.user,
+        "status": status_with(submission, verdict), "attempt": submission.attempt, "created_at": submission.created_at,
+        "revision": submission.revision, "verdict": verdict,
+    }  # fmt: skip
     if with_answer:
         shown["answer"] = json.loads(submission.answer) if submission.answer else None
     if with_seed:

@@ -23,15 +23,9 @@ from grader.store.tables import Member, Submission, now
 
 
 def append_verdict(
-    database: Database,
-    library: Library,
-    session: Session,
-    submission: Submission,
-    verdict: Verdict,
-    *,
-    cause: str,
-    reviewer: str | None = None,
-) -> None:
+    database: Database, library: Library, session: Session, submission: Submission, verdict: Verdict, *, cause: str,
+    reviewer: str | None = None
+) -> None:  # fmt: skip
     """Adds a verdict as the submission's newest revision, and counts the learner's result again."""
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
@@ -156,15 +150,9 @@ def recount_quiz(database: Database, library: Library, course: str, quiz: str) -
 
 
 def grant(
-    database: Database,
-    library: Library,
-    session: Session,
-    learner: Member,
-    quiz: str,
-    *,
-    granted: Extension,
-    by: Identity | None,
-) -> None:
+    database: Database, library: Library, session: Session, learner: Member, quiz: str, *, granted: Extension,
+    by: Identity | None
+) -> None:  # fmt: skip
     """Gives a learner an extension of a quiz, and counts the learner's results in it again. `by` is None for the
     command line. Raises NotFound if the course has no such quiz."""
     library.quiz(quiz)

@@ -130,15 +130,9 @@ def before_opening(policy: Policy, now: datetime) -> str | None:
 
 
 def decide(
-    policy: Policy,
-    extension: Extension | None,
-    question: Question,
-    progress: Progress,
-    now: datetime,
-    *,
-    role: str,
-    published_at: datetime | None = None,
-) -> Decision:
+    policy: Policy, extension: Extension | None, question: Question, progress: Progress, now: datetime, *, role: str,
+    published_at: datetime | None = None
+) -> Decision:  # fmt: skip
     """Decides what a learner may do and see at a question. `progress` sums up the learner's own attempts at it.
     `published_at` is when an instructor published the feedback of the quiz, None before that. Instructors and services
     see everything, and may try questions at any time."""

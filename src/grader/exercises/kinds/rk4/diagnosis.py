@@ -167,15 +167,9 @@ def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
 
 
 STATE_RULES: tuple[Rule, ...] = (
-    explain_other_data,
-    explain_stale_variables,
-    explain_idle,
-    explain_single_joints,
-    explain_restored_state,
-    explain_clipped_velocities,
-    explain_truncated_slopes,
-    explain_rounded_state,
-)
+    explain_other_data, explain_stale_variables, explain_idle, explain_single_joints, explain_restored_state,
+    explain_clipped_velocities, explain_truncated_slopes, explain_rounded_state,
+)  # fmt: skip
 """Mistakes in how a step keeps its state and slopes, which are looked for before those of the method."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (

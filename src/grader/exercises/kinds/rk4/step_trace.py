@@ -69,17 +69,10 @@ def read_step(note: Note, run: Run) -> Step | None:
     qacc, rate, smooth = np.split(rows[:, asked:], [nv, nv + na], axis=1)
     qpos, qvel, act = np.split(states[:, 1:], [nq, nq + nv], axis=1)
     return Step(
-        timestep,
-        bool(probe),
-        states[:, 0],
-        qpos,
-        qvel,
-        act,
-        ctrl=np.vstack([before[state:asked], rows[:, state:asked]]),
-        qacc=np.vstack([before[asked:], qacc]),
-        rate=rate,
-        smooth=smooth,
-    )
+        timestep, bool(probe), states[:, 0], qpos, qvel, act,
+        ctrl=np.vstack([before[state:asked], rows[:, state:asked]]), qacc=np.vstack([before[asked:], qacc]), rate=rate,
+        smooth=smooth
+    )  # fmt: skip
 
 
 def compute_moves(model: mujoco.MjModel, origin: Rows, positions: Rows) -> Rows:

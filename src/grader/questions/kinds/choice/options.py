@@ -76,16 +76,10 @@ class OneOption(QuestionKind[Q, int]):
         why = option_text(question.whys[answer]) if question.whys else ""
         message = why or ("This option is right." if passed else "This option is not right.")
         finding = Finding(
-            id="choice",
-            title="Your choice",
-            passed=passed,
-            points=question.points if passed else 0.0,
-            max_points=question.points,
-            message=message,
-            direction=message,
-            measured=words,
-            expected=words if passed else None,
-        )
+            id="choice", title="Your choice", passed=passed, points=question.points if passed else 0.0,
+            max_points=question.points, message=message, direction=message, measured=words,
+            expected=words if passed else None
+        )  # fmt: skip
         return verdict_of((finding,), evidence={"option": answer})
 
     def options(self, question: Q) -> Sequence[Option]:

@@ -183,16 +183,9 @@ def _findings(question: MatchQuestion, answer: Mapping[str, str]) -> Iterator[Fi
         words = option_text(rights[answer[left]])
         told = f"{quoted(option_text(text))} {'goes' if passed else 'does not go'} with {quoted(words)}."
         yield Finding(
-            id=f"pair-{left}",
-            title=f"Line {left}",
-            passed=passed,
-            points=share if passed else 0.0,
-            max_points=share,
-            message=told,
-            direction=told,
-            measured=words,
-            expected=option_text(rights[key[left]]),
-        )
+            id=f"pair-{left}", title=f"Line {left}", passed=passed, points=share if passed else 0.0, max_points=share,
+            message=told, direction=told, measured=words, expected=option_text(rights[key[left]])
+        )  # fmt: skip
 
 
 def _mistake(question: MatchQuestion, answer: Mapping[str, str]) -> str | None:

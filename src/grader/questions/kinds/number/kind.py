@@ -127,13 +127,6 @@ def grade_number(
         told, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
         message, direction = f"{told}{', ' if size else ''}{size}.", f"{told}."
     return Finding(
-        id=name,
-        title=title,
-        passed=passed,
-        points=points if passed else 0.0,
-        max_points=points,
-        message=message,
-        direction=direction,
-        measured=given.value,
-        expected=key.answer,
-    )
+        id=name, title=title, passed=passed, points=points if passed else 0.0, max_points=points, message=message,
+        direction=direction, measured=given.value, expected=key.answer
+    )  # fmt: skip
