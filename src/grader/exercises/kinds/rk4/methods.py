@@ -54,7 +54,7 @@ NAMED: Mapping[str, Matrix] = {
 
 def find_name(rows: Matrix) -> str | None:
     """Returns the name of a tableau; None if it has none here."""
-    return look_up(rows, ((known, name) for name, known in NAMED.items()))
+    return look_up(rows, NAMED)
 
 
 def compute_order(rows: Matrix) -> int:

@@ -248,40 +248,20 @@ def explain_position_tableau(positions: Matrix) -> str | None:
     return look_up_row(positions[-1], POSITION_WEIGHTS)
 
 
-POSITION_TABLEAUS: Sequence[tuple[Matrix, str]] = (
-    (
-        chain_stages(CLASSICAL),
-        (
-            "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
-            "to the start of the step before every stage."
-        ),
-    ),
-    (
-        chain_stages_and_result(CLASSICAL),
-        (
-            "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
-            "before every stage (without .copy(), q is data.qpos itself)."
-        ),
-    ),
-)
+POSITION_TABLEAUS: Mapping[str, Matrix] = {
+    "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
+    "to the start of the step before every stage.": chain_stages(CLASSICAL),
+    "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
+    "before every stage (without .copy(), q is data.qpos itself).": chain_stages_and_result(CLASSICAL),
+}
 """Wrong tableaus of the positions alone."""
 
-POSITION_STAGES: Sequence[tuple[Matrix, str]] = (
-    (
-        ((), (1 / 2,), (1 / 2,), (1,), ()),
-        (
-            "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
-            "stage before."
-        ),
-    ),
-    (
-        ((), (), (), (), ()),
-        (
-            "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
-            "stages move. Write the stage's positions into data.qpos[:] too."
-        ),
-    ),
-)
+POSITION_STAGES: Mapping[str, Matrix] = {
+    "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
+    "stage before.": ((), (1 / 2,), (1 / 2,), (1,), ()),
+    "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
+    "stages move. Write the stage's positions into data.qpos[:] too.": ((), (), (), (), ()),
+}
 """Wrong stages of the positions alone, with any weights."""
 
 POSITION_WEIGHTS: Mapping[tuple[float, ...], str] = {

@@ -11,7 +11,7 @@ earlier calls times h; then others, such as the new velocity, the leftovers of t
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -304,9 +304,9 @@ def is_same_row(one: Row, other: Row) -> bool:
     return bool(np.all(np.abs(pad_row(one, length) - pad_row(other, length)) <= COEFFICIENT_ATOL))
 
 
-def look_up(rows: Matrix, table: Iterable[tuple[Matrix, str]]) -> str | None:
+def look_up(rows: Matrix, table: Mapping[str, Matrix]) -> str | None:
     """Returns the text of a tableau in a table; None if it is not there."""
-    return next((text for known, text in table if is_same(rows, known)), None)
+    return next((text for text, known in table.items() if is_same(rows, known)), None)
 
 
 def look_up_row(row: Row, table: Mapping[tuple[float, ...], str]) -> str | None:
