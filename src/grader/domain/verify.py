@@ -116,8 +116,7 @@ class ByThreshold(VerifyPart):
     """Derive the largest stable timestep of a numeric question between `low` and `high` [s]. The criterion `decays`
     takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep without a warning within
     `seconds`; where these are too short to decide, the linear stability limit. The scene is a `servo`, or a `model` or
-    `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. The answer is `scale` times the limit in
-    seconds."""
+    `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. The answer is `scale` times the limit [s]."""
 
     by: Literal["threshold"]
     servo: ServoJoint | None = None

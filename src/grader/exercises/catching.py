@@ -1,8 +1,7 @@
 """Notes the exceptions that `except` clauses of the script catch: `handled`, with class, both lines, and how often. The
 code of this file is sent to the jail behind that of the recorder, if the script has the word `except`; it imports
-nothing of the grader. Handled exceptions are seen by a call that is compiled into each clause: tracing (`sys.settrace`,
-`sys.setprofile`) would slow every line of the script, and `sys.monitoring` needs Python 3.12. `contextlib.suppress` is
-not seen."""
+nothing of the grader. A call that is compiled into each clause sees them: tracing (`sys.settrace`, `sys.setprofile`)
+would slow every line of the script, and `sys.monitoring` needs Python 3.12. It misses `contextlib.suppress`."""
 
 import ast
 import builtins

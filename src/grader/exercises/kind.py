@@ -172,8 +172,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds. The student's
-        process may have forged the results: check names, shapes and types. Floating numbers are finite. The trace is
-        not among them."""
+        process may have forged the results: check names, shapes and types. Floats are finite. The trace is left out."""
 
     def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
         """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.

@@ -37,8 +37,7 @@ def compute_chance_of_luck(
 ) -> tuple[float, float]:
     """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
-    or draws nothing, counts as 1. The cases after the product is small enough are not drawn. `question` must be an
-    exercise."""
+    or draws nothing, counts as 1. The cases after the product is small enough are not drawn."""
     assert isinstance(question, ScriptQuestion)
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
@@ -65,8 +64,7 @@ def compute_chance_of_case(
 
 def select_boxes(part: Sequence[Intervals]) -> Boxes:
     """Returns the two coordinates with the widest spread relative to their tolerance. Leaving out the others can only
-    raise the chance. Where the length of an answer is drawn too, only the coordinates that all draws have are
-    compared."""
+    raise the chance. Compares only the coordinates that all draws have."""
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
     ratios = [compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)]

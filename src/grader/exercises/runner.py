@@ -81,8 +81,7 @@ AnyJudged = JudgedTrial[Any, Any]
 
 @cache
 def load_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by its name. Raises GraderError if two packages claim one name, or if a kind cannot
-    be loaded."""
+    """Returns every installed kind by its name. Raises GraderError if two claim one name, or one cannot be loaded."""
     kinds: dict[str, AnyKind] = {}
     for point in entry_points(group=GROUP):
         if point.name in kinds:
@@ -122,8 +121,7 @@ class Plan:
 
 
 def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text) -> list[Fault]:
-    """Returns every fault of an exercise's `check`, each once, and none of any other question. `where` is the quiz
-    file's name."""
+    """Returns every fault of an exercise's `check`, each once, none of other questions; `where` is the quiz file."""
     if not isinstance(question, ScriptQuestion):
         return []
     kind = load_kinds().get(question.check.kind)

@@ -30,8 +30,7 @@ class Recording(NamedTuple):
 class LabRuns:
     """Runs labs for learners. For the event loop; only `make` runs in a thread. The same run, bit for bit, is kept in a
     least-recently-used cache of `bytes_max` bytes; a run in progress is shared. Either costs a learner nothing. A new
-    run is paid by the learner who asked first, out of a budget of `steps_per_min`, when it is over and its steps are
-    known."""
+    run is paid by the learner who asked first, out of `steps_per_min`, when its steps are known."""
 
     def __init__(self, bytes_max: int, steps_per_min: int) -> None:
         self._bytes_max, self._bytes, self._free = bytes_max, 0, THREADS

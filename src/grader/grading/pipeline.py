@@ -61,8 +61,7 @@ log = structlog.get_logger()
 class ParsedSubmission:
     """One answer to one question of a quiz, read against the content of `content_digest`. `text` is the answer as
     canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An exercise has the `source`
-    of its script, and the `seed` that draws the hidden cases; or else `refusal`, the reason why no script can be
-    read."""
+    of its script, and the `seed` that draws the hidden cases; or else `refusal`, why no script can be read."""
 
     quiz: Quiz
     question: Question
@@ -288,7 +287,6 @@ def compute_digest(quiz_id: str, question_id: str, text: str) -> str:
 
 def compute_seed(secret: bytes, digest: str) -> int:
     """Returns the seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest). The same submission gets the
-    same hidden cases again. Without the secret, a learner cannot change a comment offline until the drawn cases suit
-    the script."""
+    same hidden cases again. Without the secret, nobody can change a comment until the cases suit the script."""
     mac = hmac.digest(secret, digest.encode(), "sha256")
     return int.from_bytes(mac[:8], "big") >> (64 - SEED_BITS)

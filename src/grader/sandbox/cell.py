@@ -67,8 +67,7 @@ def find_runtime() -> Runtime:
 
 def build_cell_command(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
     """Return the command that starts the zygote in its cell. As root the cell has no user namespace: the zygote becomes
-    the user nobody, and gets the two capabilities that this takes. Raises JailRefused if bubblewrap is not
-    installed."""
+    the user nobody, and gets the two capabilities that this takes. Raises JailRefused without bubblewrap."""
     program = shutil.which("bwrap")
     if program is None:
         raise JailRefused("bubblewrap (bwrap) is not installed.")

@@ -194,8 +194,7 @@ class Result(Base):
 
 class ResultRevision(Base):
     """One change of a result; never changed but for its `position`, never removed. The order of ids is not the order of
-    commits. `position` is given to rows that are committed, so that a reader who has seen a position has seen
-    everything before it."""
+    commits. Committed rows get their `position`, so a reader of one has seen all before it."""
 
     __tablename__ = "result_revisions"
     __table_args__ = (

@@ -41,8 +41,7 @@ class Receipt:
 @dataclass(frozen=True, eq=False)
 class NewAnswer:
     """An answer that was read, and graded where that is instant; else it gets a job for a worker. The same idempotency
-    `key` with the same answer gives the first receipt again. `queue_max` is how many scripts of one learner may
-    wait."""
+    `key` with the same answer gives the first receipt again. Of one learner `queue_max` scripts may wait."""
 
     who: Identity
     library: Library

@@ -30,8 +30,7 @@ WAIT_S = 5.0
 
 
 def stop(database: Database, library: Library, who: Identity, submission_id: str) -> str:
-    """Stops a script of a learner, and says what came of it. Raises NotFound, and Conflict where it has its verdict or
-    is being stopped."""
+    """Stops a learner's script; says what came of it. Raises NotFound, and Conflict if it is judged or stopping."""
     changed = threading.Event()
     with database.signals.listening(submissions.EVENTS, changed.set, submission_id):
         with database.write() as session:

@@ -169,8 +169,7 @@ def decide_without_content(role: str) -> Decision:
 def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
     """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in. A learner
     may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good ones
-    the first is the best. An answer that was taken keeps counting, also where `due` was moved to an earlier date
-    afterwards."""
+    the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
     waiting = used if policy.counts == "average" else used[-1:]

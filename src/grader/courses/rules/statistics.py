@@ -202,8 +202,7 @@ def item_rest(
     """Pearson's correlation of a question's shares with the shares of points of the learners' other questions. `points`
     and `max_points` are those of the other questions; all have the shape (n,). For 0/1 answers it is the point-biserial
     correlation. A learner without another question is left out. The 95 % interval is Fisher's (1915), exact for two
-    normal variables and approximate here. None where it is undefined: fewer than 4 learners, or all equal on either
-    side."""
+    normal variables and approximate here. None where undefined: below 4 learners, or all equal on a side."""
     has_rest = max_points > ROUNDING
     items, rests = shares[has_rest], points[has_rest] / max_points[has_rest]
     n = len(items)

@@ -107,8 +107,7 @@ class Database:
     @contextmanager
     def write(self, *, hasty: bool = False) -> Iterator[Session]:
         """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it. A
-        `hasty` commit does not wait for the disk: a power cut may undo it, whole. For what is simply done again
-        then."""
+        `hasty` commit does not wait for the disk: a power cut may undo it, whole."""
         with Session(self._hasty if hasty else self._writer, expire_on_commit=False) as session:
             with self._turn, session.begin():
                 yield session

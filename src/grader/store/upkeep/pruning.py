@@ -19,8 +19,7 @@ BATCH = 500
 
 
 def prune(database: Database, age: timedelta) -> int:
-    """Deletes idempotency keys, events and sent webhook deliveries that are older than `age`, and expired tickets.
-    Returns how many."""
+    """Deletes idempotency keys, events and webhook deliveries older than `age`, expired tickets. Returns how many."""
     before = now() - age
     old = idempotency_keys(database, before) + events(database, before) + deliveries(database, before)
     return old + expired_tickets(database, now())

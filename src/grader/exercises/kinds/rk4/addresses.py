@@ -1,7 +1,6 @@
 """Tells which velocity moves which number of data.qpos: the addresses and axes of free, ball and other joints. Each
 rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. For a body at
-rest or upright a wrong rule may predict the same numbers as the right one: a wrong rule is told only where the right
-one fails."""
+rest or upright a wrong rule may predict the same numbers: it is told only where the right one fails."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -238,8 +238,7 @@ class OrderOutcome:
     @cached_property
     def is_fourth(self) -> bool:
         """Fourth order or more, or errors as small as those of a fourth-order method. The size of the errors decides
-        where too few are left for a slope, and where the slope is steeper: a run that diverges at the largest timestep
-        makes it so."""
+        where too few are left for a slope, and where it is steeper, as in runs that diverge at the largest timestep."""
         if not self.is_finite or self.ignores_timestep:
             return False
         if self.slope is not None and self.slope < ORDER + self.check.tolerance:

@@ -148,8 +148,7 @@ class Run:
 @dataclass(frozen=True)
 class Problem:
     """The problem of one trial: the run of a case, or, if `asks_order`, its runs at several timesteps. `order` and
-    `order_runs` belong to the first case alone. `accepts_other_methods`: another method of fourth order is right as
-    well."""
+    `order_runs` belong to the first case alone. `accepts_other_methods`: any method of fourth order is right."""
 
     case: Rk4Case
     run: Run

@@ -1,6 +1,5 @@
 """Says what is wrong with a step whose trace has been read: first what was seen, then what to do. The sentences hold
-the student's own coefficients, and no number of a case. RULES are tried in order; the first that returns a sentence has
-found the mistake."""
+the student's own coefficients, and no number of a case. Of RULES the first that returns a sentence counts."""
 
 from collections.abc import Mapping, Sequence
 

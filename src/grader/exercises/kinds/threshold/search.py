@@ -1,5 +1,4 @@
-"""Names the mistake that the runs of a script show. The trace is a claim: what is said here explains a verdict and
-decides nothing."""
+"""Names the mistake that the runs of a script show. The trace is a claim, and decides nothing."""
 
 from collections.abc import Sequence
 from itertools import pairwise

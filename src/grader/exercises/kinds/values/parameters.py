@@ -172,8 +172,7 @@ class Problem:
         return {"model": self.xml, "results": self.results, "calls": [call.inputs() for call in self.calls]}
 
     def list_shapes(self, call: Call) -> list[tuple[int, ...] | None]:
-        """Returns the declared shape of each result; None where the author's result has it. Raises ValueError where an
-        argument is no size."""
+        """Returns the declared shape of each result; None where the author's result has it. Raises ValueError."""
         return [self.find_shape(result, call) for result in self.function.results]
 
     def find_shape(self, result: Result, call: Call) -> tuple[int, ...] | None:
