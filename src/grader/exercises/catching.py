@@ -54,8 +54,7 @@ def compile_source(source: str, filename: str) -> types.CodeType:
 
 def build_call(clause: ast.ExceptHandler) -> ast.stmt:
     """Returns the statement `__handled__(<line of the clause>)`, placed at the clause."""
-    name = ast.Name(HANDLER, ast.Load())
-    call = ast.Expr(ast.Call(name, [ast.Constant(clause.lineno)], []))
+    call = ast.Expr(ast.Call(ast.Name(HANDLER, ast.Load()), [ast.Constant(clause.lineno)], []))
     return ast.fix_missing_locations(ast.copy_location(call, clause))
 
 

@@ -67,8 +67,7 @@ def select_boxes(part: Sequence[Intervals]) -> Boxes:
     raise the chance. Compares only the coordinates that all draws have."""
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
-    ratios = [compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)]
-    return boxes[:, np.argsort(ratios)[-2:]]
+    return boxes[:, np.argsort([compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)])[-2:]]
 
 
 def compute_spread(intervals: NDArray[np.float64]) -> float:

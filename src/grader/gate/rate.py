@@ -45,8 +45,7 @@ class RateLimit:
 
     def charge(self, who: Hashable, cost: float) -> None:
         """Takes `cost` out of the bucket."""
-        full_at = max(self._full_at.pop(who, -math.inf), self._clock()) + cost / self._rate
-        self._full_at[who] = full_at
+        self._full_at[who] = max(self._full_at.pop(who, -math.inf), self._clock()) + cost / self._rate
         if len(self._full_at) > BUCKETS_MAX:
             del self._full_at[next(iter(self._full_at))]
 

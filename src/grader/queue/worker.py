@@ -202,8 +202,7 @@ class Worker:
             return task.run(started)
         except Exception:
             log.exception("a job failed", topic=claimed.topic, subject=claimed.subject, tries=claimed.tries)
-            given_up = task.give_up(started)
-            return JobOutcome(given_up.store, again=True)
+            return JobOutcome(task.give_up(started).store, again=True)
 
     def _settle(self, claimed: Claim, outcome: JobOutcome) -> None:
         if claimed.lease not in self._held:

@@ -149,8 +149,7 @@ def _read_end(reader: _Reader) -> tuple[RunStatus, str]:
 
 
 def _read_name(reader: _Reader) -> str:
-    raw = reader.take(reader.number("B"))
-    name = raw.decode("ascii", "replace")
+    name = reader.take(reader.number("B")).decode("ascii", "replace")
     if not name.isidentifier() or not name.isascii() or len(name) > NAME_CHARS_MAX:
         raise MalformedMessage("an array has no proper name")
     return name

@@ -100,8 +100,7 @@ class Jail:
         child = self._limited_child(job.limits)
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
-            watch = Watch(child, job, parts, without_integrators=removes)
-            return build_report(watch.run(), job)
+            return build_report(Watch(child, job, parts, without_integrators=removes).run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:

@@ -224,8 +224,7 @@ def run_app(settings: Settings, ready: Callable[[int, FastAPI], None], listener:
     gc.set_threshold(YOUNG_OBJECTS)
     app = create_app(settings)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
-    config = server_config(app, settings)
-    server = Server(config, lambda port: ready(port, app))
+    server = Server(server_config(app, settings), lambda port: ready(port, app))
     server.run(None if listener is None else [listener])
     if not server.started:
         sys.exit(FAULT)

@@ -147,8 +147,7 @@ def serve(settings: Settings) -> None:
     with ExitStack() as stack:
         listener = stack.enter_context(open_listener(settings.host, settings.port))
         bound = settings.model_copy(update={"port": listener.getsockname()[1]})
-        metrics = stack.enter_context(shared_folder())
-        make = partial(Child, metrics=metrics, stopping=stopping)
+        make = partial(Child, metrics=stack.enter_context(shared_folder()), stopping=stopping)
         servers = [make(bound.model_copy(update={"workers": 0}), listener.fileno()) for _ in range(settings.processes)]
         children = [*servers, *([make(bound, None)] if settings.workers else [])]
         catch_signals(children, stopping)

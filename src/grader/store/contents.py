@@ -63,8 +63,7 @@ def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str]) -> 
 def use(session: Session, course: str, digests: Mapping[str, str]) -> None:
     """Sets the digests of all quizzes of a course that are in use; none for no content. The caller holds a lock."""
     theirs = ContentInUse.course == course
-    before = {row.quiz: row.digest for row in session.scalars(select(ContentInUse).where(theirs))}
-    if before != digests:
+    if {row.quiz: row.digest for row in session.scalars(select(ContentInUse).where(theirs))} != digests:
         session.execute(delete(ContentInUse).where(theirs))
         session.add_all(ContentInUse(course=course, quiz=quiz, digest=digest) for quiz, digest in digests.items())
 

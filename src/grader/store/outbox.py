@@ -135,10 +135,9 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> l
     if not changed:
         return []
     courses = {one.course for one in changed}
-    open_ones = session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
     keys = {
         _key_of_delivery(destination, one): one.course
-        for destination in open_ones
+        for destination in session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
         for one in changed
         if only in (ALL, destination.id) and _is_wanted(destination, one)
     }

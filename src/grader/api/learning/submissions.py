@@ -220,8 +220,7 @@ def visible(session: Session, submission_id: str, who: Identity) -> Submission:
 
 def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
-    verdicts = submissions.verdicts(session, rows)
-    return blinded(services.desk_of(who.course), session, who, rows, verdicts)
+    return blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
 
 
 def view_for(

@@ -56,9 +56,8 @@ async def import_roster(
     All rows are taken or none: faults are listed with line and column. With `dry_run` nothing is changed.
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    body = await request.body()
     return await run_in_threadpool(
-        enrol_file, services, who, media_type, body, (namespace, course_class), dry_run=dry_run
+        enrol_file, services, who, media_type, await request.body(), (namespace, course_class), dry_run=dry_run
     )
 
 

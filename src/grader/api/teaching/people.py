@@ -86,8 +86,7 @@ def change_role(member_id: str, body: RoleBody, who: Instructor, services: AppSe
     A restricted token changes no role.
     """
     with services.database.write() as session:
-        changed = members.change_role(session, who, member_id, body.role)
-        return member_views(session, who.course, [changed])[0]
+        return member_views(session, who.course, [members.change_role(session, who, member_id, body.role)])[0]
 
 
 @router.delete("/members/{member_id}", status_code=204, responses=refusals(401, 403, 404, 409, 422, 429))

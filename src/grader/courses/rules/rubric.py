@@ -39,8 +39,7 @@ def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
         raise ValueError("the question has no rubric: give points")
     if mark.points is None:
         return reviewed_by_rubric(verdict, question, mark.ticked, mark.comment)
-    decided = reviewed(verdict, mark.points, mark.comment)
-    return _naming(decided, items_of(question, mark.ticked), by_hand=True)
+    return _naming(reviewed(verdict, mark.points, mark.comment), items_of(question, mark.ticked), by_hand=True)
 
 
 def rubric_of(question: Question) -> Rubric:

@@ -156,8 +156,7 @@ class Scores:
         if response.status == HTTPStatus.NOT_FOUND:
             return self._gone(target, response)
         if response.status in (HTTPStatus.CONFLICT, HTTPStatus.BAD_REQUEST):
-            found = await self._result(prepared, url)
-            return after_refusal(prepared, found, response)
+            return after_refusal(prepared, await self._result(prepared, url), response)
         return self.reply_to(response)
 
     async def _call(

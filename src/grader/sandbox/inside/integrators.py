@@ -168,8 +168,7 @@ def _find_library() -> tuple[int, int, str]:
 
 def _find_address(name: str) -> int:
     """Return the address of an exported function of MuJoCo."""
-    library = ctypes.CDLL(_find_library()[2])
-    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+    return ctypes.cast(getattr(ctypes.CDLL(_find_library()[2]), name), ctypes.c_void_p).value or 0
 
 
 def _read_functions(path: Path) -> dict[str, tuple[int, int]]:

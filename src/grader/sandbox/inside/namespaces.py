@@ -26,8 +26,7 @@ def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
     Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
     Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
     _mount(None, "/", None, REC | PRIVATE, "")
-    limits = f"size={size},nr_inodes={inodes},mode=0700"
-    _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, limits)
+    _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, f"size={size},nr_inodes={inodes},mode=0700")
     _mount("tmpfs", "/proc", "tmpfs", RDONLY | NOSUID | NODEV | NOEXEC, "size=4k,nr_inodes=2")
     for path in hidden:
         _mount("/dev/null", path, None, BIND, "")

@@ -30,8 +30,7 @@ def revisions() -> list[str]:
     """The revisions that this version knows, oldest first."""
     from alembic.script import ScriptDirectory
 
-    found = ScriptDirectory.from_config(_config()).walk_revisions()
-    return [script.revision for script in found][::-1]
+    return [script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions()][::-1]
 
 
 def move(connection: Connection, target: str | None = None) -> None:

@@ -83,8 +83,7 @@ def compute_order(rows: Matrix) -> int:
 def chain_stages(rows: Sequence[Row]) -> Matrix:
     """Returns the tableau of stages that each start from the stage before, not from the start of the step."""
     size = len(rows) - 1
-    stages = np.cumsum([pad_row(row, size) for row in rows[:-1]], axis=0)
-    return [*stages.tolist(), list(rows[-1])]
+    return [*np.cumsum([pad_row(row, size) for row in rows[:-1]], axis=0).tolist(), list(rows[-1])]
 
 
 def chain_stages_and_result(rows: Sequence[Row]) -> Matrix:

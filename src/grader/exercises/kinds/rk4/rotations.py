@@ -300,8 +300,7 @@ def is_same_orientation(one: Rows, other: Rows) -> bool:
     lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
     if not lengths:
         return False
-    apart = np.outer(one, other) - np.outer(other, one)
-    return bool(np.max(np.abs(apart)) <= EXACT * lengths)
+    return bool(np.max(np.abs(np.outer(one, other) - np.outer(other, one))) <= EXACT * lengths)
 
 
 def find_rule(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:

@@ -89,9 +89,8 @@ def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
 def compare(run: Run, one: Trajectory, other: Trajectory) -> Difference:
     """Returns the difference at each common step; complete if `one` has every step of `other`."""
     rows = min(len(one), len(other))
-    turn = subtract_positions(run, one.qpos[:rows], other.qpos[:rows])
     return Difference(
-        qpos=compute_row_maxima(turn),
+        qpos=compute_row_maxima(subtract_positions(run, one.qpos[:rows], other.qpos[:rows])),
         qvel=compute_row_maxima(one.qvel[:rows] - other.qvel[:rows]),
         act=compute_row_maxima(one.act[:rows] - other.act[:rows]),
         complete=len(one) >= len(other),

@@ -357,8 +357,7 @@ def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     searches = [(one.trial.problem.case, read_search(one.trace)) for one in judged]
     if any(search is None or search.other_functions for _, search in searches):
         return False
-    stepped = {case for case, search in searches if search and search.total}
-    return stepped == {first} and bool(others)
+    return {case for case, search in searches if search and search.total} == {first} and bool(others)
 
 
 def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequence[JudgedTrial[Cell, Claim]]) -> bool:

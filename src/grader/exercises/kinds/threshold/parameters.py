@@ -106,6 +106,5 @@ def pose_scene(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
 
 def build_cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
     """Returns a case's cells, one for each integrator."""
-    start = tuple(parameters.start.items())
-    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, start)
+    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, tuple(parameters.start.items()))
     return [made(BY_NAME[name]) for name in parameters.integrators]

@@ -147,8 +147,7 @@ def call_function(
             for one in call["arguments"]
         ]
         returned = function(*arguments)
-    returned_names = [str(one["name"]) for one in results if one["field"] is None]
-    parts = separate(returned, returned_names)
+    parts = separate(returned, [str(one["name"]) for one in results if one["field"] is None])
     if parts is None:
         return repr(returned)[:TEXT_CHARS_MAX]
     values = iter(parts)
