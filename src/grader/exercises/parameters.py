@@ -93,9 +93,7 @@ def take_end(part: Any, end: int) -> Any:
 
 def draw_number(value: Value, rng: np.random.Generator) -> float:
     """Returns a number unchanged, or one drawn from its range and rounded to four figures."""
-    if not isinstance(value, tuple):
-        return value
-    return float(f"{rng.uniform(*value):.4g}")
+    return float(f"{rng.uniform(*value):.4g}") if isinstance(value, tuple) else value
 
 
 def write_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:

@@ -34,16 +34,12 @@ def build_report(ending: Ending, job: Job) -> RunReport:
         reason += explain_time_out(ending.results, job.source, waits=waits, hidden=ending.hidden_sent)
     cap = limits.output_kb * KB
     return RunReport(
-        status=status,
-        reason=clean_reason(reason),
+        status=status, reason=clean_reason(reason),
         results=message.results if message and status is RunStatus.RETURNED else {},
         hidden_results=message.hidden if message and status is RunStatus.RETURNED else {},
-        stdout=clean(ending.stdout, cap),
-        stderr=clean(ending.stderr, cap),
-        cpu_s=ending.cpu_s,
-        wall_s=ending.wall_s,
-        stepped=ending.stepped,
-    )
+        stdout=clean(ending.stdout, cap), stderr=clean(ending.stderr, cap), cpu_s=ending.cpu_s, wall_s=ending.wall_s,
+        stepped=ending.stepped
+    )  # fmt: skip
 
 
 def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | None]:

@@ -200,13 +200,10 @@ class ResultRevision(Base):
     __table_args__ = (
         Index("ix_result_revisions_feed", "course", "position", unique=True),
         Index(
-            "ix_result_revisions_new",
-            "course",
-            "id",
-            sqlite_where=text("position IS NULL"),
-            postgresql_where=text("position IS NULL"),
+            "ix_result_revisions_new", "course", "id", sqlite_where=text("position IS NULL"),
+            postgresql_where=text("position IS NULL")
         ),
-    )
+    )  # fmt: skip
 
     id: Mapped[int] = mapped_column(BigInteger().with_variant(Integer, "sqlite"), primary_key=True)
     position: Mapped[int | None] = mapped_column(BigInteger)

@@ -121,12 +121,7 @@ def row_of(learner: str, known: Any, points: Mapping[tuple[str, str], float], ma
     is_named = known.account is not None and known.account.startswith(NAMED)
     is_canvas = known.namespace == CANVAS
     return Row(
-        user=known.name,
-        login=known.name if is_named else "",
-        id=learner,
-        email=known.email or "",
-        lms_id=known.external_id if is_canvas else "",
-        sis_id="" if is_canvas else known.external_id or "",
-        points=points,
-        mark=marks.get(learner, ""),
-    )
+        user=known.name, login=known.name if is_named else "", id=learner, email=known.email or "",
+        lms_id=known.external_id if is_canvas else "", sis_id="" if is_canvas else known.external_id or "",
+        points=points, mark=marks.get(learner, "")
+    )  # fmt: skip

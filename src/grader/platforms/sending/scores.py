@@ -204,9 +204,7 @@ def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
     """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, found):
         return Sent(prepared.score.to_json())
-    if prepared.forced or not is_a_persons(prepared, found):
-        return None
-    return Dead(overridden(found))
+    return Dead(overridden(found)) if is_a_persons(prepared, found) and not prepared.forced else None
 
 
 def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:

@@ -161,9 +161,7 @@ def describe_single_move(rows: Matrix) -> str:
 def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
     """Returns the sentence of activations or a time that are wrong although positions and velocities move rightly."""
     sentence = explain_activations(reading)
-    if sentence or not outcome.problem.case.time_matters:
-        return sentence
-    return explain_time(reading)
+    return sentence if sentence or not outcome.problem.case.time_matters else explain_time(reading)
 
 
 STATE_RULES: tuple[Rule, ...] = (

@@ -309,14 +309,9 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
         compare(coarsest, student, simulate_mujoco(coarsest)).worst <= problem.case.tolerance
     )
     outcome = OrderOutcome(
-        problem.order,
-        errors,
-        is_timestep_ignored(students),
-        agrees,
-        coarsest,
-        truth,
-        find_other_timestep(runs, students),
-    )
+        problem.order, errors, is_timestep_ignored(students), agrees, coarsest, truth,
+        find_other_timestep(runs, students)
+    )  # fmt: skip
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
         message=describe_order(outcome),

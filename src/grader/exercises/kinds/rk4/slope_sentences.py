@@ -31,9 +31,7 @@ Combinations = Sequence[Combination | None]
 def explain_slopes(reading: Reading, returned: Sequence[ReturnedValue] = ()) -> str | None:
     """Returns the sentence of the first rule that knows the step; None if none does."""
     sentence = explain_unchanged_state(reading, returned)
-    if sentence or not reading.calls:
-        return sentence
-    return find_sentence(RULES, reading)
+    return sentence if sentence or not reading.calls else find_sentence(RULES, reading)
 
 
 def explain_unchanged_state(reading: Reading, returned: Sequence[ReturnedValue]) -> str | None:

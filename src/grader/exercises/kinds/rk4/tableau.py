@@ -172,16 +172,12 @@ def read_tableau(model: mujoco.MjModel, steps: Sequence[Step], known: Matrix = C
     ]
     acts = range(alike[0].act.shape[1])
     reading = Reading(
-        model,
-        calls,
-        alike,
+        model, calls, alike,
         positions=read_rows(positions.build_systems(alike, exclude(straight, still)), "v", (known,), from_velocities),
         velocities=velocities,
         activations=read_rows(ACTIVATIONS.build_systems(alike, acts), "r", (known, *OTHER_WEIGHTS)) if acts else (),
-        times=read_rows(TIMES.build_systems(alike, range(1)), "t", ()),
-        idle=idle,
-        still=still,
-    )
+        times=read_rows(TIMES.build_systems(alike, range(1)), "t", ()), idle=idle, still=still
+    )  # fmt: skip
     return drop_unused_calls(reading)
 
 

@@ -172,9 +172,7 @@ def explain_form(parameters: ThresholdParameters, claim: Bracket) -> str:
         return f"The bracket is too wide: at most {1000 * allowed:g} ms are allowed."
     if claim.low > longest:
         return f"The bracket lies beyond {1000 * longest:g} ms, where the search ends."
-    if claim.high <= 0:
-        return "A timestep must be positive."
-    return ""
+    return "A timestep must be positive." if claim.high <= 0 else ""
 
 
 def explain_bracket(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:

@@ -123,9 +123,7 @@ def _as_index(answer: Any) -> int | None:
         return answer
     if isinstance(answer, float) and answer.is_integer():
         return int(answer)
-    if isinstance(answer, str) and INDEX.fullmatch(answer.strip()):
-        return int(answer)
-    return None
+    return int(answer) if isinstance(answer, str) and INDEX.fullmatch(answer.strip()) else None
 
 
 def _index_of_text(options: Sequence[str], answer: str) -> int | None:

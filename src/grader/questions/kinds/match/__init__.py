@@ -195,6 +195,4 @@ def _mistake(question: MatchQuestion, answer: Mapping[str, str]) -> str | None:
         return None
     if chosen[:-1] == key[1:] and chosen[-1] != key[-1]:
         return SHIFTED.format(where="below")
-    if chosen[1:] == key[:-1] and chosen[0] != key[0]:
-        return SHIFTED.format(where="above")
-    return None
+    return SHIFTED.format(where="above") if chosen[1:] == key[:-1] and chosen[0] != key[0] else None

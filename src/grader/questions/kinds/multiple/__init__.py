@@ -136,24 +136,13 @@ def _findings(question: MultipleQuestion, answer: tuple[int, ...]) -> Iterator[F
         why = option_text(question.whys[index]) if question.whys else ""
         message = f"{quoted(words)} is {'right' if passed else 'not right'}. {why}".strip()
         yield Finding(
-            id=f"option-{index}",
-            title=f"Option {index + 1}",
-            passed=passed,
-            points=share if passed else deduction,
-            max_points=share if passed else 0.0,
-            message=message,
-            direction=message,
-            measured=words,
-        )
+            id=f"option-{index}", title=f"Option {index + 1}", passed=passed, points=share if passed else deduction,
+            max_points=share if passed else 0.0, message=message, direction=message, measured=words
+        )  # fmt: skip
     if missing := [index for index in question.answer if index not in answer]:
         message = "At least one right option is not chosen."
         yield Finding(
-            id="missing",
-            title="Not chosen",
-            passed=False,
-            points=0.0,
-            max_points=share * len(missing),
-            message=message,
-            direction=message,
-            expected="; ".join(option_text(question.options[index]) for index in missing),
-        )
+            id="missing", title="Not chosen", passed=False, points=0.0, max_points=share * len(missing),
+            message=message, direction=message,
+            expected="; ".join(option_text(question.options[index]) for index in missing)
+        )  # fmt: skip

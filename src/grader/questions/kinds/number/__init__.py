@@ -40,14 +40,9 @@ class NumberQuestion(Target, Question):
     def key(self) -> NumberKey:
         """The number that is right, and within what."""
         return NumberKey(
-            kind=self.kind,
-            text=self.q,
-            explain=self.explain or "",
-            verify=self.verify,
-            answer=self.answer,
-            tolerance=self.tolerance,
-            unit=self.unit,
-        )
+            kind=self.kind, text=self.q, explain=self.explain or "", verify=self.verify, answer=self.answer,
+            tolerance=self.tolerance, unit=self.unit
+        )  # fmt: skip
 
 
 def target_warnings(target: Target) -> Iterator[Remark]:

@@ -83,17 +83,11 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         """Returns the number of each field."""
         return [
             NumberKey(
-                kind=question.kind,
-                text=field.label,
-                explain=question.explain or "",
-                verify=field.verify,
-                place=f"fields.{place}",
-                answer=field.answer,
-                tolerance=field.tolerance,
-                unit=field.unit,
+                kind=question.kind, text=field.label, explain=question.explain or "", verify=field.verify,
+                place=f"fields.{place}", answer=field.answer, tolerance=field.tolerance, unit=field.unit
             )
             for place, field in enumerate(question.fields)
-        ]
+        ]  # fmt: skip
 
     def reveal(self, question: NumbersQuestion) -> Reveal | None:
         """Returns what the author allows."""

@@ -61,14 +61,9 @@ class Text(QuestionKind[TextQuestion, str]):
     def grade(self, question: TextQuestion, answer: str) -> Verdict:
         """Leaves the answer to a person."""
         finding = Finding(
-            id="text",
-            title="Your text",
-            passed=None,
-            points=0.0,
-            max_points=question.points,
-            message=WAITS,
-            direction=WAITS,
-        )
+            id="text", title="Your text", passed=None, points=0.0, max_points=question.points, message=WAITS,
+            direction=WAITS
+        )  # fmt: skip
         return Verdict(status=Status.NEEDS_REVIEW, points=0.0, max_points=question.points, findings=(finding,))
 
     def example(self) -> Example:
