@@ -37,6 +37,7 @@ from grader.exercises.parameters import (
 from grader.exercises.trace import NO_TRACE, is_line, read_traces
 from grader.questions import ModelXml, Question
 from grader.questions.kinds.script import ScriptQuestion
+from grader.questions.registry import load_point
 
 TRACES = {False: "traces", True: "hidden_traces"}
 """The names of the results that hold the traces of the visible and of the hidden trials."""
@@ -86,12 +87,7 @@ def load_kinds() -> Mapping[str, AnyKind]:
     for point in entry_points(group=GROUP):
         if point.name in kinds:
             raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: uninstall one of them")
-        try:
-            kinds[point.name] = point.load()()
-        except Exception as error:  # code of another package: anything may be raised
-            package = point.dist.name if point.dist else "its package"
-            why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-            raise GraderError(f"the exercise kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+        kinds[point.name] = load_point(point, "exercise kind")
     return kinds
 
 

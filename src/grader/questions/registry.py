@@ -39,18 +39,22 @@ def installed_kinds() -> Mapping[str, AnyKind]:
     return found
 
 
-def load_kind(point: EntryPoint) -> AnyKind:
-    """Makes the kind of an entry point. Raises GraderError."""
+def load_point(point: EntryPoint, what: str) -> Any:
+    """Makes what an entry point names; an error calls it `what`. Raises GraderError."""
     try:
-        kind = point.load()()
+        return point.load()()
     except Exception as error:  # code of another package: anything may be raised
         package = point.dist.name if point.dist else "its package"
         why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-        raise GraderError(f"the question kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+        raise GraderError(f"the {what} {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+
+
+def load_kind(point: EntryPoint) -> AnyKind:
+    """Makes the kind of an entry point. Raises GraderError."""
+    kind: AnyKind = load_point(point, "question kind")
     if faults := "; ".join(kind_faults(kind)):
         raise GraderError(f"the question kind {point.name!r} ({point.value}) is not whole: {faults}")
-    whole: AnyKind = kind
-    return whole
+    return kind
 
 
 def kind_faults(kind: Any) -> Iterator[str]:

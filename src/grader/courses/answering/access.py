@@ -128,15 +128,11 @@ def describe_progress_at(
     decision = access.decide(quiz.id, question.id)
     seen = result if decision.shown >= Shown.FEEDBACK else None
     return {
-        "attempts_used": access.progress_at(quiz.id, question.id).used,
-        "attempts_left": decision.attempts_left,
-        "may_answer": decision.may_answer,
-        "multiplier": decision.multiplier,
-        "due": decision.due,
-        "closes": decision.closes,
-        "result": None if seen is None else describe_result(seen),
+        "attempts_used": access.progress_at(quiz.id, question.id).used, "attempts_left": decision.attempts_left,
+        "may_answer": decision.may_answer, "multiplier": decision.multiplier, "due": decision.due,
+        "closes": decision.closes, "result": None if seen is None else describe_result(seen),
         "notice": access.notice(quiz, question),
-    }
+    }  # fmt: skip
 
 
 def describe_result(result: Result) -> dict[str, Any]:

@@ -155,23 +155,15 @@ def make_submission(answer: NewAnswer, submission_id: str, attempt: int) -> Subm
     """The row of a new answer."""
     parsed = answer.parsed
     return Submission(
-        **answer.place._asdict(),
-        id=submission_id,
-        user=answer.who.user,
-        answer=parsed.text,
-        seed=parsed.seed,
-        content_digest=parsed.content_digest,
-        attempt=attempt,
-    )
+        **answer.place._asdict(), id=submission_id, user=answer.who.user, answer=parsed.text, seed=parsed.seed,
+        content_digest=parsed.content_digest, attempt=attempt
+    )  # fmt: skip
 
 
 def make_key_row(answer: NewAnswer, receipt: Receipt) -> dict[str, Any]:
     """The row that makes a repeated request find its first receipt."""
     return {
-        "course": answer.who.course,
-        "learner": answer.who.id,
-        "key": answer.key,
-        "request_digest": answer.parsed.digest,
-        "submission_id": receipt.submission.id,
+        "course": answer.who.course, "learner": answer.who.id, "key": answer.key,
+        "request_digest": answer.parsed.digest, "submission_id": receipt.submission.id,
         "http_status": receipt.http_status,
-    }
+    }  # fmt: skip

@@ -189,11 +189,7 @@ def moves_by(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
 
 
 RULES: tuple[Callable[[Moves], str | None], ...] = (
-    explain_linear_axes,
-    explain_swapped_halves,
-    explain_added_velocities,
-    explain_quaternion_first,
-    explain_still_quaternion,
-    explain_wrong_address,
-)
+    explain_linear_axes, explain_swapped_halves, explain_added_velocities, explain_quaternion_first,
+    explain_still_quaternion, explain_wrong_address,
+)  # fmt: skip
 """Velocities that move other numbers of data.qpos than theirs; the first rule that applies is told."""

@@ -171,10 +171,6 @@ STATE_RULES: tuple[Rule, ...] = (
 """Mistakes in how a step keeps its state and slopes, which are looked for before those of the method."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (
-    explain_missing_slope,
-    explain_shared_sum,
-    explain_own_timestep,
-    explain_unreadable_state,
-    explain_rotation_end,
-)
+    explain_missing_slope, explain_shared_sum, explain_own_timestep, explain_unreadable_state, explain_rotation_end,
+)  # fmt: skip
 """True sentences about a step whose mistake is not recognised."""

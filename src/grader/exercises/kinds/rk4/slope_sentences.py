@@ -351,14 +351,8 @@ def is_mean(result: Combination, after: Term) -> bool:
 def is_verlet(positions: Combinations, velocities: Matrix) -> bool:
     """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2."""
     mean = {Term("v", 1): 1 / 2, Term("v", 2): 1 / 2}
-    stage, result = positions[1], positions[-1]
-    return bool(
-        is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])
-        and stage
-        and is_close(stage, mean)
-        and result
-        and is_close(result, mean)
-    )
+    moved = all(row is not None and is_close(row, mean) for row in (positions[1], positions[-1]))
+    return moved and is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])
 
 
 def explain_mixed_slopes(reading: Reading) -> str | None:
@@ -385,20 +379,11 @@ def is_close(one: Combination, other: Mapping[Term, float]) -> bool:
 
 def follows_classical(reading: Reading) -> bool:
     """Whether positions and velocities follow the classical method, in the coordinates that move at all."""
-    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
-    return (
-        velocities is not None
-        and positions is not None
-        and is_same(velocities, CLASSICAL)
-        and is_same(positions, CLASSICAL)
-    )
+    tableaus = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
+    return all(rows is not None and is_same(rows, CLASSICAL) for rows in tableaus)
 
 
 RULES: tuple[Rule, ...] = (
-    explain_borrowed_slopes,
-    explain_powers_of_h,
-    explain_early_calls,
-    explain_whole_method,
-    explain_separate_rules,
-)
+    explain_borrowed_slopes, explain_powers_of_h, explain_early_calls, explain_whole_method, explain_separate_rules,
+)  # fmt: skip
 """Mistakes in the slopes of a step and their coefficients."""
