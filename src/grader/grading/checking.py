@@ -79,7 +79,9 @@ def check_content(
         fault for quiz_id, question in exercises for fault in find_luck_faults(library, quiz_id, question, say)
     )
     certify_library(library, path.resolve(), report, say)
-    found = [item for item in find_references(library.root) if is_within(library.root / item.file, path.resolve())]
+    found = [
+        item for item in find_references(library.root) if (library.root / item.file).is_relative_to(path.resolve())
+    ]
     report.faults.extend(item for item in found if isinstance(item, Fault))
     references = [item for item in found if isinstance(item, ReferenceProgram)]
     if references or exercises:
@@ -91,14 +93,9 @@ def check_content(
     return report
 
 
-def is_within(path: Path, folder: Path) -> bool:
-    """Whether `path` is `folder` or below it."""
-    return path.is_relative_to(folder)
-
-
 def certify_library(library: Library, path: Path, report: Report, say: Say) -> None:
     """Certify every key that physics can decide; a refused key is a fault."""
-    chosen = (quiz for quiz in library.quizzes if is_within(library.root / library.file(quiz), path))
+    chosen = (quiz for quiz in library.quizzes if (library.root / library.file(quiz)).is_relative_to(path))
     for one in certify_quizzes(library, chosen):
         file, named = library.file(one.quiz), ".".join(filter(None, (one.question.id, one.key.place)))
         certificate = one.certificate
@@ -116,7 +113,7 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, ScriptQuestion]]:
     """Yields every exercise of the quizzes under `path`, with the quiz's id."""
     for quiz in library.quizzes.values():
-        if is_within(library.root / library.file(quiz.id), path):
+        if (library.root / library.file(quiz.id)).is_relative_to(path):
             yield from ((quiz.id, question) for question in quiz.questions if isinstance(question, ScriptQuestion))
 
 

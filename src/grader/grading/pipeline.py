@@ -154,12 +154,12 @@ class Pipeline:
         """Reads and judges an answer, for commands. Raises as `read` does."""
         return self.judge_with_retries(self.read(quiz_id, question_id, answer, seed))
 
-    def judge_with_retries(self, submission: ParsedSubmission, retries: Retries = COMMAND_RETRIES) -> Verdict:
+    def judge_with_retries(self, submission: ParsedSubmission) -> Verdict:
         """Judges, and tries again after a fault of the grader. Sleeps between the tries: for commands only."""
         tried = 1
         while True:
             verdict = self.judge(submission)
-            pause_s = retries.pause_after(tried) if verdict.status is Status.GRADER_FAULT else None
+            pause_s = COMMAND_RETRIES.pause_after(tried) if verdict.status is Status.GRADER_FAULT else None
             if pause_s is None:
                 return verdict
             time.sleep(pause_s)

@@ -221,9 +221,9 @@ def count_jobs(session: Session, topic: str = GRADE) -> int:
     return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
 
 
-def count_ahead(session: Session, subject: str, topic: str = GRADE) -> int | None:
-    """How many waiting jobs of a topic are claimed before that of a subject; None if its job does not wait."""
-    here = (WAITS, JobRow.topic == topic)
+def count_ahead(session: Session, subject: str) -> int | None:
+    """How many waiting jobs of grading are claimed before that of a subject; None if its job does not wait."""
+    here = (WAITS, JobRow.topic == GRADE)
     row = session.execute(select(*ORDER).where(*here, JobRow.subject == subject)).first()
     if row is None:
         return None
