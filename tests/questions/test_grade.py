@@ -14,8 +14,7 @@ from grader.questions import Question, grade_answer, read_answer
 from grader.questions.kinds.choice import ChoiceQuestion
 from grader.questions.kinds.number import NumberQuestion
 from grader.questions.kinds.predict import PredictQuestion
-from grader.questions.kinds.text import TextQuestion
-from grader.questions.kinds.text.kind import CHARACTERS_MAX
+from grader.questions.kinds.text import CHARACTERS_MAX, TextQuestion
 
 OPTIONS = ("Velocity &amp; force stage", "<code>Position</code> stage", "$h < 2I/c$ and x > 3", "Integration")
 CHOICE = ChoiceQuestion(id="q1", kind="mcq", q="Which?", options=OPTIONS, answer=1, explain="<p>Why.</p>", points=3)

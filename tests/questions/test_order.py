@@ -11,8 +11,7 @@ from pydantic import ValidationError
 from grader.domain.verdict import Status
 from grader.errors import InvalidAnswer
 from grader.questions import grade_answer, parse_question, question_view
-from grader.questions.kinds.order import Order, OrderQuestion
-from grader.questions.kinds.order.kind import REVERSED, ROTATED
+from grader.questions.kinds.order import REVERSED, ROTATED, Order, OrderQuestion
 
 KIND = Order()
 ITEMS = ["position stage", "velocity stage", "actuation", "acceleration", "integration"]

@@ -1,4 +1,2 @@
-"""The JSON API under /api/v1, with health and the OpenAPI document.
-
-Routes have no logic of their own: they read the request, call a room below, and return a value.
-"""
+"""The JSON API under /api/v1, with health and the OpenAPI document. Routes have no logic of their own: they read the
+request, call a room below, and return a value."""

@@ -10,11 +10,8 @@ ENTRIES_MAX = 1000
 
 
 class RequestBody(BaseModel):
-    """A JSON object with known keys and finite numbers.
-
-    What is wrong with it is told in a few words however long it is: pydantic lists every unknown key and every wrong
-    entry, which takes it 0.7 s for 2 MB.
-    """
+    """A JSON object with known keys and finite numbers. What is wrong with it is told in a few words however long it
+    is: pydantic lists every unknown key and every wrong entry, which takes it 0.7 s for 2 MB."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 

@@ -17,25 +17,37 @@ Item = TypeVar("Item")
 RowId = Annotated[int, Path(ge=1, le=ROW_ID_MAX)]
 """The number of a row, in a path."""
 
-LIMIT, LIMIT_MAX = 50, 100
+INVALID = "The cursor is invalid: send the `next_cursor` of the page before."
 NO_NUL = r"^[^\x00]*$"
 """PostgreSQL cannot store NUL in text, and refuses queries that hold one."""
 
 
-class PageQuery(BaseModel):
-    """The query parameters of a list: which submissions, and which page of them."""
+class CursorQuery(BaseModel):
+    """The query parameters of a list: which page of it."""
+
+    cursor: str | None = None
+    limit: int = Field(default=50, ge=1, le=100)
+
+    @property
+    def start(self) -> str | None:
+        """The id of the last item of the page before; None for the first page. Raises Unprocessable."""
+        return None if self.cursor is None else read_cursor(self.cursor)
+
+    def read_number(self, digits_max: int = 18) -> int:
+        """The number of the last item of the page before; 0 for the first page. Raises Unprocessable."""
+        text = self.start or "0"
+        if not text.isdecimal() or len(text) > digits_max:
+            raise Unprocessable(INVALID)
+        return int(text)
+
+
+class PageQuery(CursorQuery):
+    """The query parameters of a list of submissions: which, and which page of them."""
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)
     user: str | None = Field(default=None, pattern=NO_NUL)
     learner: str | None = Field(default=None, pattern=NO_NUL)
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
-
-    @property
-    def start(self) -> str | None:
-        """The id of the last submission of the page before; None for the first page. Raises Unprocessable."""
-        return None if self.cursor is None else read_cursor(self.cursor)
 
 
 class Page(BaseModel, Generic[Item]):
@@ -48,7 +60,7 @@ class Page(BaseModel, Generic[Item]):
 PageParams = Annotated[PageQuery, Query()]
 
 
-def page_of(items: list[dict[str, Any]], query: PageQuery, path: str, response: Response) -> dict[str, Any]:
+def page_of(items: list[dict[str, Any]], query: CursorQuery, path: str, response: Response) -> dict[str, Any]:
     """The body of a page, and its `Link` header. `items` are one more than the limit if there is a next page."""
     if len(items) <= query.limit:
         return {"items": items, "next_cursor": None}
@@ -73,7 +85,7 @@ def read_cursor(cursor: str) -> str:
     try:
         decoded = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode("ascii")
     except (ValueError, binascii.Error) as error:
-        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.") from error
+        raise Unprocessable(INVALID) from error
     if not decoded.startswith("at:") or not decoded.removeprefix("at:").isalnum():
-        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
+        raise Unprocessable(INVALID)
     return decoded.removeprefix("at:")

@@ -29,10 +29,7 @@ v1.include_router(webhooks.router)
 
 
 def include_in(app: FastAPI | APIRouter) -> None:
-    """Adds all routes to an app, in the order in which they are looked through.
-
-    Answers come first, in routers that include no other: FastAPI asks all routers that a router includes, with every
-    request, whether their routes have changed.
-    """
+    """Adds all routes to an app, in the order in which they are looked through. Answers come first, in routers that
+    include no other: FastAPI asks all routers inside a router, with every request, whether routes have changed."""
     for router in (submissions.answers, on_behalf.answers, v1, health.router):
         app.include_router(router)

@@ -90,10 +90,8 @@ class PlatformCourse(BaseModel):
 
 class MemberView(BaseModel):
     """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come.
-
-    `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged:
-    an address on another roster may be anybody's, and merging would hand over the work of its owner.
-    """
+    `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged: an
+    address on another roster may be anybody's, and merging would hand over the work of its owner."""
 
     id: str
     name: str

@@ -1,4 +1,1 @@
-"""The data types that all rooms share: Quiz, Question, Lab, Job, RunReport, Verdict.
-
-It does no I/O and simulates nothing.
-"""
+"""The data types that all rooms share, such as Lab, Job, RunReport and Verdict, without I/O."""

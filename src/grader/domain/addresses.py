@@ -1,7 +1,5 @@
-"""Which URLs this service may send requests to: those of public hosts, never of the network that it runs in.
-
-A name is judged by the addresses that it resolves to, at every request anew.
-"""
+"""Which URLs this service may send requests to: those of public hosts, never of the network that it runs in. A name is
+judged by the addresses that it resolves to, at every request anew."""
 
 import re
 from collections.abc import Collection

@@ -30,11 +30,9 @@ class LabPart(BaseModel):
 
 
 class Slider(LabPart):
-    """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`).
-
-    With `init` it is written again after `setup`, because it sets state that `setup` or a reset overwrites. Without a
-    `step` it takes every value of its range.
-    """
+    """A number that the learner sets: written to a path (`set`), by a statement (`apply`) or to `ctx` (`param`). With
+    `init` it is written again after `setup`, because it sets state that `setup` or a reset overwrites. Without a `step`
+    it takes every value of its range."""
 
     type: Literal["slider"] = "slider"
     label: str
@@ -137,11 +135,9 @@ Seconds = Annotated[Positive, Field(le=SECONDS_MAX)]
 
 
 class LabConfig(LabPart):
-    """One simulation with its controls, readouts and plots.
-
-    `seconds` is the length of a run; `forceScale` the length of a contact force's arrow [m/N]. `overlays` says what is
-    drawn at first, `toggles` what the learner may turn on and off.
-    """
+    """One simulation with its controls, readouts and plots. `seconds` is the length of a run; `forceScale` the length
+    of a contact force's arrow [m/N]. `overlays` says what is drawn at first, `toggles` what the learner may turn on and
+    off."""
 
     title: str | None = None
     model: str | None = None
@@ -184,11 +180,8 @@ def _first_model(fields: dict[str, Any]) -> str:
 
 
 class IntegratorsLab(LabPart):
-    """A lab of a lesson that runs one scene under all five integrators from one state.
-
-    `models` are names, or pairs of name and label; without `model` it begins with the first. `duration` is another word
-    for `seconds`.
-    """
+    """A lab of a lesson that runs one scene under all five integrators from one state. `models` are names, or pairs of
+    name and label; without `model` it begins with the first. `duration` is another word for `seconds`."""
 
     id: str
     kind: Literal["integrators"]

@@ -10,11 +10,8 @@ LONE_BRACKET = re.compile(r"<(?!/?[A-Za-z][^<>$]*>|!--)")
 
 
 def plain_text(markup: str) -> str:
-    """Strip the tags of an HTML fragment, decode its entities and collapse white space; TeX stays as typed.
-
-    Parses the fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate pair becomes a
-    question mark.
-    """
+    """Strip the tags of an HTML fragment, decode its entities and collapse white space; TeX stays as typed. Parses the
+    fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate pair becomes a question mark."""
     fragment = LONE_BRACKET.sub("&lt;", markup).encode(errors="replace").decode()
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
 

@@ -22,11 +22,8 @@ def without_remarks(value: Any) -> Any:
 def misread(
     error: ValidationError, raw: Any, known_keys: KnownKeys, choices: Mapping[str, str] = {}
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yields the place of every refused value in the JSON value `raw`, and one reason for each place.
-
-    `choices` lists the values of each key that selects the class of a part. What only follows from a fault inside
-    a part is left out.
-    """
+    """Yields the place of every refused value in the JSON value `raw`, and one reason for each place. `choices`: the
+    values of each key that selects the class of a part. Leaves out what only follows from a fault inside a part."""
     details = error.errors(include_url=False)
     told = set[tuple[str | int, ...]]()
     for detail in details:

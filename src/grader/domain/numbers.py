@@ -1,7 +1,5 @@
-"""The numbers that authors write: finite, of a size that arithmetic can hold, and ranges in ascending order.
-
-A model that holds numbers takes its types from here, so that each rule and its sentence is written once.
-"""
+"""The numbers that authors write: finite, of a size that arithmetic can hold, and ranges in ascending order. A model
+that holds numbers takes its types from here, so that each rule and its sentence is written once."""
 
 from typing import Annotated, Any, NamedTuple
 

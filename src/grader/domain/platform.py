@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Platform:
-    """A platform's registration: one issuer may have several, told apart by their client ids (Canvas).
-
-    `token_audience` is the `aud` of our token requests; empty means the token URL. `origins` are the web origins whose
-    pages may show ours in a frame.
-    """
+    """A platform's registration: one issuer may have several, told apart by their client ids (Canvas). `token_audience`
+    is the `aud` of our token requests; empty means the token URL. `origins` are the web origins whose pages may show
+    ours in a frame."""
 
     id: int
     issuer: str
@@ -23,11 +21,9 @@ class Platform:
 
 @dataclass(frozen=True)
 class ScoreTarget:
-    """The place of a learner's score on a platform, as their launch told it.
-
-    Without `line_item_url` the column is looked for, or made, at `line_items_url` by `resource_id`: `QUIZ`, or
-    `QUIZ/QUESTION`. `scopes` are those that the launch granted; each URL is empty where the platform named none.
-    """
+    """The place of a learner's score on a platform, as their launch told it. Without `line_item_url` the column is
+    looked for, or made, at `line_items_url` by `resource_id`: `QUIZ`, or `QUIZ/QUESTION`. `scopes` are those that the
+    launch granted; each URL is empty where the platform named none."""
 
     platform: Platform
     line_item_url: str

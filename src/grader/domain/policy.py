@@ -31,9 +31,7 @@ class PolicyPart(BaseModel):
 
 class Late(PolicyPart):
     """Late answers are taken until `until`; points are multiplied by `per_day` for every day started since `due`.
-
-    `floor` is the smallest multiplier. `until` is required: solutions stay closed while answers are still taken.
-    """
+    `floor` is the smallest multiplier. `until` is required: solutions stay closed while answers are still taken."""
 
     per_day: Share
     floor: Share = 0.0
@@ -61,13 +59,11 @@ def _with_due(when: str, info: ValidationInfo) -> str:
 
 
 class Policy(PolicyPart):
-    """The rules of one quiz; every key may be left out. A question's own `attempts` overrides the quiz's.
-
-    Answers are taken from `opens` to `due`, both included, and where `late` is given until its `until`. `counts`
-    says which attempts make the points. `feedback` says when a learner sees how an answer was graded, `solutions`
-    when the right answer and its explanation: never before the feedback. `after_due` means once the learner can hand
-    in no more answers, so that no late answer copies a published solution.
-    """
+    """The rules of one quiz; every key may be left out. A question's own `attempts` overrides the quiz's. Answers are
+    taken from `opens` to `due`, both included, and where `late` is given until its `until`. `counts` says which
+    attempts make the points. `feedback` says when a learner sees how an answer was graded, `solutions` when the right
+    answer and its explanation: never before the feedback. `after_due` means once the learner can hand in no more
+    answers, so that no late answer copies a published solution."""
 
     attempts: int | None = Field(default=None, ge=1, strict=True)
     opens: Moment | None = None
@@ -81,10 +77,8 @@ class Policy(PolicyPart):
 
 
 class Extension(PolicyPart):
-    """Later dates, and further attempts at every question of the quiz, for one learner.
-
-    Dates that are earlier than the policy's change nothing.
-    """
+    """Later dates, and further attempts at every question of the quiz, for one learner. Dates that are earlier than the
+    policy's change nothing."""
 
     due: Moment | None = None
     until: Moment | None = None
@@ -93,11 +87,9 @@ class Extension(PolicyPart):
 
 @dataclass(frozen=True)
 class Progress:
-    """Counts of a learner's attempts at a question, from which decisions are made without reading the attempts.
-
-    `used` counts the attempts against the limit, `pending` those of them without a verdict. `solved` says whether an
-    attempt is right.
-    """
+    """Counts of a learner's attempts at a question, from which decisions are made without reading the attempts. `used`
+    counts the attempts against the limit, `pending` those of them without a verdict. `solved` says whether an attempt
+    is right."""
 
     used: int = 0
     pending: int = 0

@@ -11,10 +11,8 @@ ROUNDING = 1e-9
 
 
 class RubricItem(BaseModel):
-    """One item to tick. Its points are added; negative points are deducted.
-
-    Items with the same `group` appear together under that heading.
-    """
+    """One item to tick. Its points are added; negative points are deducted. Items with the same `group` appear together
+    under that heading."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -45,10 +43,8 @@ Rubric = Annotated[tuple[RubricItem, ...], Field(max_length=ITEMS_MAX), AfterVal
 
 
 class SecondMarking(BaseModel):
-    """A second reviewer marks a random `share` of the reviewed answers, without seeing the first one's mark.
-
-    Two marks that differ by more than `tolerance` points are a disagreement.
-    """
+    """A second reviewer marks a random `share` of the reviewed answers, without seeing the first one's mark. Two marks
+    that differ by more than `tolerance` points are a disagreement."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

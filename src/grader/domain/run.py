@@ -34,12 +34,11 @@ class Limits(BaseModel):
 
 @dataclass(frozen=True)
 class Job:
-    """A script to run in the jail, with the source text of a driver that calls it.
-
-    The driver is executed before the student's module is imported, so that the student's `from mujoco import ...`
-    finds its patches. After the import its `run(student, inputs, submit)` is called: `student` is the module,
-    `inputs` plain JSON, and `submit(name, array)` returns one named array of numbers (text as uint8). The inputs reach
-    the process after the import. A driver that defines `compile_source(source, filename)` compiles the module itself.
+    """A script to run in the jail, with the source text of a driver that calls it. The driver is executed before the
+    student's module is imported, so that the student's `from mujoco import ...` finds its patches. After the import its
+    `run(student, inputs, submit)` is called: `student` is the module, `inputs` plain JSON, and `submit(name, array)`
+    returns one named array of numbers (text as uint8). The inputs reach the process after the import. A driver that
+    defines `compile_source(source, filename)` compiles the module itself.
 
     `hidden_inputs` reach it when the driver calls `hidden_inputs()`, a name that the jail defines. Output after that
     call is dropped, and results are kept apart.
@@ -49,10 +48,9 @@ class Job:
     `keeps_integrators` they stay. Models compile as before, except those with muscles, whose length range MuJoCo
     simulates: the driver must compile these at its top level, before the import.
 
-    `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives,
-    but for those after the request for the hidden inputs; both in the thread of the run, which also asks `is_stopped`,
-    several times a second, whether to end the script.
-    """
+    `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives, but
+    for those after the request for the hidden inputs; both in the thread of the run, which also asks `is_stopped`,
+    several times a second, whether to end the script."""
 
     source: str
     driver: str
@@ -79,11 +77,9 @@ class RunStatus(StrEnum):
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a script ended, and what it returned. `results` come from the student's process and prove nothing.
-
-    `stepped` counts calls of MuJoCo's integrators after they were removed (see Job). Where it is above zero the script
-    has tried to use them. A hostile script can keep it at zero, but cannot step.
-    """
+    """How a script ended, and what it returned. `results` come from the student's process and prove nothing. `stepped`
+    counts calls of MuJoCo's integrators after they were removed (see Job). Where it is above zero the script has tried
+    to use them. A hostile script can keep it at zero, but cannot step."""
 
     status: RunStatus
     reason: str = ""

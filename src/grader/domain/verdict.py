@@ -44,10 +44,8 @@ class Status(StrEnum):
 
 
 class Finding(BaseModel):
-    """The outcome of one criterion; `passed` is None if it is undecided.
-
-    With "reveal": "direction", `direction` takes the place of `message`; None: no message there.
-    """
+    """The outcome of one criterion; `passed` is None if it is undecided. With "reveal": "direction", `direction` takes
+    the place of `message`; None: no message there."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -63,10 +61,8 @@ class Finding(BaseModel):
 
 
 class Verdict(BaseModel):
-    """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one.
-
-    With "reveal": "direction", `direction` takes the place of `diagnosis`; None: no diagnosis there.
-    """
+    """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one. With "reveal":
+    "direction", `direction` takes the place of `diagnosis`; None: no diagnosis there."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -95,12 +91,9 @@ def status_of(points: float, max_points: float) -> Status:
 
 
 def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
-    """The verdict with the points of a reviewer, as the first finding.
-
-    Measured findings stay; undecided ones with points are dropped. The grader's own status is kept as evidence
-    `graded_as`: before the feedback a learner sees no other. Raises ValueError for points below 0 or above those of
-    the question.
-    """
+    """The verdict with the points of a reviewer, as the first finding. Measured findings stay; undecided ones with
+    points are dropped. The grader's own status is kept as evidence `graded_as`: before the feedback a learner sees no
+    other. Raises ValueError for points below 0 or above those of the question."""
     if not 0 <= points <= verdict.max_points:
         raise ValueError(f"points must be between 0 and {verdict.max_points:g}")
     status = status_of(points, verdict.max_points)

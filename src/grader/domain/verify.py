@@ -22,12 +22,10 @@ class VerifyPart(BaseModel):
 
 
 class Claim(VerifyPart):
-    """A claim about the history of a run, read at every step from `since` to `until` [s] (both included).
-
-    `expr` is true at the `end` of that window, `always` or `ever` in it; or a number that is counted or measured lies
-    between `at_least` and `at_most`: how many `times` the expression becomes true (a start at which it is true counts
-    not), the `first` time [s] at which it is true, or its largest (`max`) or smallest (`min`) value.
-    """
+    """A claim about the history of a run, read at every step from `since` to `until` [s] (both included). `expr` is
+    true at the `end` of that window, `always` or `ever` in it; or a number that is counted or measured lies between
+    `at_least` and `at_most`: how many `times` the expression becomes true (a start at which it is true counts not), the
+    `first` time [s] at which it is true, or its largest (`max`) or smallest (`min`) value."""
 
     expr: Expression
     when: Literal["end", "always", "ever", "times", "first", "max", "min"] = "end"
@@ -50,11 +48,9 @@ class Claim(VerifyPart):
 
 class ByOptions(VerifyPart):
     """Run the lab of a predict question under each option's setting; `criterion` holds for the right option only.
-
-    `criterion` is `stable` (no warning over the run), an expression that is true at the `end`, `always` or `ever`, or
-    a Claim. `settings` has one entry per option, null for an option such as "None of them"; by default the options are
-    labels of a select of the lab.
-    """
+    `criterion` is `stable` (no warning over the run), an expression that is true at the `end`, `always` or `ever`, or a
+    Claim. `settings` has one entry per option, null for an option such as "None of them"; by default the options are
+    labels of a select of the lab."""
 
     by: Literal["options"]
     settings: tuple[Setting | None, ...] | None = None
@@ -64,10 +60,8 @@ class ByOptions(VerifyPart):
 
 
 class ByOutcome(VerifyPart):
-    """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true.
-
-    A claim is an expression, true at `when`, or a Claim.
-    """
+    """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true. A claim is
+    an expression, true at `when`, or a Claim."""
 
     by: Literal["outcome"]
     claims: tuple[Expression | Claim, ...] = Field(min_length=2)
@@ -77,10 +71,8 @@ class ByOutcome(VerifyPart):
 
 
 class ByStage(VerifyPart):
-    """Find the stage of mj_step that first fills the field `fills` (`contact`, or an array of mjData).
-
-    `stages` has the call of each option, such as mj_fwdPosition; by default it is inferred from the option's words.
-    """
+    """Find the stage of mj_step that first fills the field `fills` (`contact`, or an array of mjData). `stages` has the
+    call of each option, such as mj_fwdPosition; by default it is inferred from the option's words."""
 
     by: Literal["stage"]
     fills: str = "contact"
@@ -121,13 +113,10 @@ def check_seconds(seconds: float, info: ValidationInfo) -> float:
 
 
 class ByThreshold(VerifyPart):
-    """Derive the largest stable timestep of a numeric question between `low` and `high` [s].
-
-    The criterion `decays` takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep
-    without a warning within `seconds`; where these are too short to decide, the linear stability limit. The scene is a
-    `servo`, or a `model` or `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. The answer is `scale`
-    times the limit in seconds.
-    """
+    """Derive the largest stable timestep of a numeric question between `low` and `high` [s]. The criterion `decays`
+    takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep without a warning within
+    `seconds`; where these are too short to decide, the linear stability limit. The scene is a `servo`, or a `model` or
+    `xml` with `key`, `qpos`, `qvel` and fields of the model to `set`. The answer is `scale` times the limit [s]."""
 
     by: Literal["threshold"]
     servo: ServoJoint | None = None

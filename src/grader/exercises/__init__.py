@@ -1,7 +1,5 @@
-"""Exercises: scripts that are run in the jail and judged by simulating again, each of a kind that is a plug-in.
-
-Other rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes.
-"""
+"""Exercises: scripts that are run in the jail and judged by simulating again, each of a kind that is a plug-in. Other
+rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes."""
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
 from grader.domain.run import Limits
@@ -32,38 +30,9 @@ from grader.exercises.runner import (
 )
 
 __all__ = [
-    "GROUP",
-    "Case",
-    "DrawnCase",
-    "ExerciseParameters",
-    "Intervals",
-    "JudgedTrial",
-    "Judgement",
-    "Kind",
-    "LazyAnswer",
-    "Limits",
-    "Measurement",
-    "NotNegative",
-    "Number",
-    "Plan",
-    "Points",
-    "Positive",
-    "Progress",
-    "Range",
-    "Real",
-    "Results",
-    "Strict",
-    "Tell",
-    "TextOf",
-    "Trial",
-    "Value",
-    "WrongParameter",
-    "check_exercise",
-    "compute_chance_of_luck",
-    "draw_number",
-    "judge_exercise",
-    "load_kinds",
-    "plan_exercise",
-    "prepare_exercise",
+    "GROUP", "Case", "DrawnCase", "ExerciseParameters", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer",
+    "Limits", "Measurement", "NotNegative", "Number", "Plan", "Points", "Positive", "Progress", "Range", "Real",
+    "Results", "Strict", "Tell", "TextOf", "Trial", "Value", "WrongParameter", "check_exercise",
+    "compute_chance_of_luck", "draw_number", "judge_exercise", "load_kinds", "plan_exercise", "prepare_exercise",
     "write_lazy_answers",
-]
+]  # fmt: skip

@@ -1,10 +1,7 @@
-"""Notes the exceptions that `except` clauses of the script catch: `handled`, with class, both lines, and how often.
-
-The code of this file is sent to the jail behind that of the recorder, if the script has the word `except`; it imports
-nothing of the grader. Handled exceptions are seen by a call that is compiled into each clause: tracing (`sys.settrace`,
-`sys.setprofile`) would slow every line of the script, and `sys.monitoring` needs Python 3.12. `contextlib.suppress` is
-not seen.
-"""
+"""Notes the exceptions that `except` clauses of the script catch: `handled`, with class, both lines, and how often. The
+code of this file is sent to the jail behind that of the recorder, if the script has the word `except`; it imports
+nothing of the grader. A call that is compiled into each clause sees them: tracing (`sys.settrace`, `sys.setprofile`)
+would slow every line of the script, and `sys.monitoring` needs Python 3.12. It misses `contextlib.suppress`."""
 
 import ast
 import builtins
@@ -37,10 +34,8 @@ def finish() -> None:
 
 
 def compile_source(source: str, filename: str) -> types.CodeType:
-    """Compiles the student's source, with a call of `handle` at the start of each `except` clause.
-
-    Falls back on the plain compiler, which raises what there is to raise.
-    """
+    """Compiles the student's source, with a call of `handle` at the start of each `except` clause. Falls back on the
+    plain compiler, which raises what there is to raise."""
     if len(source) <= SOURCE_BYTES_MAX:
         try:
             tree = ast.parse(source, filename)
@@ -59,8 +54,7 @@ def compile_source(source: str, filename: str) -> types.CodeType:
 
 def build_call(clause: ast.ExceptHandler) -> ast.stmt:
     """Returns the statement `__handled__(<line of the clause>)`, placed at the clause."""
-    name = ast.Name(HANDLER, ast.Load())
-    call = ast.Expr(ast.Call(name, [ast.Constant(clause.lineno)], []))
+    call = ast.Expr(ast.Call(ast.Name(HANDLER, ast.Load()), [ast.Constant(clause.lineno)], []))
     return ast.fix_missing_locations(ast.copy_location(call, clause))
 
 

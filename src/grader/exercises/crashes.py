@@ -1,7 +1,5 @@
-"""Says what an error of a student's script means, and what to do: the message without noise, and an advice.
-
-What the script's process says of its own end is a claim, so that nothing here decides.
-"""
+"""Says what an error of a student's script means, and what to do: the message without noise, and an advice. What the
+script's process says of its own end is a claim, so that nothing here decides."""
 
 import difflib
 import re
@@ -94,10 +92,8 @@ def explain_error(message: str, place: str = "") -> str:
 
 
 def shorten_binding_error(message: str) -> str:
-    """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes.
-
-    A script chooses its messages, so that the time must not grow faster than their length.
-    """
+    """Returns a message of pybind11 about arguments in one line: what was given, and what the function takes. A script
+    chooses its messages, so that the time must not grow faster than their length."""
     before, refused, after = message.partition("(): incompatible ")
     supported, invoked, tail = after.partition("Invoked with: ")
     is_about_arguments = supported.startswith(("function arguments.", "constructor arguments."))

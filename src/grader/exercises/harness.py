@@ -1,16 +1,13 @@
-"""Runs a kind's driver for every trial, inside the jail: the visible trials first, then the hidden ones.
-
-The code of this file is sent to the jail with that of the recorder and of the kind's driver; it imports nothing of the
-grader. The jail defines two names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden",
-"out_of_memory"), and `hidden_inputs()` fetches the hidden trials, which the process does not know before. What it
-prints then is dropped.
+"""Runs a kind's driver for every trial, inside the jail: the visible trials first, then the hidden ones. The code of
+this file is sent to the jail with that of the recorder and of the kind's driver; it imports nothing of the grader. The
+jail defines two names: `kind_of(error)` tells how an exception ends a script ("crashed", "forbidden", "out_of_memory"),
+and `hidden_inputs()` fetches the hidden trials, which the process does not know before. What it prints then is dropped.
 
 An exception ends its trial alone: the result `raised` holds its name and line. SystemExit and its like, a refusal of
 the jail, and lack of memory end the whole script: they are raised again.
 
 The results `traces` and `hidden_traces` hold what the recorder noted in each trial. The driver finds among its names
-`note`, which adds to the trace, and `hidden`, which says whether the current trial is.
-"""
+`note`, which adds to the trace, and `hidden`, which says whether the current trial is."""
 
 import builtins
 import contextlib

@@ -40,12 +40,9 @@ class Content:
 
 @dataclass(frozen=True)
 class DrawnCase(Generic[C]):
-    """A case whose numbers are drawn.
-
-    `xml` is the MJCF of its model with the drawn numbers, `xml_as_written` without them. Both are empty where the case
-    has no model, which only a kind with `needs_model = False` allows. `rng` is seeded by [seed, index of the case] and
-    has drawn the numbers already; a kind draws everything else from it.
-    """
+    """A case whose numbers are drawn. `xml` is the MJCF of its model with the drawn numbers, `xml_as_written` without
+    them. Both are empty where the case has no model, which only a kind with `needs_model = False` allows. `rng` is
+    seeded by [seed, index of the case] and has drawn the numbers already; a kind draws everything else from it."""
 
     case: C
     numbers: Mapping[str, float]
@@ -80,16 +77,13 @@ class Trial(Generic[Problem]):
 
 @dataclass(frozen=True)
 class Judgement(Generic[Outcome]):
-    """A kind's judgement on one trial.
-
-    `message` is a sentence without numbers of the case, of the student's result, or of the expected result. It tells
-    the direction of an error at most. `detail` is a sentence that may have numbers; the runner leaves it, `measured`
-    and `expected` out of hidden trials. `measured` and `expected` are plain JSON. `outcome` is what the kind passes to
-    its `name_mistake` and `build_pictures`; None if the script raised.
+    """A kind's judgement on one trial. `message` is a sentence without numbers of the case, of the student's result, or
+    of the expected result. It tells the direction of an error at most. `detail` is a sentence that may have numbers;
+    the runner leaves it, `measured` and `expected` out of hidden trials. `measured` and `expected` are plain JSON.
+    `outcome` is what the kind passes to its `name_mistake` and `build_pictures`; None if the script raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
-    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
-    """
+    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed."""
 
     passed: bool
     message: str
@@ -104,10 +98,8 @@ class Judgement(Generic[Outcome]):
 
 @dataclass(frozen=True, eq=False)
 class JudgedTrial(Generic[Problem, Outcome]):
-    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too.
-
-    `trace` is what the script did in the trial, as it claims: it explains, and never decides.
-    """
+    """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too. `trace` is
+    what the script did in the trial, as it claims: it explains, and never decides."""
 
     trial: Trial[Problem]
     judgement: Judgement[Outcome]
@@ -117,10 +109,8 @@ class JudgedTrial(Generic[Problem, Outcome]):
 
 @dataclass(frozen=True)
 class LazyAnswer:
-    """A script that does not solve the exercise, and the most points that it may earn, of those of the question.
-
-    It may earn no more than the script of the name `like` does, if an earlier one has it.
-    """
+    """A script that does not solve the exercise, and the most points that it may earn, of those of the question. It may
+    earn no more than the script of the name `like` does, if an earlier one has it."""
 
     name: str
     source: str
@@ -130,28 +120,24 @@ class LazyAnswer:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A program that compiles and simulates what a script made, in a process of the jail of its own for each trial.
-
-    It is Python source like a driver's, and defines `measure(inputs, results, submit)`: the trial's `inputs`, and the
+    """A program that compiles and simulates what a script made, in a process of the jail of its own for each trial. It
+    is Python source like a driver's, and defines `measure(inputs, results, submit)`: the trial's `inputs`, and the
     arrays that the driver submitted. `judge` gets the arrays that it submits in their place. If it raises, or reaches
-    one of its limits, the trial is failed with a sentence that says which, and `judge` is not called.
-    """
+    one of its limits, the trial is failed with a sentence that says which, and `judge` is not called."""
 
     program: str
     limits: Limits = field(default_factory=lambda: Limits(cpu_s=2, wall_s=20))
 
 
 class Kind(ABC, Generic[P, Problem, Outcome]):
-    """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`.
-
-    A kind must define `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
+    """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`. A kind must define
+    `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
 
     `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
     It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
     numbers. It may define `before_import()`, called before the student's module is imported. What it raises in a trial
     counts as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
-    its names, which adds to the trial's trace; see grader.exercises.recorder.
-    """
+    its names, which adds to the trial's trace; see grader.exercises.recorder."""
 
     parameters: type[P]
     driver: str
@@ -179,35 +165,26 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         self.prepare(parameters, trial)
 
     def prepare(self, parameters: P, trial: Trial[Problem]) -> None:
-        """Computes and caches what `judge` needs of the trial whatever the script does; called while it runs.
-
-        Raises only what `rehearse` has raised before.
-        """
+        """Computes and caches what `judge` needs of the trial whatever the script does; called while it runs. Raises
+        only what `rehearse` has raised before."""
         return
 
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
-        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds.
-
-        The student's process may have forged the results: check names, shapes and types. Floating numbers are finite.
-        The trace is not among them.
-        """
+        """Judges what the driver submitted in one trial; must not raise, whatever `results` holds. The student's
+        process may have forged the results: check names, shapes and types. Floats are finite. The trace is left out."""
 
     def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
         """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.
-
         `judged` leaves out the trials in which the script raised, but not those whose results `judge` could not read.
-        Like `judge`, `name_mistake` and `build_pictures` must not raise.
-        """
+        Like `judge`, `name_mistake` and `build_pictures` must not raise."""
         return None
 
     def build_pictures(self, parameters: P, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
-        """Returns the verdict's evidence as plain JSON (lists, no arrays).
-
-        `charts` is drawn by the student's page: a list of {"case": the trial's id, "title", "x": {"label", "log"},
-        "y": {"label", "log"}, "series": [{"label", "x": [...], "y": [...], "points": whether to draw points}],
-        "marks": [{"y": a value to mark, "label"}]}. Students see it with the solutions.
-        """
+        """Returns the verdict's evidence as plain JSON (lists, no arrays). `charts` is drawn by the student's page: a
+        list of {"case": the trial's id, "title", "x": {"label", "log"}, "y": {"label", "log"}, "series": [{"label",
+        "x": [...], "y": [...], "points": whether to draw points}], "marks": [{"y": a value to mark, "label"}]}.
+        Students see it with the solutions."""
         return {}
 
     def write_lazy_answers(
@@ -217,10 +194,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         return {}
 
     def count_returned(self, trial: Trial[Problem]) -> int:
-        """Returns the number of values that the student's function returns, as a tuple where there are several.
-
-        `grader check` writes scripts that return as many values of an odd shape.
-        """
+        """Returns the number of values that the student's function returns, as a tuple where there are several. `grader
+        check` writes scripts that return as many values of an odd shape."""
         return 1
 
     def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:

@@ -25,11 +25,9 @@ has; a judge that computes with them first may find nothing to object to."""
 def write_lazy_answers(
     question: ScriptQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = refuse_text
 ) -> list[LazyAnswer]:
-    """Returns scripts that do not solve the exercise, with the points that each may earn at most.
-
-    The starter may earn none. A script that answers every model alike may earn the points of the visible trials, and
-    one that returns values of an odd shape no more than one that returns None.
-    """
+    """Returns scripts that do not solve the exercise, with the points that each may earn at most. The starter may earn
+    none. A script that answers every model alike may earn the points of the visible trials, and one that returns values
+    of an odd shape no more than one that returns None."""
     kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
     alike, most = kind.write_lazy_answers(question, plan.parameters, plan.trials), share * question.points

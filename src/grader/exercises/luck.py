@@ -36,11 +36,8 @@ def compute_chance_of_luck(
     question: Question, model_xml: ModelXml, text_of: TextOf = refuse_text
 ) -> tuple[float, float]:
     """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
-
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
-    or draws nothing, counts as 1. The cases after the product is small enough are not drawn.
-    `question` must be an exercise.
-    """
+    or draws nothing, counts as 1. The cases after the product is small enough are not drawn."""
     assert isinstance(question, ScriptQuestion)
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
@@ -66,15 +63,11 @@ def compute_chance_of_case(
 
 
 def select_boxes(part: Sequence[Intervals]) -> Boxes:
-    """Returns the two coordinates with the widest spread relative to their tolerance.
-
-    Leaving out the others can only raise the chance. Where the length of an answer is drawn too, only the coordinates
-    that all draws have are compared.
-    """
+    """Returns the two coordinates with the widest spread relative to their tolerance. Leaving out the others can only
+    raise the chance. Compares only the coordinates that all draws have."""
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
-    ratios = [compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)]
-    return boxes[:, np.argsort(ratios)[-2:]]
+    return boxes[:, np.argsort([compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)])[-2:]]
 
 
 def compute_spread(intervals: NDArray[np.float64]) -> float:
@@ -87,13 +80,11 @@ def compute_spread(intervals: NDArray[np.float64]) -> float:
 
 
 def compute_chance_of_part(boxes: Boxes) -> float:
-    """Returns an upper bound of the largest share of boxes that one point lies in.
-
-    Where at least FEW draws share a point, their share is counted. Else the boxes are widened until FEW share one,
-    and the share is carried back to the true width by the power law by which it grows from there to MANY: a density
-    without structure below the spacing of the draws. Where equal draws show that there is such structure, and where
-    the share does not grow, nothing is carried back.
-    """
+    """Returns an upper bound of the largest share of boxes that one point lies in. Where at least FEW draws share a
+    point, their share is counted. Else the boxes are widened until FEW share one, and the share is carried back to the
+    true width by the power law by which it grows from there to MANY: a density without structure below the spacing of
+    the draws. Where equal draws show that there is such structure, and where the share does not grow, nothing is
+    carried back."""
     counts: list[tuple[float, int]] = []
     widened = 1.0
     while widened < WIDEST and (not counts or counts[-1][1] < MANY):

@@ -1,7 +1,5 @@
-"""Runs a kind's measuring program over what a script submitted in one trial, in a process of the jail of its own.
-
-The code of this file is sent to the jail in place of a script; it imports nothing of the grader.
-"""
+"""Runs a kind's measuring program over what a script submitted in one trial, in a process of the jail of its own. The
+code of this file is sent to the jail in place of a script; it imports nothing of the grader."""
 
 import base64
 import builtins

@@ -1,7 +1,5 @@
-"""Compiles and simulates what a script made in a second process of the jail, and never in ours.
-
-A model in our process would read our files (`<include>`, `<hfield file>`), and take our time and memory.
-"""
+"""Compiles and simulates what a script made in a second process of the jail, and never in ours. A model in our process
+would read our files (`<include>`, `<hfield file>`), and take our time and memory."""
 
 import base64
 from collections.abc import Callable
@@ -48,10 +46,8 @@ class Unmeasured:
 
 
 def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: Run) -> Results | Unmeasured:
-    """Returns what the measuring program submits.
-
-    The program is the kind's, so whatever ends it is what the script made. Raises JailFault.
-    """
+    """Returns what the measuring program submits. The program is the kind's, so whatever ends it is what the script
+    made. Raises JailFault."""
     encoded = {
         name: (array.dtype.str, array.shape, base64.b64encode(array.tobytes()).decode())
         for name, array in results.items()

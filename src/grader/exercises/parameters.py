@@ -23,11 +23,9 @@ class Strict(BaseModel):
 
 
 class Number(Strict):
-    """A number of a model and its position in the MJCF.
-
-    `element` is an ElementTree path below the root, such as `position[@name='servo']` or
-    `body[@name='pendulum']/inertial`; `text` is the attribute's value, with `{}` for the number.
-    """
+    """A number of a model and its position in the MJCF. `element` is an ElementTree path below the root, such as
+    `position[@name='servo']` or `body[@name='pendulum']/inertial`; `text` is the attribute's value, with `{}` for the
+    number."""
 
     element: str = Field(min_length=1)
     attribute: str = Field(min_length=1)
@@ -35,11 +33,9 @@ class Number(Strict):
 
 
 class Case(Strict):
-    """The keys of every case. Students see neither title nor numbers of a hidden case.
-
-    `model` (a name in models/) or `xml` (MJCF text) replaces the exercise's model. `hint` is the diagnosis when this is
-    the first case that fails and no mistake is recognised.
-    """
+    """The keys of every case. Students see neither title nor numbers of a hidden case. `model` (a name in models/) or
+    `xml` (MJCF text) replaces the exercise's model. `hint` is the diagnosis when this is the first case that fails and
+    no mistake is recognised."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str | None = None
@@ -52,10 +48,8 @@ class Case(Strict):
 
 
 class ExerciseParameters(Strict):
-    """The keys of every exercise's `check` beside its `kind`; a kind adds its own in a subclass.
-
-    `luck` is the largest chance at which one fixed answer may be right in every case; docs/authoring.md says more.
-    """
+    """The keys of every exercise's `check` beside its `kind`; a kind adds its own in a subclass. `luck` is the largest
+    chance at which one fixed answer may be right in every case; docs/authoring.md says more."""
 
     model: str | None = None
     numbers: dict[str, Number] = Field(default_factory=dict)
@@ -99,18 +93,12 @@ def take_end(part: Any, end: int) -> Any:
 
 def draw_number(value: Value, rng: np.random.Generator) -> float:
     """Returns a number unchanged, or one drawn from its range and rounded to four figures."""
-    if not isinstance(value, tuple):
-        return value
-    return float(f"{rng.uniform(*value):.4g}")
+    return float(f"{rng.uniform(*value):.4g}") if isinstance(value, tuple) else value
 
 
 def write_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:
-    """Writes `values` into the MJCF text `xml`.
-
-    Raises:
-        WrongParameter: a number's `element` is not a path, or the model has no such element.
-        ValueError: the text is not XML.
-    """
+    """Writes `values` into the MJCF text `xml`. Raises WrongParameter if a number's `element` is not a path, or
+    the model has no such element, and ValueError if the text is not XML."""
     try:
         root = ET.fromstring(xml)  # noqa: S314 - the author's own file
     except ET.ParseError as error:

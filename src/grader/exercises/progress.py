@@ -15,11 +15,9 @@ OF_TRIAL = re.compile(r"t(\d{1,4})_")
 
 
 class Progress:
-    """Follows one run of some trials: calls `tell` at its start, and whenever a visible case ends.
-
-    The hidden cases are one step: a script that knows their numbers chooses when each ends, and could tell them so. The
-    names are claims of the script's process, so the progress is for display only. It never goes back.
-    """
+    """Follows one run of some trials: calls `tell` at its start, and whenever a visible case ends. The hidden cases are
+    one step: a script that knows their numbers chooses when each ends, and could tell them so. The names are claims of
+    the script's process, so the progress is for display only. It never goes back."""
 
     def __init__(self, trials: Sequence[Trial[Any]], tell: Tell) -> None:
         order = sorted(range(len(trials)), key=lambda index: trials[index].hidden)  # as the harness runs them

@@ -42,9 +42,7 @@ at_end: list[Callable[[], None]] = []
 
 def note(name: str, info: Mapping[str, Any] | None = None, numbers: Any = ()) -> bool:
     """Adds a note to the trace of the current trial; returns False where there is none, or the note does not fit.
-
-    `numbers` may be the bytes of float64 already.
-    """
+    `numbers` may be the bytes of float64 already."""
     if not state["open"]:
         return False
     text = json.dumps(info).encode() if info else b""

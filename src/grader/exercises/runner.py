@@ -23,16 +23,7 @@ from grader.errors import Fault, GraderError, JailFault, NotFound
 from grader.exercises import catching, harness, recorder
 from grader.exercises.crashes import explain_error, explain_hidden_slip
 from grader.exercises.embedding import embed_code
-from grader.exercises.kind import (
-    Content,
-    DrawnCase,
-    JudgedTrial,
-    Judgement,
-    Kind,
-    Results,
-    TextOf,
-    Trial,
-)
+from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, TextOf, Trial
 from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
 from grader.exercises.parameters import (
     Case,
@@ -46,6 +37,7 @@ from grader.exercises.parameters import (
 from grader.exercises.trace import NO_TRACE, is_line, read_traces
 from grader.questions import ModelXml, Question
 from grader.questions.kinds.script import ScriptQuestion
+from grader.questions.registry import load_point
 
 TRACES = {False: "traces", True: "hidden_traces"}
 """The names of the results that hold the traces of the visible and of the hidden trials."""
@@ -90,29 +82,19 @@ AnyJudged = JudgedTrial[Any, Any]
 
 @cache
 def load_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by its name.
-
-    Raises GraderError if two packages claim one name, or if a kind cannot be loaded.
-    """
+    """Returns every installed kind by its name. Raises GraderError if two claim one name, or one cannot be loaded."""
     kinds: dict[str, AnyKind] = {}
     for point in entry_points(group=GROUP):
         if point.name in kinds:
             raise GraderError(f"two installed packages provide the exercise kind {point.name!r}: uninstall one of them")
-        try:
-            kinds[point.name] = point.load()()
-        except Exception as error:  # code of another package: anything may be raised
-            package = point.dist.name if point.dist else "its package"
-            why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-            raise GraderError(f"the exercise kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+        kinds[point.name] = load_point(point, "exercise kind")
     return kinds
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The input of the jail for one exercise, and the trials for the judge.
-
-    `driver` runs over the plain-JSON `inputs`, then over the `hidden_inputs`; `without_integrators` as in Job.
-    """
+    """The input of the jail for one exercise, and the trials for the judge. `driver` runs over the plain-JSON `inputs`,
+    then over the `hidden_inputs`; `without_integrators` as in Job."""
 
     driver: str
     inputs: Mapping[str, Any]
@@ -135,10 +117,7 @@ class Plan:
 
 
 def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text) -> list[Fault]:
-    """Returns every fault of an exercise's `check`, each once, and none of any other question.
-
-    `where` is the quiz file's name.
-    """
+    """Returns every fault of an exercise's `check`, each once, none of other questions; `where` is the quiz file."""
     if not isinstance(question, ScriptQuestion):
         return []
     kind = load_kinds().get(question.check.kind)
@@ -198,9 +177,7 @@ def rehearse_case(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int
 ) -> Sequence[AnyTrial]:
     """Builds and rehearses the trials of a case at both ends of its ranges and for a draw; returns those of the last.
-
-    Raises ValueError, KeyError or GraderError where a trial cannot be built or judged.
-    """
+    Raises ValueError, KeyError or GraderError where a trial cannot be built or judged."""
     ends = [end for end in list_ends(case) if end != case]
     trials: Sequence[AnyTrial] = ()
     for one in (*ends, case):
@@ -250,10 +227,8 @@ def build_driver(kind: AnyKind) -> str:
 def build_case_trials(
     kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, seed: list[int]
 ) -> Sequence[AnyTrial]:
-    """Returns the trials of one case, hidden with it, which share its points.
-
-    Raises WrongParameter, ValueError, KeyError and GraderError.
-    """
+    """Returns the trials of one case, hidden with it, which share its points. Raises WrongParameter, ValueError,
+    KeyError and GraderError."""
     rng = np.random.default_rng(seed)
     numbers = {name: draw_number(value, rng) for name, value in case.set.items()}
     written = read_model(parameters, case, content.model_xml)
@@ -289,10 +264,8 @@ def prepare_exercise(question: ScriptQuestion, plan: Plan) -> None:
 
 
 def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run = refuse_job) -> Verdict:
-    """Returns the verdict on a script; one that did not return gets the status of that name, with the reason.
-
-    `run` is the jail's, for kinds that measure there. Raises JailFault as it does.
-    """
+    """Returns the verdict on a script; one that did not return gets the status of that name, with the reason. `run` is
+    the jail's, for kinds that measure there. Raises JailFault as it does."""
     if report.stepped:
         return build_failure(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
@@ -351,10 +324,8 @@ def judge_trial(
 
 
 def tells_numbers(sentence: str) -> bool:
-    """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many.
-
-    A script that makes up its trace chooses the numbers that a mistake's sentence takes from there.
-    """
+    """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many. A script that
+    makes up its trace chooses the numbers that a mistake's sentence takes from there."""
     figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
     return len(figures) > NUMBERS_MAX or any(len(one) > FIGURES_MAX for one in figures)
 
@@ -378,10 +349,8 @@ def select_results(results: Results, index: int) -> dict[str, NDArray[np.generic
 
 
 def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
-    """Returns the judgement of a trial in which the script raised; None if it did not.
-
-    What the harness says is a claim: of a hidden trial only the name of a built-in exception and a line are shown.
-    """
+    """Returns the judgement of a trial in which the script raised; None if it did not. What the harness says is a
+    claim: of a hidden trial only the name of a built-in exception and a line are shown."""
     if "raised" not in results:
         return None
     try:
@@ -425,35 +394,22 @@ def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequ
         message = " ".join(reviews)
         findings.append(
             Finding(
-                id="doubt",
-                title="for a person",
-                passed=None,
-                points=0.0,
-                max_points=0.0,
-                message=message,
-                direction=message,
+                id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message,
+                direction=message
             )
-        )
+        )  # fmt: skip
     return tuple(findings)
 
 
 def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
-    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values.
-
-    The detail may say how far the result is off, so the direction leaves it out.
-    """
+    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values. The detail may
+    say how far the result is off, so the direction leaves it out."""
     shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
-        id=judged.trial.id,
-        title=title,
-        passed=judged.counts,
-        points=points if judged.counts else 0.0,
-        max_points=points,
-        message=" ".join(filter(None, (choose_message(judged), shown.detail))),
-        direction=choose_message(judged),
-        measured=shown.measured,
-        expected=shown.expected,
-    )
+        id=judged.trial.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
+        max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
+        direction=choose_message(judged), measured=shown.measured, expected=shown.expected
+    )  # fmt: skip
 
 
 def choose_message(judged: AnyJudged) -> str:
@@ -465,11 +421,9 @@ def choose_message(judged: AnyJudged) -> str:
 def diagnose(
     kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]
 ) -> tuple[str | None, str | None]:
-    """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding.
-
-    The second sentence stands in for the first where only the direction of an error may be told. `whole` are the trials
-    that did not raise. Details are left out, so that the diagnosis does not depend on the seed.
-    """
+    """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding. The
+    second sentence stands in for the first where only the direction of an error may be told. `whole` are the trials
+    that did not raise. Details are left out, so that the diagnosis does not depend on the seed."""
     wrong = next((index for index, one in enumerate(judged) if not one.counts), None)
     if wrong is None:
         return None, None

@@ -1,8 +1,6 @@
 """Reads the traces that scripts leave in the jail: claims, which explain a verdict and never decide one.
-
 `grader.exercises.recorder` writes them and describes their form. Whatever the bytes are, `read_trace` returns a trace:
-the notes up to the first that is not well formed.
-"""
+the notes up to the first that is not well formed."""
 
 import json
 import re
@@ -40,11 +38,9 @@ class Note:
 
 @dataclass(frozen=True)
 class ReturnedValue:
-    """A value that a function returned.
-
-    `type` is the name of its class, `text` that of a string. `shape` is that of an array or the length of a list or
-    tuple, whose items have the classes `items`. `numbers` are the first ones, nan where an item is no number.
-    """
+    """A value that a function returned. `type` is the name of its class, `text` that of a string. `shape` is that of an
+    array or the length of a list or tuple, whose items have the classes `items`. `numbers` are the first ones, nan
+    where an item is no number."""
 
     type: str
     text: str
@@ -56,9 +52,7 @@ class ReturnedValue:
 @dataclass(frozen=True)
 class HandledException:
     """An exception that the `except` clause in line `clause` caught: class, line where it was raised, and how often.
-
-    `message` is empty in a hidden trial. The clause may have raised it again.
-    """
+    `message` is empty in a hidden trial. The clause may have raised it again."""
 
     type: str
     line: int
@@ -100,10 +94,8 @@ NO_TRACE = Trace()
 
 def read_traces(values: "NDArray[np.generic] | None", known: Container[str] | None = None) -> dict[int, Trace]:
     """Returns the traces in the result `traces` by the index of the trial, up to the first that is not whole.
-
     `grader.exercises.harness` writes the result. `known` is given for hidden trials: a text with a word that is not
-    among these is emptied, as the script may have made it of the numbers of a hidden case.
-    """
+    among these is emptied, as the script may have made it of the numbers of a hidden case."""
     traces: dict[int, Trace] = {}
     if values is None or values.dtype != np.uint8 or values.ndim != 1:
         return traces

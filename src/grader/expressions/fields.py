@@ -1,10 +1,8 @@
-"""The fields of the model, its options and the data that expressions may name: the allow-list.
-
-A field that is not listed does not exist for an expression. Fields that hold addresses, types or sizes are read-only:
-MuJoCo trusts them, and a wrong one would make it read outside its memory. Arrays that move during a run (`efc_*`,
-`contact`) are left out; `lib` gives what labs need of them.
-Source: https://mujoco.readthedocs.io/en/stable/APIreference/APItypes.html (mjModel, mjOption, mjData).
-"""
+"""The fields of the model, its options and the data that expressions may name: the allow-list. A field that is not
+listed does not exist for an expression. Fields that hold addresses, types or sizes are read-only: MuJoCo trusts them,
+and a wrong one would make it read outside its memory. Arrays that move during a run (`efc_*`, `contact`) are left out;
+`lib` gives what labs need of them. Source: https://mujoco.readthedocs.io/en/stable/APIreference/APItypes.html (mjModel,
+mjOption, mjData)."""
 
 
 def split_names(text: str) -> frozenset[str]:

@@ -13,25 +13,13 @@ Numeric = Callable[..., float]
 """A function of floats."""
 
 CONSTANTS = {
-    "NaN": math.nan,
-    "Infinity": math.inf,
-    "Math.PI": math.pi,
-    "Math.E": math.e,
-    "Math.LN2": math.log(2),
-    "Math.LN10": math.log(10),
-    "Math.LOG2E": 1.4426950408889634,
-    "Math.LOG10E": 0.4342944819032518,
-    "Math.SQRT2": math.sqrt(2),
-    "Math.SQRT1_2": math.sqrt(0.5),
-    "Number.EPSILON": 2.0**-52,
-    "Number.MAX_SAFE_INTEGER": 2.0**53 - 1,
-    "Number.MIN_SAFE_INTEGER": 1 - 2.0**53,
-    "Number.MAX_VALUE": 1.7976931348623157e308,
-    "Number.MIN_VALUE": 5e-324,
-    "Number.POSITIVE_INFINITY": math.inf,
-    "Number.NEGATIVE_INFINITY": -math.inf,
-    "Number.NaN": math.nan,
-}
+    "NaN": math.nan, "Infinity": math.inf, "Math.PI": math.pi, "Math.E": math.e, "Math.LN2": math.log(2),
+    "Math.LN10": math.log(10), "Math.LOG2E": 1.4426950408889634, "Math.LOG10E": 0.4342944819032518,
+    "Math.SQRT2": math.sqrt(2), "Math.SQRT1_2": math.sqrt(0.5), "Number.EPSILON": 2.0**-52,
+    "Number.MAX_SAFE_INTEGER": 2.0**53 - 1, "Number.MIN_SAFE_INTEGER": 1 - 2.0**53,
+    "Number.MAX_VALUE": 1.7976931348623157e308, "Number.MIN_VALUE": 5e-324, "Number.POSITIVE_INFINITY": math.inf,
+    "Number.NEGATIVE_INFINITY": -math.inf, "Number.NaN": math.nan,
+}  # fmt: skip
 
 
 def _make_total(function: Callable[[float], float], poles: Mapping[float, float] = MappingProxyType({})) -> Numeric:

@@ -199,8 +199,7 @@ class Compiler(Terms):
         items = self.located(node, "through(V)", V=self.value_of(scope, get_field(node, "right")))
         inside = scope.inner(in_loop=True)
         binding = scope.find(variable) if word == "var" else inside.declare(variable, word, ready=True)
-        bound = self.declared(inside, binding, Term(build_name(entry)))
-        body = [bound, *self._turn(inside, node)]
+        body = [self.declared(inside, binding, Term(build_name(entry))), *self._turn(inside, node)]
         return build_statements("for ENTRY in ITEMS: BODY", ENTRY=entry, ITEMS=items.code, BODY=body)
 
     def _statement_break_statement(self, scope: Scope, node: Node) -> Statements:

@@ -318,24 +318,14 @@ def make_order(compare: Callable[[Any, Any], bool]) -> Callable[[Value, Value], 
 
 
 BINARY: dict[str, Callable[[Any, Any], Value]] = {
-    "+": add,
-    "/": divide,
-    "%": remainder,
-    "**": power,
-    "==": loosely_equal,
-    "!=": lambda a, b: not loosely_equal(a, b),
-    "===": strictly_equal,
-    "!==": lambda a, b: not strictly_equal(a, b),
-    "<": make_order(operator.lt),
-    "<=": make_order(operator.le),
-    ">": make_order(operator.gt),
-    ">=": make_order(operator.ge),
-    "&": lambda a, b: float(to_int32(a) & to_int32(b)),
-    "|": lambda a, b: float(to_int32(a) | to_int32(b)),
+    "+": add, "/": divide, "%": remainder, "**": power, "==": loosely_equal, "!=": lambda a, b: not loosely_equal(a, b),
+    "===": strictly_equal, "!==": lambda a, b: not strictly_equal(a, b), "<": make_order(operator.lt),
+    "<=": make_order(operator.le), ">": make_order(operator.gt), ">=": make_order(operator.ge),
+    "&": lambda a, b: float(to_int32(a) & to_int32(b)), "|": lambda a, b: float(to_int32(a) | to_int32(b)),
     "^": lambda a, b: float(to_int32(a) ^ to_int32(b)),
     "<<": lambda a, b: float(to_int32(float(to_int32(a) << (to_int32(b) & 31)))),
     ">>": lambda a, b: float(to_int32(a) >> (to_int32(b) & 31)),
     ">>>": lambda a, b: float((to_int32(a) & 0xFFFFFFFF) >> (to_int32(b) & 31)),
-}
+}  # fmt: skip
 """`-` and `*` are not here: compiled code converts both sides and uses Python's own. It converts both sides of every
 other operator of numbers, too."""

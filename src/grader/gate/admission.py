@@ -1,7 +1,5 @@
-"""What is checked of every request before its route: host, identity, rate, origin and size.
-
-It is a middleware, and no dependency of the routes, because 401 comes before any error of body or path.
-"""
+"""What is checked of every request before its route: host, identity, rate, origin and size. It is a middleware, and no
+dependency of the routes, because 401 comes before any error of body or path."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -60,11 +58,8 @@ BYTES_PER_ANSWER = 16 * 1024
 
 @dataclass(frozen=True)
 class AdmissionRules:
-    """Which requests are admitted, and how many.
-
-    `hosts` are names without port; `origin` is the public one, None on loopback. Requests with a valid token or session
-    count `by_user`, all others `by_address`.
-    """
+    """Which requests are admitted, and how many. `hosts` are names without port; `origin` is the public one, None on
+    loopback. Requests with a valid token or session count `by_user`, all others `by_address`."""
 
     hosts: frozenset[str]
     origin: str | None
@@ -123,10 +118,8 @@ class AdmissionMiddleware:
         scope.setdefault("state", {})["identity"] = identity
 
     async def _identify(self, scope: Scope, headers: Headers) -> Identity:
-        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized.
-
-        An answer is asked for its credential again where it is stored, so a recalled identity will do.
-        """
+        """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized. An answer is asked for
+        its credential again where it is stored, so a recalled identity will do."""
         authorization = headers.get("authorization") if is_api(scope) else None
         cookies = HTTPConnection(scope).cookies
         if authorization is None and not cookies:
@@ -245,10 +238,8 @@ def origin_of(url: str) -> tuple[str, str | None, int | None] | None:
 
 
 def drop_escaped_cookies(scope: Scope) -> None:
-    """Removes cookies with a backslash, which no cookie of ours has.
-
-    `http.cookies` takes time quadratic in their number before Python 3.11.10 and 3.12.6 (CVE-2024-7592).
-    """
+    """Removes cookies with a backslash, which no cookie of ours has. `http.cookies` takes time quadratic in their
+    number before Python 3.11.10 and 3.12.6 (CVE-2024-7592)."""
     scope["headers"] = [
         (name, b";".join(pair for pair in value.split(b";") if b"\\" not in pair) if name == b"cookie" else value)
         for name, value in scope["headers"]

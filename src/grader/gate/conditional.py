@@ -20,11 +20,9 @@ def is_unchanged(if_none_match: str, etag: str) -> bool:
 
 
 class ConditionalMiddleware:
-    """ASGI middleware for GET. Gives answers an ETag, and answers 304 to a request that names it in If-None-Match.
-
-    A route may set an ETag itself; otherwise it is a digest of the body. Streams without one, and what must not be
-    stored, are left as they are.
-    """
+    """ASGI middleware for GET. Gives answers an ETag, and answers 304 to a request that names it in If-None-Match. A
+    route may set an ETag itself; otherwise it is a digest of the body. Streams without one, and what must not be
+    stored, are left as they are."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

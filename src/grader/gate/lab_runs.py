@@ -28,12 +28,9 @@ class Recording(NamedTuple):
 
 
 class LabRuns:
-    """Runs labs for learners. For the event loop; only `make` runs in a thread.
-
-    The same run, bit for bit, is kept in a least-recently-used cache of `bytes_max` bytes; a run in progress is shared.
-    Either costs a learner nothing. A new run is paid by the learner who asked first, out of a budget of
-    `steps_per_min`, when it is over and its steps are known.
-    """
+    """Runs labs for learners. For the event loop; only `make` runs in a thread. The same run, bit for bit, is kept in a
+    least-recently-used cache of `bytes_max` bytes; a run in progress is shared. Either costs a learner nothing. A new
+    run is paid by the learner who asked first, out of `steps_per_min`, when its steps are known."""
 
     def __init__(self, bytes_max: int, steps_per_min: int) -> None:
         self._bytes_max, self._bytes, self._free = bytes_max, 0, THREADS
@@ -45,10 +42,8 @@ class LabRuns:
         self._budget = RateLimit(steps_per_min / 60, steps_per_min, refusal=refusal)
 
     async def get(self, who: Who, digest: str, make: Callable[[], Recording]) -> bytes:
-        """The response of the run with this digest; calls `make` if it is neither kept nor in progress.
-
-        Raises TooManyRequests, and what `make` raises.
-        """
+        """The response of the run with this digest; calls `make` if it is neither kept nor in progress. Raises
+        TooManyRequests, and what `make` raises."""
         while digest not in self._cache:
             if digest not in self._in_progress:
                 self._start(who, digest, make)

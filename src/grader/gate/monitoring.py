@@ -1,8 +1,6 @@
-"""Checks of readiness, and the state of the service as Prometheus metrics.
-
-Counters and times are those of a process, or of all that one `grader serve` has started (`metrics.py`). The state of
-the queue and the number of workers are those of the database, and so the same in every process.
-"""
+"""Checks of readiness, and the state of the service as Prometheus metrics. Counters and times are those of a process,
+or of all that one `grader serve` has started (`metrics.py`). The state of the queue and the number of workers are those
+of the database, and so the same in every process."""
 
 import os
 from collections.abc import Iterator

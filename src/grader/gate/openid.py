@@ -1,7 +1,5 @@
-"""OpenID Connect: the authorization code flow with PKCE, and the members that come from a provider.
-
-Source: OpenID Connect Core 1.0, section 3.1; RFC 7636. Needs the extra `oidc`: Authlib and its HTTP client.
-"""
+"""OpenID Connect: the authorization code flow with PKCE, and the members that come from a provider. Source: OpenID
+Connect Core 1.0, section 3.1; RFC 7636. Needs the extra `oidc`: Authlib and its HTTP client."""
 
 import hashlib
 import secrets
@@ -93,10 +91,8 @@ class Provider:
         return dict(claims)
 
     def open_session(self, session: Session, claims: dict[str, Any]) -> BrowserSession:
-        """Starts a session of the member with these claims, who becomes a student at the first sign-in.
-
-        Raises Forbidden if an instructor has removed the member.
-        """
+        """Starts a session of the member with these claims, who becomes a student at the first sign-in. Raises
+        Forbidden if an instructor has removed the member."""
         digest = hashlib.sha256(f"{self.issuer}\n{claims['sub']}".encode()).hexdigest()
         account = f"oidc:{digest}"
         found = stored_people.with_account(session, self.course, account)

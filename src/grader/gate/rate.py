@@ -1,7 +1,5 @@
-"""Rate limits: one token bucket per learner or address, which requests empty and time refills.
-
-A bucket is stored as the time at which it is full again, so that a full one needs no entry.
-"""
+"""Rate limits: one token bucket per learner or address, which requests empty and time refills. A bucket is stored as
+the time at which it is full again, so that a full one needs no entry."""
 
 import math
 import time
@@ -20,10 +18,8 @@ ROUNDING = 1e-6
 
 
 class RateLimit:
-    """Token buckets of size `burst`, refilled at `rate_per_s` [1/s]. Not thread-safe: for the event loop.
-
-    Each server process counts alone: see `Settings.share`.
-    """
+    """Token buckets of size `burst`, refilled at `rate_per_s` [1/s]. Not thread-safe: for the event loop. Each server
+    process counts alone: see `Settings.share`."""
 
     def __init__(
         self,
@@ -49,8 +45,7 @@ class RateLimit:
 
     def charge(self, who: Hashable, cost: float) -> None:
         """Takes `cost` out of the bucket."""
-        full_at = max(self._full_at.pop(who, -math.inf), self._clock()) + cost / self._rate
-        self._full_at[who] = full_at
+        self._full_at[who] = max(self._full_at.pop(who, -math.inf), self._clock()) + cost / self._rate
         if len(self._full_at) > BUCKETS_MAX:
             del self._full_at[next(iter(self._full_at))]
 

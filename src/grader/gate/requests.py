@@ -56,10 +56,8 @@ class RequestsMiddleware:
 
 
 class NamedResponse:
-    """Sends a response with the id of its request, and logs it before its last part is out.
-
-    API responses are never cached for another user.
-    """
+    """Sends a response with the id of its request, and logs it before its last part is out. API responses are never
+    cached for another user."""
 
     def __init__(self, scope: Scope, send: Send, request_id: str) -> None:
         self._scope, self._send, self._id = scope, send, request_id

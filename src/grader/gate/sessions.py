@@ -15,10 +15,8 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class SessionCookies:
-    """Finds and ends browser sessions, and writes their cookies.
-
-    `secure` adds the attributes that https allows; `anonymous` says whether anyone may begin a session.
-    """
+    """Finds and ends browser sessions, and writes their cookies. `secure` adds the attributes that https allows;
+    `anonymous` says whether anyone may begin a session."""
 
     database: Database
     secure: bool
@@ -26,9 +24,7 @@ class SessionCookies:
 
     def set_cookie(self, opened: BrowserSession, *, framed: bool = False) -> str:
         """The `Set-Cookie` header that starts a session in the browser; the cookie lives as long as the session.
-
-        `framed` is for a page in the frame of another site: see `attributes`.
-        """
+        `framed` is for a page in the frame of another site: see `attributes`."""
         return self._header(opened.secret, int(opened.lifetime.total_seconds()), framed=framed)
 
     def delete_cookie(self, *, framed: bool = False) -> str:
@@ -36,10 +32,8 @@ class SessionCookies:
         return self._header("", 0, framed=framed)
 
     def attributes(self, max_age_s: int, *, framed: bool) -> str:
-        """The attributes of a cookie. One for a frame is kept for the embedding site alone: partitioned.
-
-        Without https browsers take no such cookie; on loopback, sites on all ports count as one.
-        """
+        """The attributes of a cookie. One for a frame is kept for the embedding site alone: partitioned. Without https
+        browsers take no such cookie; on loopback, sites on all ports count as one."""
         site = "None; Secure; Partitioned" if framed and self.secure else "Lax; Secure" if self.secure else "Lax"
         return f"Max-Age={max_age_s}; Path=/; HttpOnly; SameSite={site}"
 

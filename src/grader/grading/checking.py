@@ -63,12 +63,10 @@ def find_content_root(path: Path) -> Path:
 def check_content(
     path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say, draws: int = 1
 ) -> Report:
-    """Load the content folder of `path`, certify its keys, and grade its reference programs.
-
-    A path inside the folder restricts certificates and reference programs to those below it. `pipeline_for` opens a
-    pipeline, with its jail, for a library. Each reference program is graded under `draws` draws of the hidden cases,
-    and must get one status and one diagnosis under all of them.
-    """
+    """Load the content folder of `path`, certify its keys, and grade its reference programs. A path inside the folder
+    restricts certificates and reference programs to those below it. `pipeline_for` opens a pipeline, with its jail, for
+    a library. Each reference program is graded under `draws` draws of the hidden cases, and must get one status and one
+    diagnosis under all of them."""
     report = Report()
     try:
         library = load(find_content_root(path))
@@ -81,7 +79,9 @@ def check_content(
         fault for quiz_id, question in exercises for fault in find_luck_faults(library, quiz_id, question, say)
     )
     certify_library(library, path.resolve(), report, say)
-    found = [item for item in find_references(library.root) if is_within(library.root / item.file, path.resolve())]
+    found = [
+        item for item in find_references(library.root) if (library.root / item.file).is_relative_to(path.resolve())
+    ]
     report.faults.extend(item for item in found if isinstance(item, Fault))
     references = [item for item in found if isinstance(item, ReferenceProgram)]
     if references or exercises:
@@ -93,14 +93,9 @@ def check_content(
     return report
 
 
-def is_within(path: Path, folder: Path) -> bool:
-    """Whether `path` is `folder` or below it."""
-    return path.is_relative_to(folder)
-
-
 def certify_library(library: Library, path: Path, report: Report, say: Say) -> None:
     """Certify every key that physics can decide; a refused key is a fault."""
-    chosen = (quiz for quiz in library.quizzes if is_within(library.root / library.file(quiz), path))
+    chosen = (quiz for quiz in library.quizzes if (library.root / library.file(quiz)).is_relative_to(path))
     for one in certify_quizzes(library, chosen):
         file, named = library.file(one.quiz), ".".join(filter(None, (one.question.id, one.key.place)))
         certificate = one.certificate
@@ -118,7 +113,7 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, ScriptQuestion]]:
     """Yields every exercise of the quizzes under `path`, with the quiz's id."""
     for quiz in library.quizzes.values():
-        if is_within(library.root / library.file(quiz.id), path):
+        if (library.root / library.file(quiz.id)).is_relative_to(path):
             yield from ((quiz.id, question) for question in quiz.questions if isinstance(question, ScriptQuestion))
 
 
@@ -150,10 +145,8 @@ def find_luck_faults(library: Library, quiz_id: str, question: ScriptQuestion, s
 
 @dataclass(frozen=True)
 class ReferenceProgram:
-    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root.
-
-    `status` and `diagnosis` are what it must get with the installed MuJoCo.
-    """
+    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root. `status` and
+    `diagnosis` are what it must get with the installed MuJoCo."""
 
     file: str
     source: str
@@ -176,11 +169,9 @@ def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
 
 
 def read_demand(source: str, status: str, installed: str = INSTALLED) -> tuple[str, str | None]:
-    """Return the status and the diagnosis that a program must get, `status` being the one in its name.
-
-    A first line `# diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says
-    what the program gets with this version or a later one; of several lines the last that applies counts.
-    """
+    """Return the status and the diagnosis that a program must get, `status` being the one in its name. A first line `#
+    diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says what the program
+    gets with this version or a later one; of several lines the last that applies counts."""
     head = list(takewhile(lambda line: line.startswith("#"), source.splitlines()))
     diagnosis = head[0].removeprefix("# diagnosis:").strip() if head and head[0].startswith("# diagnosis:") else None
     for found in filter(None, map(FROM_VERSION.fullmatch, head)):

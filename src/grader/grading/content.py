@@ -26,10 +26,8 @@ log = structlog.get_logger()
 
 
 class Archive:
-    """Every content that a server of this database has loaded, by digest. Thread-safe.
-
-    A submission is graded with the content that it was made against, also by a worker that has never loaded it.
-    """
+    """Every content that a server of this database has loaded, by digest. Thread-safe. A submission is graded with the
+    content that it was made against, also by a worker that has never loaded it."""
 
     def __init__(self, database: Database) -> None:
         self.secret = hidden_case_secret(database)
@@ -95,10 +93,8 @@ class Content:
     def __init__(
         self, course: str, root: Path, archive: Archive, listeners: Collection[Callable[[], None]] = ()
     ) -> None:
-        """Loads the folder, and keeps what it holds in the archive; calls `listeners` after a reload.
-
-        Raises ContentError, also for an answer key that simulation refuses.
-        """
+        """Loads the folder, and keeps what it holds in the archive; calls `listeners` after a reload. Raises
+        ContentError, also for an answer key that simulation refuses."""
         self._course, self._root, self.archive = course, root, archive
         self._reloading = Lock()
         self._listeners = listeners
@@ -130,10 +126,8 @@ class Content:
 
 
 def certify(library: Library, known: Library = NO_CONTENT) -> Library:
-    """Returns the library itself. Raises ContentError for every answer key that simulation refuses.
-
-    Quizzes that are the same in a `known` library, with their models, are not derived again.
-    """
+    """Returns the library itself. Raises ContentError for every answer key that simulation refuses. Quizzes that are
+    the same in a `known` library, with their models, are not derived again."""
     changed = [quiz for quiz, digest in library.digests.items() if known.digests.get(quiz) != digest]
     if faults := list(find_refused_keys(library, changed)):
         raise ContentError(faults)

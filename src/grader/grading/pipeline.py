@@ -1,8 +1,5 @@
-"""The walk of one submission: read once, run in the jail, judged against our own simulation.
-
-`Pipeline.read` parses an answer into a ParsedSubmission, which is then stored, queued and graded as it is.
-`Pipeline.judge` makes its Verdict.
-"""
+"""The walk of one submission: read once, run in the jail, judged against our own simulation. `Pipeline.read` parses an
+answer into a ParsedSubmission, which is then stored, queued and graded as it is. `Pipeline.judge` makes its Verdict."""
 
 import hashlib
 import hmac
@@ -62,12 +59,9 @@ log = structlog.get_logger()
 
 @dataclass(frozen=True)
 class ParsedSubmission:
-    """One answer to one question of a quiz, read against the content of `content_digest`.
-
-    `text` is the answer as canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An
-    exercise has the `source` of its script, and the `seed` that draws the hidden cases; or else `refusal`, the reason
-    why no script can be read.
-    """
+    """One answer to one question of a quiz, read against the content of `content_digest`. `text` is the answer as
+    canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An exercise has the `source`
+    of its script, and the `seed` that draws the hidden cases; or else `refusal`, why no script can be read."""
 
     quiz: Quiz
     question: Question
@@ -96,11 +90,9 @@ class ScriptOutput:
 
 @dataclass(frozen=True)
 class Retries:
-    """The schedule of retries after a fault of the grader: the number of tries, and the pauses between them.
-
-    The worker follows it by putting a job back into the queue. A command has no queue, and waits in
-    `Pipeline.judge_with_retries`. Nothing else tries again.
-    """
+    """The schedule of retries after a fault of the grader: the number of tries, and the pauses between them. The worker
+    follows it by putting a job back into the queue. A command has no queue, and waits in `Pipeline.judge_with_retries`.
+    Nothing else tries again."""
 
     tries: int = 3
     pause_s: float = 2.0
@@ -120,11 +112,9 @@ def ignore_progress(*_: object) -> None:
 
 @dataclass(frozen=True)
 class Pipeline:
-    """Grades against one snapshot of the content.
-
-    `run` is the jail's; it may raise JailFault. `secret` keys the seeds of hidden cases, so that a submission does not
-    give them away. A server passes the installation's secret; a command gets a random one, and so random seeds.
-    """
+    """Grades against one snapshot of the content. `run` is the jail's; it may raise JailFault. `secret` keys the seeds
+    of hidden cases, so that a submission does not give them away. A server passes the installation's secret; a command
+    gets a random one, and so random seeds."""
 
     library: Library
     run: Callable[[Job], RunReport] | None = None
@@ -133,10 +123,8 @@ class Pipeline:
     """Verdicts on instant answers, by their digest: a whole class gives the same few."""
 
     def read(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> ParsedSubmission:
-        """Reads an answer; any JSON value. `seed` repeats the hidden cases of an earlier verdict.
-
-        Raises NotFound; TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run.
-        """
+        """Reads an answer; any JSON value. `seed` repeats the hidden cases of an earlier verdict. Raises NotFound;
+        TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run."""
         quiz, question = self.library.find(quiz_id, question_id)
         text = to_canonical_json(answer)
         digest = compute_digest(quiz_id, question_id, text)
@@ -166,23 +154,21 @@ class Pipeline:
         """Reads and judges an answer, for commands. Raises as `read` does."""
         return self.judge_with_retries(self.read(quiz_id, question_id, answer, seed))
 
-    def judge_with_retries(self, submission: ParsedSubmission, retries: Retries = COMMAND_RETRIES) -> Verdict:
+    def judge_with_retries(self, submission: ParsedSubmission) -> Verdict:
         """Judges, and tries again after a fault of the grader. Sleeps between the tries: for commands only."""
         tried = 1
         while True:
             verdict = self.judge(submission)
-            pause_s = retries.pause_after(tried) if verdict.status is Status.GRADER_FAULT else None
+            pause_s = COMMAND_RETRIES.pause_after(tried) if verdict.status is Status.GRADER_FAULT else None
             if pause_s is None:
                 return verdict
             time.sleep(pause_s)
             tried += 1
 
     def judge(self, submission: ParsedSubmission, tell: Tell = ignore_progress) -> Verdict:
-        """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer.
-
-        Raises ScriptStopped where the jail does. While a script runs, `tell` is called with the number of the case it
-        is at, and the number of cases. An instant answer that was given before gets the verdict that was made then.
-        """
+        """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer. Raises
+        ScriptStopped where the jail does. While a script runs, `tell` is called with the number of the case it is at,
+        and the number of cases. An instant answer that was given before gets the verdict that was made then."""
         if (kept := self._kept.get(submission.digest)) is not None:
             return kept
         verdict = self._judge(submission, tell)
@@ -255,10 +241,8 @@ class Pipeline:
 
 
 def to_canonical_json(answer: Any) -> str:
-    """Returns the answer as canonical JSON text in ASCII.
-
-    Raises Unprocessable for text that is not UTF-8, and for lists and objects nested more than LEVELS_MAX deep.
-    """
+    """Returns the answer as canonical JSON text in ASCII. Raises Unprocessable for text that is not UTF-8, and for
+    lists and objects nested more than LEVELS_MAX deep."""
     _check_text(answer, LEVELS_MAX)
     return encode(answer)
 
@@ -302,10 +286,6 @@ def compute_digest(quiz_id: str, question_id: str, text: str) -> str:
 
 
 def compute_seed(secret: bytes, digest: str) -> int:
-    """Returns the seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest).
-
-    The same submission gets the same hidden cases again. Without the secret, a learner cannot change a comment
-    offline until the drawn cases suit the script.
-    """
-    mac = hmac.digest(secret, digest.encode(), "sha256")
-    return int.from_bytes(mac[:8], "big") >> (64 - SEED_BITS)
+    """Returns the seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest). The same submission gets the
+    same hidden cases again. Without the secret, nobody can change a comment until the cases suit the script."""
+    return int.from_bytes(hmac.digest(secret, digest.encode(), "sha256")[:8], "big") >> (64 - SEED_BITS)

@@ -1,8 +1,6 @@
-"""Grading processes: each has an interpreter and a jail of its own, so that grading uses every core.
-
-A process takes the content and submissions over a socket, and returns verdicts. It knows no database. It ends when its
-standard input does, so that none outlives the server or worker that started it, however that ended.
-"""
+"""Grading processes: each has an interpreter and a jail of its own, so that grading uses every core. A process takes
+the content and submissions over a socket, and returns verdicts. It knows no database. It ends when its standard input
+does, so that none outlives the server or worker that started it, however that ended."""
 
 import gc
 import os
@@ -118,10 +116,8 @@ class GradingProcess:
         self.jail = self._receive(START_S)
 
     def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
-        """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most.
-
-        Raises ScriptStopped, and JailFault if the process ends or breaks, and ends it then.
-        """
+        """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most. Raises
+        ScriptStopped, and JailFault if the process ends or breaks, and ends it then."""
         try:
             with self._sending:
                 if library is not self._library:
@@ -327,10 +323,8 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
 
 
 def limit_memory() -> None:
-    """Limits what the next script may add to this process's memory.
-
-    The soft limit alone: processes of the jail inherit it, and take their own limits up to the hard one.
-    """
+    """Limits what the next script may add to this process's memory. The soft limit alone: processes of the jail inherit
+    it, and take their own limits up to the hard one."""
     held_kb = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.M)
     assert held_kb is not None
     soft, hard = 1024 * int(held_kb[1]) + JUDGING_BYTES_MAX, resource.getrlimit(resource.RLIMIT_DATA)[1]
@@ -338,10 +332,8 @@ def limit_memory() -> None:
 
 
 def end_with_parent(jail: Jail, models: Path) -> None:
-    """Ends this process and its jail as soon as the parent's end of standard input is closed.
-
-    Removes the folder of models too: a parent that was killed does not.
-    """
+    """Ends this process and its jail as soon as the parent's end of standard input is closed. Removes the folder of
+    models too: a parent that was killed does not."""
     while os.read(sys.stdin.fileno(), BLOCK_BYTES):  # a buffered reader's lock would be held when the interpreter ends
         pass
     backstop = threading.Timer(END_S / 2, os._exit, (0,))

@@ -68,8 +68,7 @@ async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> 
 
 def next_in(headers: Mapping[str, str]) -> str:
     """Returns the address of the next page; empty after the last one."""
-    links = next((value for name, value in headers.items() if name.lower() == "link"), "")
-    found = NEXT.search(links)
+    found = NEXT.search(next((value for name, value in headers.items() if name.lower() == "link"), ""))
     return found[1] if found and is_of_platform(found[1]) else ""
 
 

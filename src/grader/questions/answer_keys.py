@@ -8,12 +8,9 @@ from grader.domain.verify import Verify
 
 @dataclass(frozen=True, kw_only=True)
 class KeyPart:
-    """What every key has.
-
-    `kind` is that of the question, `text` its wording and `explain` its explanation. `verify` says how the key is
-    derived again; without it the text may. `place` is the key of the question below which `answer` and `verify` are
-    found in the author's JSON, such as `numbers.0`; empty for the question itself.
-    """
+    """What every key has. `kind` is that of the question, `text` its wording and `explain` its explanation. `verify`
+    says how the key is derived again; without it the text may. `place` is the key of the question below which `answer`
+    and `verify` are found in the author's JSON, such as `numbers.0`; empty for the question itself."""
 
     kind: str
     text: str

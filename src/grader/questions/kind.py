@@ -43,11 +43,8 @@ class Option(NamedTuple):
 
 
 class CountedNumber(NamedTuple):
-    """A number of an answer whose wrong values the statistics count.
-
-    Values within `tolerance` are the same; None: within half a unit of the third figure. `text` says in plain text
-    which number of several it is.
-    """
+    """A number of an answer whose wrong values the statistics count. Values within `tolerance` are the same; None:
+    within half a unit of the third figure. `text` says in plain text which number of several it is."""
 
     unit: str = ""
     tolerance: float | None = None
@@ -56,12 +53,10 @@ class CountedNumber(NamedTuple):
 
 @dataclass(frozen=True)
 class Example:
-    """A question as its author writes it, with answers and the status that each must get.
-
-    The first answer is the best one. There are three or more, one of them INVALID_ANSWER and, unless a person grades
-    the first, one INCORRECT. No hidden text of the question may stand in a shown one: the tests look for it on the
-    pages. `files` are the other files of the content folder that the question needs, by path: models and starters.
-    """
+    """A question as its author writes it, with answers and the status that each must get. The first answer is the best
+    one. There are three or more, one of them INVALID_ANSWER and, unless a person grades the first, one INCORRECT. No
+    hidden text of the question may stand in a shown one: the tests look for it on the pages. `files` are the other
+    files of the content folder that the question needs, by path: models and starters."""
 
     question: Mapping[str, Any]
     answers: Sequence[tuple[Any, Status]]
@@ -77,12 +72,10 @@ def typed_in(fields: Fields, otherwise: str = NOTHING_TYPED) -> str:
 
 
 class QuestionKind(ABC, Generic[Q, A]):
-    """A kind of question, found through the entry-point group `grader.question_kinds`.
-
-    `Q` is the model of the author's keys, `A` an answer once it is read. An answer is any JSON value. A kind must
-    define `question`, `heading`, `read`, `describe`, `grade` and `example`, and the template question.html beside its
-    module; the rest has defaults. No method may change anything or keep state: one object serves all threads.
-    """
+    """A kind of question, found through the entry-point group `grader.question_kinds`. `Q` is the model of the author's
+    keys, `A` an answer once it is read. An answer is any JSON value. A kind must define `question`, `heading`, `read`,
+    `describe`, `grade` and `example`, and the template question.html beside its module; the rest has defaults. No
+    method may change anything or keep state: one object serves all threads."""
 
     question: type[Q]
     """The author's keys. `kind` must be a Literal of the names that choose this kind."""
@@ -143,11 +136,9 @@ class QuestionKind(ABC, Generic[Q, A]):
         """Returns what a page calls a question without a title."""
 
     def view(self, question: Q) -> dict[str, Any]:
-        """Returns, as plain JSON, what a student may see beside id, kind, label, title, q, points and attempts.
-
-        It is all that the template and the API have. Name each key: nothing of the answer, the tolerance, the
-        explanation or a text for reviewers may be in it.
-        """
+        """Returns, as plain JSON, what a student may see beside id, kind, label, title, q, points and attempts. It is
+        all that the template and the API have. Name each key: nothing of the answer, the tolerance, the explanation or
+        a text for reviewers may be in it."""
         return {}
 
     def lab(self, question: Q) -> LabConfig | None:
@@ -161,18 +152,14 @@ class QuestionKind(ABC, Generic[Q, A]):
     # A learner's answer.
 
     def from_form(self, question: Q, fields: Fields) -> Any:
-        """Returns the answer, as the API takes it, of a form that was sent without JavaScript.
-
-        `fields` may have any names and values, or none. Raises InvalidAnswer with a sentence for what is missing; what
-        can be left to `read` should be.
-        """
+        """Returns the answer, as the API takes it, of a form that was sent without JavaScript. `fields` may have any
+        names and values, or none. Raises InvalidAnswer with a sentence for what is missing; what can be left to `read`
+        should be."""
         return typed_in(fields)
 
     def to_form(self, question: Q, answer: Any) -> Fields:
-        """Returns the fields that show an answer again: `from_form` must read them as the same answer.
-
-        `answer` may be any JSON value, since the question may have changed; must not raise.
-        """
+        """Returns the fields that show an answer again: `from_form` must read them as the same answer. `answer` may be
+        any JSON value, since the question may have changed; must not raise."""
         return {FIELD: [self.show(question, answer)]}
 
     def from_text(self, question: Q, text: str) -> Any:
@@ -180,10 +167,8 @@ class QuestionKind(ABC, Generic[Q, A]):
         return text
 
     def show(self, question: Q, answer: Any) -> str:
-        """Returns an answer as plain text, for a learner's story and for reviewers.
-
-        `answer` may be any JSON value, since the question may have changed; must not raise.
-        """
+        """Returns an answer as plain text, for a learner's story and for reviewers. `answer` may be any JSON value,
+        since the question may have changed; must not raise."""
         return "" if answer is None else str(answer)
 
     @abstractmethod

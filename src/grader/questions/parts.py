@@ -20,10 +20,8 @@ IDS = tuple(map("".join, chain.from_iterable(product(ascii_lowercase, repeat=len
 
 
 def by_id(texts: Iterable[str]) -> dict[str, str]:
-    """Returns the distinct texts by the ids that learners see, `a`, `b`, ..., in the order of their SHA-256.
-
-    Neither the ids nor the order depend on the order of `texts`, so that they tell nothing of the key.
-    """
+    """Returns the distinct texts by the ids that learners see, `a`, `b`, ..., in the order of their SHA-256. Neither
+    the ids nor the order depend on the order of `texts`, so that they tell nothing of the key."""
     return dict(zip(IDS, sorted(set(texts), key=_digest), strict=False))
 
 

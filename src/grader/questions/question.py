@@ -21,10 +21,8 @@ Reveal = Literal["direction", "size", "value"]
 
 
 class Question(BaseModel):
-    """The fields of every question. A kind derives its own model, which narrows `kind` to its names.
-
-    Loading adds a missing `id` by position: q1, q2, ...
-    """
+    """The fields of every question. A kind derives its own model, which narrows `kind` to its names. Loading adds a
+    missing `id` by position: q1, q2, ..."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -18,11 +18,8 @@ class LessonHead(BaseModel):
 
 
 class Quiz(BaseModel):
-    """One file of questions and labs.
-
-    `lesson` is about the lesson that the quiz is of. `anonymous` keeps the learners' names from their reviewers;
-    `second_marking` has answers marked a second time.
-    """
+    """One file of questions and labs. `lesson` is about the lesson that the quiz is of. `anonymous` keeps the learners'
+    names from their reviewers; `second_marking` has answers marked a second time."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)  # kinds are loaded at first use
 

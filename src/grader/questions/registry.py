@@ -25,10 +25,8 @@ AnyKind = QuestionKind[Any, Any]
 
 @cache
 def installed_kinds() -> Mapping[str, AnyKind]:
-    """Returns every installed kind by each of its names, in the order of the names of the entry points.
-
-    Raises GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole.
-    """
+    """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
+    GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyKind] = {}
     for point in sorted(entry_points(group=GROUP)):
         kind = load_kind(point)
@@ -41,18 +39,22 @@ def installed_kinds() -> Mapping[str, AnyKind]:
     return found
 
 
-def load_kind(point: EntryPoint) -> AnyKind:
-    """Makes the kind of an entry point. Raises GraderError."""
+def load_point(point: EntryPoint, what: str) -> Any:
+    """Makes what an entry point names; an error calls it `what`. Raises GraderError."""
     try:
-        kind = point.load()()
+        return point.load()()
     except Exception as error:  # code of another package: anything may be raised
         package = point.dist.name if point.dist else "its package"
         why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-        raise GraderError(f"the question kind {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+        raise GraderError(f"the {what} {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+
+
+def load_kind(point: EntryPoint) -> AnyKind:
+    """Makes the kind of an entry point. Raises GraderError."""
+    kind: AnyKind = load_point(point, "question kind")
     if faults := "; ".join(kind_faults(kind)):
         raise GraderError(f"the question kind {point.name!r} ({point.value}) is not whole: {faults}")
-    whole: AnyKind = kind
-    return whole
+    return kind
 
 
 def kind_faults(kind: Any) -> Iterator[str]:
@@ -83,19 +85,15 @@ def kind_of(question: Question) -> AnyKind:
 
 
 def read_answer(question: Question, answer: Any) -> str:
-    """Return the answer as it is understood, for the learner to confirm.
-
-    Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
-    """
+    """Return the answer as it is understood, for the learner to confirm. Raises InvalidAnswer with one sentence: why
+    the answer cannot be read, and what would be readable."""
     kind = kind_of(question)
     return kind.describe(question, kind.read(question, answer))
 
 
 def grade_answer(question: Question, answer: Any) -> Verdict:
-    """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason.
-
-    Of a wrong answer only `explain`, and `expected` of a finding, may contain the right one.
-    """
+    """Grade any JSON value; one that cannot be read gets `invalid_answer` and the reason. Of a wrong answer only
+    `explain`, and `expected` of a finding, may contain the right one."""
     kind = kind_of(question)
     try:
         given = kind.read(question, answer)

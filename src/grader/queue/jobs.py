@@ -221,9 +221,9 @@ def count_jobs(session: Session, topic: str = GRADE) -> int:
     return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
 
 
-def count_ahead(session: Session, subject: str, topic: str = GRADE) -> int | None:
-    """How many waiting jobs of a topic are claimed before that of a subject; None if its job does not wait."""
-    here = (WAITS, JobRow.topic == topic)
+def count_ahead(session: Session, subject: str) -> int | None:
+    """How many waiting jobs of grading are claimed before that of a subject; None if its job does not wait."""
+    here = (WAITS, JobRow.topic == GRADE)
     row = session.execute(select(*ORDER).where(*here, JobRow.subject == subject)).first()
     if row is None:
         return None
@@ -260,11 +260,9 @@ def hash_share(share: str) -> int:
 
 
 def _choose_round(session: Session, priority: int, place: int) -> int:
-    """Returns the first round in which a job at `place` is behind the head of the queue and alone in its share.
-
-    Delayed jobs do not count: one that is tried again keeps its early place without holding back the head. If only
-    such jobs are left, new ones join the last of their rounds.
-    """
+    """Returns the first round in which a job at `place` is behind the head of the queue and alone in its share. Delayed
+    jobs do not count: one that is tried again keeps its early place without holding back the head. If only such jobs
+    are left, new ones join the last of their rounds."""
     new = (JobRow.priority == priority, WAITS, JobRow.delayed_at.is_(None))
     head = select(JobRow.round + case((JobRow.share > place, 1), else_=0)).where(*new).order_by(*ORDER).limit(1)
     own = select(func.max(JobRow.round) + 1).where(*new, JobRow.share == place)

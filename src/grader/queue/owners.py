@@ -1,9 +1,7 @@
 """The owners of jobs in progress: each process that works is one, and the jobs of those that ended are released.
-
 PostgreSQL: an owner holds an advisory lock in a session of its own. The server frees the lock with the session, so that
-the jobs of a killed worker are released at the next look, and no clock decides who is alive.
-SQLite: one process works on a database. What another owner has claimed was left by an earlier process.
-"""
+the jobs of a killed worker are released at the next look, and no clock decides who is alive. SQLite: one process works
+on a database. What another owner has claimed was left by an earlier process."""
 
 import secrets
 from typing import Protocol
@@ -84,10 +82,8 @@ class PostgresOwner:
         self._connection: Connection | None = None
 
     def keep(self) -> None:
-        """Takes the lock again if its session was lost, and releases the jobs of owners without a lock.
-
-        Raises DBAPIError while the database is away.
-        """
+        """Takes the lock again if its session was lost, and releases the jobs of owners without a lock. Raises
+        DBAPIError while the database is away."""
         self._hold()
         with self._database.write() as session:
             others = {owner for owner, _ in jobs.list_owned(session)} - {self.id}

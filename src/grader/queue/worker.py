@@ -93,15 +93,12 @@ class News:
 
 @dataclass
 class Worker:
-    """Does `threads` jobs at a time, of the topics in `tasks`.
-
-    With `others`, so many further threads do the jobs of `APART`, and the first ones leave them alone.
+    """Does `threads` jobs at a time, of the topics in `tasks`. With `others`, so many further threads do the jobs of
+    `APART`, and the first ones leave them alone.
 
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
-    database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back.
-
-    `stop_job` is called with the subject of a job that is to stop, again and again until the job has an outcome.
-    """
+    database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back. `stop_job`
+    is called with the subject of a job that is to stop, again and again until the job has an outcome."""
 
     database: Database
     tasks: Mapping[str, Task]
@@ -205,8 +202,7 @@ class Worker:
             return task.run(started)
         except Exception:
             log.exception("a job failed", topic=claimed.topic, subject=claimed.subject, tries=claimed.tries)
-            given_up = task.give_up(started)
-            return JobOutcome(given_up.store, again=True)
+            return JobOutcome(task.give_up(started).store, again=True)
 
     def _settle(self, claimed: Claim, outcome: JobOutcome) -> None:
         if claimed.lease not in self._held:
@@ -231,10 +227,8 @@ class Worker:
             self.tasks[claimed.topic].put_back(session, claimed.subject)
 
     def _write(self, change: Callable[[Session], None]) -> None:
-        """Makes a change in a transaction of its own, again and again while the database is away.
-
-        A change that was committed although its answer got lost finds its claim gone, and does nothing.
-        """
+        """Makes a change in a transaction of its own, again and again while the database is away. A change that was
+        committed although its answer got lost finds its claim gone, and does nothing."""
         while True:
             try:
                 with self.database.write() as session:

@@ -19,8 +19,7 @@ def read_proc(name: str) -> str:
 
 def find_pid(pidfd: int) -> int:
     """Returns the id of the process behind a pidfd, in our own pid namespace; -1 when it has ended."""
-    lines = read_proc(f"self/fdinfo/{pidfd}").splitlines()
-    return int(dict(line.split(":", 1) for line in lines)["Pid"])
+    return int(dict(line.split(":", 1) for line in read_proc(f"self/fdinfo/{pidfd}").splitlines())["Pid"])
 
 
 def read_namespaces(pid: int) -> dict[str, str]:
@@ -29,13 +28,10 @@ def read_namespaces(pid: int) -> dict[str, str]:
 
 
 def list_missing_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> list[str]:
-    """List the locks that the child lacks; none may be missing when it receives a script.
-
-    `probed` is what the child itself reported before any script was in it; `zygote` holds the namespaces of the zygote
-    (None in tier T2); `uid` is the user that it must run as.
-    """
-    lines = read_proc(f"{pid}/status").splitlines()
-    status = dict(line.split(":\t", 1) for line in lines if ":\t" in line)
+    """List the locks that the child lacks; none may be missing when it receives a script. `probed` is what the child
+    itself reported before any script was in it; `zygote` holds the namespaces of the zygote (None in tier T2); `uid` is
+    the user that it must run as."""
+    status = dict(line.split(":\t", 1) for line in read_proc(f"{pid}/status").splitlines() if ":\t" in line)
     faults = [name for name in CAPABILITIES if int(status[name], 16)]
     held = {
         "seccomp": status["Seccomp"] == "2",
@@ -56,11 +52,7 @@ def list_missing_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str,
 
 
 def check_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] | None, uid: int) -> None:
-    """Refuse a child that lacks a lock.
-
-    Raises:
-        JailFault: a lock is missing; the text names it.
-    """
+    """Refuse a child that lacks a lock. Raises JailFault if a lock is missing; the text names it."""
     try:
         faults = list_missing_locks(pid, probed, zygote, uid)
     except (OSError, KeyError, ValueError) as error:
@@ -70,5 +62,4 @@ def check_locks(pid: int, probed: Mapping[str, Any], zygote: Mapping[str, str] |
 
 
 def _read_limits(pid: int) -> dict[str, list[str]]:
-    rows = read_proc(f"{pid}/limits").splitlines()[1:]
-    return {row[:26].strip(): row[26:].split()[:2] for row in rows}
+    return {row[:26].strip(): row[26:].split()[:2] for row in read_proc(f"{pid}/limits").splitlines()[1:]}

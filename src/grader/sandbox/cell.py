@@ -40,11 +40,8 @@ class Runtime:
 
 
 def find_runtime() -> Runtime:
-    """Find the interpreter, its library, MuJoCo's and NumPy's folder, and the system's shared libraries.
-
-    Raises:
-        JailRefused: MuJoCo, NumPy or the C library cannot be found.
-    """
+    """Find the interpreter, its library, MuJoCo's and NumPy's folder, and the system's shared libraries. Raises
+    JailRefused if MuJoCo, NumPy or the C library cannot be found."""
     executable = Path(getattr(sys, "_base_executable", sys.executable)).resolve()
     packages = tuple(dict.fromkeys(_find_package_folder(name) for name in ("mujoco", "numpy")))
     library = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")}
@@ -69,14 +66,8 @@ def find_runtime() -> Runtime:
 
 
 def build_cell_command(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
-    """Return the command that starts the zygote in its cell.
-
-    As root the cell has no user namespace: the zygote becomes the user nobody, and gets the two capabilities that this
-    takes.
-
-    Raises:
-        JailRefused: bubblewrap is not installed.
-    """
+    """Return the command that starts the zygote in its cell. As root the cell has no user namespace: the zygote becomes
+    the user nobody, and gets the two capabilities that this takes. Raises JailRefused without bubblewrap."""
     program = shutil.which("bwrap")
     if program is None:
         raise JailRefused("bubblewrap (bwrap) is not installed.")

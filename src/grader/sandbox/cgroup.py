@@ -1,8 +1,6 @@
-"""Limits memory and processes of one child where cgroup v2 has been delegated to this service (tier T0).
-
-Used only where an administrator has delegated a cgroup, as systemd does with `Delegate=yes` and `DelegateSubgroup=`:
-the service runs in a leaf whose parent it owns and which holds no process. Only children are ever moved.
-"""
+"""Limits memory and processes of one child where cgroup v2 has been delegated to this service (tier T0). Used only
+where an administrator has delegated a cgroup, as systemd does with `Delegate=yes` and `DelegateSubgroup=`: the service
+runs in a leaf whose parent it owns and which holds no process. Only children are ever moved."""
 
 import contextlib
 import os

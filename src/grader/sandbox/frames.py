@@ -35,10 +35,8 @@ class MalformedMessage(ValueError):
 
 @dataclass(frozen=True)
 class Message:
-    """Everything that a script sent, which is a claim. `end` is None if the message was cut short.
-
-    `hidden` holds the arrays that arrived after the request for the hidden inputs.
-    """
+    """Everything that a script sent, which is a claim. `end` is None if the message was cut short. `hidden` holds the
+    arrays that arrived after the request for the hidden inputs."""
 
     results: Mapping[str, NDArray[np.generic]]
     hidden: Mapping[str, NDArray[np.generic]]
@@ -69,9 +67,7 @@ class _Reader:
 
 class WantCounter:
     """Counts the wants in a message that is still arriving; calls `heard` with the name of each array before the last.
-
-    The time at which an array arrives later may tell the hidden inputs.
-    """
+    The time at which an array arrives later may tell the hidden inputs."""
 
     def __init__(self, heard: Callable[[str], object]) -> None:
         self.count = 0
@@ -122,11 +118,7 @@ def read_arrays(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def parse_message(data: bytes) -> Message:
-    """Read a whole message.
-
-    Raises:
-        Malformed: not well formed, a name twice, a number that is not finite.
-    """
+    """Read a whole message. Raises Malformed: not well formed, a name twice, a number that is not finite."""
     reader, results = _Reader(data), dict[str, NDArray[np.generic]]()
     hidden = dict[str, NDArray[np.generic]]()
     wants = 0
@@ -157,8 +149,7 @@ def _read_end(reader: _Reader) -> tuple[RunStatus, str]:
 
 
 def _read_name(reader: _Reader) -> str:
-    raw = reader.take(reader.number("B"))
-    name = raw.decode("ascii", "replace")
+    name = reader.take(reader.number("B")).decode("ascii", "replace")
     if not name.isidentifier() or not name.isascii() or len(name) > NAME_CHARS_MAX:
         raise MalformedMessage("an array has no proper name")
     return name

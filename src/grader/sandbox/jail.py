@@ -36,14 +36,9 @@ class Tier(StrEnum):
 
 class Jail:
     """Runs students' scripts, `workers` at a time (default: one for each core); thread-safe; the rest wait in a queue.
-
     `models`: the folder of MJCF files that scripts may read. `allow_t2`: accept a machine without user namespaces.
     `recycle_after`: children that one zygote makes. `inside`: the folder of the code that runs in the cell; another one
-    only in tests.
-
-    Raises:
-        JailRefused: this machine does not allow the jail, or the self-test found a hole.
-    """
+    only in tests. Raises JailRefused if this machine does not allow the jail, or the self-test found a hole."""
 
     tier: Tier
     self_test: selftest.SelfTest
@@ -81,12 +76,8 @@ class Jail:
         raise JailRefused(f"The jail cannot be set up on this machine. {' '.join(faults)} {CURE}")
 
     def run(self, job: Job) -> RunReport:
-        """Run one script to its end; blocks, and waits for a place when all are taken.
-
-        Raises:
-            JailFault: the jail failed, not the script; try again.
-            ScriptStopped: the job `is_stopped`.
-        """
+        """Run one script to its end; blocks, and waits for a place when all are taken. Raises JailFault if
+        the jail failed, not the script: try again; and ScriptStopped if the job `is_stopped`."""
         if len(job.source) > SOURCE_BYTES_MAX:
             return RunReport(RunStatus.CRASHED, f"The script is larger than {SOURCE_BYTES_MAX // 1024} KB.")
         if not self._places.acquire(timeout=QUEUE_S_MAX):
@@ -109,8 +100,7 @@ class Jail:
         child = self._limited_child(job.limits)
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
-            watch = Watch(child, job, parts, without_integrators=removes)
-            return build_report(watch.run(), job)
+            return build_report(Watch(child, job, parts, without_integrators=removes).run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:

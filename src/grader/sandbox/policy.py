@@ -1,7 +1,4 @@
-"""What the jail allows, as data.
-
-Source of the limits: measured on MuJoCo 3.14.0; tighter AS or DATA hangs MuJoCo's thread pool.
-"""
+"""What the jail allows, as data. Limits are measured on MuJoCo 3.14.0: tighter AS or DATA hangs its threads."""
 
 from typing import Final
 

@@ -1,7 +1,5 @@
-"""Keeps children ready: one thread owns the zygote, makes its children, and replaces it when it is worn out or dead.
-
-A child is made when one has ended, not when one begins: what is prepared for the verdict has the other core meanwhile.
-"""
+"""Keeps children ready: one thread owns the zygote, makes its children, and replaces it when it is worn out or dead. A
+child is made when one has ended, not when one begins: what is prepared for the verdict has the other core meanwhile."""
 
 import threading
 import time
@@ -16,13 +14,8 @@ RETRIES = 3
 
 
 class Pool:
-    """Holds a zygote and `places` children, which are ready, or run a job between `take` and `give_back`.
-
-    They belong to one long-lived thread, as the cell dies with its thread.
-
-    Raises:
-        JailFault: the first zygote does not start.
-    """
+    """Holds a zygote and `places` children, which are ready, or run a job between `take` and `give_back`. They belong
+    to one long-lived thread, as the cell dies with its thread. Raises JailFault if the first zygote does not start."""
 
     def __init__(self, start: Callable[[], Zygote], places: int, recycle_after: int) -> None:
         self._start, self._free, self._recycle_after = start, places, recycle_after
@@ -38,11 +31,7 @@ class Pool:
         self._keeper.start()
 
     def take(self, patience_s: float) -> Child:
-        """Take a child that is ready, or wait for one.
-
-        Raises:
-            JailFault: none could be made.
-        """
+        """Take a child that is ready, or wait for one. Raises JailFault if none could be made."""
         deadline = time.monotonic() + patience_s
         with self._change:
             while True:

@@ -24,11 +24,7 @@ NO_MEMORY = (b"bad_alloc", b"MemoryError", b"ould not allocate", b"annot allocat
 
 def build_report(ending: Ending, job: Job) -> RunReport:
     """Decide the status; of a script that ran out of time, say where. Nothing that a script does can make this raise.
-
-    Raises:
-        JailFault: something other than the jail or a limit killed the process.
-        ScriptStopped: it was stopped.
-    """
+    Raises JailFault if something other than the jail or a limit killed the process, and ScriptStopped."""
     if ending.cause is Cause.STOP:
         raise ScriptStopped(ending.hidden_sent)
     limits = job.limits
@@ -38,16 +34,12 @@ def build_report(ending: Ending, job: Job) -> RunReport:
         reason += explain_time_out(ending.results, job.source, waits=waits, hidden=ending.hidden_sent)
     cap = limits.output_kb * KB
     return RunReport(
-        status=status,
-        reason=clean_reason(reason),
+        status=status, reason=clean_reason(reason),
         results=message.results if message and status is RunStatus.RETURNED else {},
         hidden_results=message.hidden if message and status is RunStatus.RETURNED else {},
-        stdout=clean(ending.stdout, cap),
-        stderr=clean(ending.stderr, cap),
-        cpu_s=ending.cpu_s,
-        wall_s=ending.wall_s,
-        stepped=ending.stepped,
-    )
+        stdout=clean(ending.stdout, cap), stderr=clean(ending.stderr, cap), cpu_s=ending.cpu_s, wall_s=ending.wall_s,
+        stepped=ending.stepped
+    )  # fmt: skip
 
 
 def _decide(ending: Ending, limits: Limits) -> tuple[RunStatus, str, Message | None]:

@@ -23,11 +23,8 @@ WRITE, EXECUTE = mmap.PROT_WRITE, mmap.PROT_EXEC
 
 @cache
 def build_filter(own_pid: int | None = 1) -> bytes:
-    """Compile the filter to BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, or None.
-
-    Raises:
-        JailRefused: libseccomp is missing.
-    """
+    """Compile the filter to BPF. `own_pid`: the one process that tgkill (raise, abort) may reach, or None. Raises
+    JailRefused if libseccomp is missing."""
     try:
         import pyseccomp as sc  # forks helpers when imported: never inside the cell
     except (ImportError, RuntimeError) as error:
@@ -67,11 +64,9 @@ def build_filter(own_pid: int | None = 1) -> bytes:
 
 
 def _add_memory_rules(sc: Any, add: Callable[..., None]) -> None:
-    """Refuse machine code that a script has written, and memory that RLIMIT_DATA does not count.
-
-    Executable memory must be a private, read-only mapping of a file, which is how libraries are loaded. RLIMIT_DATA
-    counts neither shared anonymous memory (ENOMEM) nor stacks that grow (ENOSYS).
-    """
+    """Refuse machine code that a script has written, and memory that RLIMIT_DATA does not count. Executable memory must
+    be a private, read-only mapping of a file, which is how libraries are loaded. RLIMIT_DATA counts neither shared
+    anonymous memory (ENOMEM) nor stacks that grow (ENOSYS)."""
     eperm, enomem = sc.ERRNO(errno.EPERM), sc.ERRNO(errno.ENOMEM)
 
     def protection(mask: int, value: int) -> object:

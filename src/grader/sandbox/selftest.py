@@ -62,14 +62,9 @@ class SelfTest:
 
 
 def run_selftest(play: Callable[[Job], RunReport], keeps_integrators: Callable[[], str]) -> SelfTest:
-    """Run every attack, and one honest script.
-
-    `keeps_integrators` returns, after a job, the reason why MuJoCo's integrators cannot be removed here. If it is
-    empty, a script must be able to step while it is imported, but not afterwards.
-
-    Raises:
-        JailRefused: an attack succeeded; the text names it.
-    """
+    """Run every attack, and one honest script. `keeps_integrators` returns, after a job, the reason why MuJoCo's
+    integrators cannot be removed here. If it is empty, a script must be able to step while it is imported, but not
+    afterwards. Raises JailRefused if an attack succeeded; the text names it."""
     honest = play(Job("import mujoco, numpy as np\nx = np.arange(3.0)", DRIVER, {}, LIMITS))
     if honest.status is not RunStatus.RETURNED:
         raise JailRefused(f"The jail cannot run an honest script: {honest.reason}")

@@ -1,7 +1,5 @@
-"""Says where a script that ran out of time spent it, from the samples that its process sent.
-
-The samples are a claim, which only explains. Of a claim that was made with hidden inputs nothing but a line is told.
-"""
+"""Says where a script that ran out of time spent it, from the samples that its process sent. The samples are a claim,
+which only explains. Of a claim that was made with hidden inputs nothing but a line is told."""
 
 import ast
 import json
@@ -23,9 +21,7 @@ WHICH_ENDS = "Check when each of them ends."
 
 def explain_time_out(results: bytes, source: str, *, waits: bool, hidden: bool) -> str:
     """Return sentences on the line with most samples, with a space before them; empty where no line stands out.
-
-    `waits`: the script slept or waited for something. Whatever `results` holds, this does not raise.
-    """
+    `waits`: the script slept or waited for something. Whatever `results` holds, this does not raise."""
     texts = [payload for name, payload in read_arrays(results) if name.startswith(NAME)]
     try:
         told = json.loads(texts[-1])

@@ -1,8 +1,6 @@
-"""Measures a running child from outside: CPU time, waiting time, memory.
-
-A child is one process (the filter refuses others), but its main thread may end before the rest. So CPU time comes from
-the clock of the whole process, which counts threads that have ended, and everything else from its living threads.
-"""
+"""Measures a running child from outside: CPU time, waiting time, memory. A child is one process (the filter refuses
+others), but its main thread may end before the rest. So CPU time comes from the clock of the whole process, which
+counts threads that have ended, and everything else from its living threads."""
 
 import os
 import time
@@ -33,11 +31,8 @@ class Usage:
         self._wanted = {tid: thread.wanted_s for tid, thread in list_threads(pid).items()}
 
     def refresh(self) -> None:
-        """Read the clocks.
-
-        Time in which a thread worked, or was ready but had no core, does not count as waiting. Time that a hypervisor
-        takes away does: it cannot be distinguished.
-        """
+        """Read the clocks. Time in which a thread worked, or was ready but had no core, does not count as waiting. Time
+        that a hypervisor takes away does: it cannot be distinguished."""
         now = time.monotonic()
         clock_s = read_cpu_clock_s(self._pid)
         if clock_s is None:  # it has ended

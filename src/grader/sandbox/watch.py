@@ -36,10 +36,8 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended, seen from outside; only the streams come from the script.
-
-    `late_stderr` was written after the hidden inputs had been asked for; what was written to stdout then is dropped.
-    """
+    """How a run ended, seen from outside; only the streams come from the script. `late_stderr` was written after the
+    hidden inputs had been asked for; what was written to stdout then is dropped."""
 
     cause: Cause | None
     wait_status: int
@@ -55,13 +53,10 @@ class Ending:
 
 
 class Watch:
-    """Sends one job to a child, and watches it until it is dead.
-
-    `parts` are the job, its inputs and, if there are any, its hidden inputs. The job is sent at once, each further part
-    when the child asks for it. The inputs of a job `without_integrators` are sent after these have been removed: a
-    script that knew its inputs earlier could still step them. The output is read before the hidden inputs are sent;
-    output after that is dropped, as it may reveal them.
-    """
+    """Sends one job to a child, and watches it until it is dead. `parts` are the job, its inputs and, if there are any,
+    its hidden inputs. The job is sent at once, each further part when the child asks for it. The inputs of a job
+    `without_integrators` are sent after these have been removed: a script that knew its inputs earlier could still step
+    them. The output is read before the hidden inputs are sent; output after that is dropped, as it may reveal them."""
 
     def __init__(self, child: Child, job: Job, parts: Sequence[bytes], *, without_integrators: bool) -> None:
         self._child, self._limits, self._sent, self._is_stopped = child, job.limits, job.sent, job.is_stopped
@@ -82,11 +77,8 @@ class Watch:
         self._selector = selectors.PollSelector()
 
     def run(self) -> Ending:
-        """Block until the child is dead and its output is read.
-
-        Raises:
-            JailFault: it cannot be killed, or the keeper that must tell how it ended is gone.
-        """
+        """Block until the child is dead and its output is read. Raises JailFault if it cannot be killed, or the keeper
+        that must tell how it ended is gone."""
         child, killed_before = self._child, count_oom_kills()
         self._usage = Usage(child.pid)
         for descriptor in (*self._read, child.status.fileno(), child.pidfd):
@@ -174,10 +166,8 @@ class Watch:
             self._selector.register(self._child.job, selectors.EVENT_WRITE)
 
     def _answer(self) -> None:
-        """Answer the requests that have arrived: the first with the inputs, the second with the hidden inputs.
-
-        Both may arrive at once; neither is answered while the integrators are still there.
-        """
+        """Answer the requests that have arrived: the first with the inputs, the second with the hidden inputs. Both may
+        arrive at once; neither is answered while the integrators are still there."""
         wants = min(self._wants.scan(self._read[self._child.results]), WANTS_MAX)
         while self._answered < wants and not self._removing:
             self._answered += 1

@@ -59,11 +59,7 @@ class Child:
         return self.zygote.alive() and not select.select([self.pidfd], [], [], 0)[0]
 
     def limit(self, memory_bytes: int, cpu_s: float) -> None:
-        """Let the keeper set the resource limits of the job.
-
-        Raises:
-            JailFault: the keeper does not, or is gone.
-        """
+        """Let the keeper set the resource limits of the job. Raises JailFault if the keeper does not, or is gone."""
         limits = {
             "RLIMIT_DATA": memory_bytes,
             "RLIMIT_AS": memory_bytes + policy.ADDRESS_SPACE_EXTRA,
@@ -80,11 +76,8 @@ class Child:
             raise JailFault(f"The limits of a child cannot be set: {answer.decode(errors='replace')}")
 
     def ask_for_removal(self) -> None:
-        """Ask its keeper to remove MuJoCo's integrators; the answer, b"removed", comes on `status`.
-
-        Raises:
-            OSError: the keeper is gone.
-        """
+        """Ask its keeper to remove MuJoCo's integrators; the answer, b"removed", comes on `status`. Raises OSError if
+        the keeper is gone."""
         self.status.send(json.dumps({"remove": "integrators"}).encode())
 
     def kill(self) -> None:
@@ -116,14 +109,9 @@ class Child:
 
 class Zygote:
     """One warm process in its cell. The thread that starts it must also use and end it, and live as long: bubblewrap's
-    --die-with-parent follows the thread.
-
-    `alone` leaves out the cell and the namespaces (tier T2). `group` makes a cgroup for a child, where delegated.
-    `keeps_integrators` says why MuJoCo's integrators cannot be removed from a child here; it is empty where they can.
-
-    Raises:
-        JailFault: it does not start.
-    """
+    --die-with-parent follows the thread. `alone` leaves out the cell and the namespaces (tier T2). `group` makes a
+    cgroup for a child, where delegated. `keeps_integrators` says why MuJoCo's integrators cannot be removed from a
+    child here; it is empty where they can. Raises JailFault if it does not start."""
 
     def __init__(
         self,
@@ -224,11 +212,7 @@ class Zygote:
         return self._process.poll() is None
 
     def child(self) -> Child:
-        """Make a child, locked down and attested.
-
-        Raises:
-            JailFault: the child cannot be made, or lacks a lock.
-        """
+        """Make a child, locked down and attested. Raises JailFault if the child cannot be made, or lacks a lock."""
         child, its = Child.open(self)
         self.made += 1
         self.children.add(child)

@@ -1,4 +1,1 @@
-"""Assembles and runs the service: the app, its processes, the worker, deliveries, monitoring.
-
-Only `commands` imports it.
-"""
+"""Assembles and runs the service: the app, its processes, the worker, deliveries, monitoring."""

@@ -156,9 +156,7 @@ def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Rea
 
 def lifespan_of(services: Services) -> Any:
     """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
-
-    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content.
-    """
+    It ends them and the lab runs. Held scores are looked at again, now and after each change of the content."""
     database, graders, worker = services.database, services.monitor.graders, services.monitor.worker
     recomputing = Recomputing(database=database, desk_of=services.desk_of)
     services.content.add_listener(recomputing.wake)
@@ -203,19 +201,10 @@ class Server(uvicorn.Server):
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     """How uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
     return uvicorn.Config(
-        app,
-        http="httptools",
-        ws="none",
-        loop="uvloop",
-        host=settings.host,
-        port=settings.port,
-        log_config=None,
-        log_level="warning",
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        timeout_graceful_shutdown=SHUTDOWN_S,
-    )
+        app, http="httptools", ws="none", loop="uvloop", host=settings.host, port=settings.port, log_config=None,
+        log_level="warning", access_log=False, proxy_headers=False, server_header=False,
+        timeout_graceful_shutdown=SHUTDOWN_S
+    )  # fmt: skip
 
 
 def run_server(settings: Settings) -> None:
@@ -228,21 +217,14 @@ def run_server(settings: Settings) -> None:
     run_app(settings, ready)
 
 
-def run_app(
-    settings: Settings,
-    ready: Callable[[int, FastAPI], None],
-    listener: socket.socket | None = None,
-) -> None:
-    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again.
-
-    Calls `ready` with the port and the app. Exits 3 if it cannot start.
-    """
+def run_app(settings: Settings, ready: Callable[[int, FastAPI], None], listener: socket.socket | None = None) -> None:
+    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again. Calls
+    `ready` with the port and the app. Exits 3 if it cannot start."""
     sys.setswitchinterval(SWITCH_S)
     gc.set_threshold(YOUNG_OBJECTS)
     app = create_app(settings)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
-    config = server_config(app, settings)
-    server = Server(config, lambda port: ready(port, app))
+    server = Server(server_config(app, settings), lambda port: ready(port, app))
     server.run(None if listener is None else [listener])
     if not server.started:
         sys.exit(FAULT)

@@ -26,9 +26,7 @@ log = structlog.get_logger()
 
 def open_database(settings: Settings) -> Database:
     """Opens the database of the settings with the newest tables; waits for a PostgreSQL that does not answer yet.
-
-    Raises Unprocessable behind a pooler without sessions, and Conflict if a later version has written the tables.
-    """
+    Raises Unprocessable behind a pooler without sessions, and Conflict if a later version has written the tables."""
     database = Database(settings.database, settings.connections)
     with ExitStack() as opened:
         opened.callback(database.close)

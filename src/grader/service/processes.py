@@ -1,8 +1,6 @@
-"""`grader serve`: one server process, or several that share one listening socket, with a worker beside them.
-
-With several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
-ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little.
-"""
+"""`grader serve`: one server process, or several that share one listening socket, with a worker beside them. With
+several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
+ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little."""
 
 import json
 import os
@@ -149,8 +147,7 @@ def serve(settings: Settings) -> None:
     with ExitStack() as stack:
         listener = stack.enter_context(open_listener(settings.host, settings.port))
         bound = settings.model_copy(update={"port": listener.getsockname()[1]})
-        metrics = stack.enter_context(shared_folder())
-        make = partial(Child, metrics=metrics, stopping=stopping)
+        make = partial(Child, metrics=stack.enter_context(shared_folder()), stopping=stopping)
         servers = [make(bound.model_copy(update={"workers": 0}), listener.fileno()) for _ in range(settings.processes)]
         children = [*servers, *([make(bound, None)] if settings.workers else [])]
         catch_signals(children, stopping)
@@ -182,10 +179,8 @@ def catch_signals(children: Sequence[Child], stopping: threading.Event) -> None:
 
 
 def supervise(children: Sequence[Child], stopping: threading.Event, settings: Settings) -> int:
-    """Starts the processes and keeps them until `stopping`. Returns 0, or the status of one that cannot start.
-
-    The first starts alone: it moves the tables, and tells the faults of content and settings once.
-    """
+    """Starts the processes and keeps them until `stopping`. Returns 0, or the status of one that cannot start. The
+    first starts alone: it moves the tables, and tells the faults of content and settings once."""
     first, *others = children
     with ThreadPoolExecutor(len(children)) as pool:
         alive = {first: first.start()}

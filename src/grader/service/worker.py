@@ -210,12 +210,8 @@ def run_worker(
     more: Callable[[Settings, Database, Archive], Mapping[str, Task]],
     ready: Callable[[Mapping[str, Any]], object] = dict,
 ) -> None:
-    """Grades until SIGTERM or SIGINT, with the content that servers keep in the database.
-
-    `more` makes the tasks of further topics; `ready` is called with what the jail told at its start.
-
-    Raises Unprocessable on SQLite.
-    """
+    """Grades until SIGTERM or SIGINT, with the content that servers keep in the database. `more` makes the tasks of
+    further topics; `ready` is called with what the jail told at its start. Raises Unprocessable on SQLite."""
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
     if settings.database_url is None or settings.database_url.startswith("sqlite"):

@@ -37,10 +37,8 @@ class ContentManifest(Base):
 
 
 class ContentInUse(Base):
-    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone.
-
-    The rows of the course `EVERY` are for courses without content of their own, which have no rows.
-    """
+    """The content that a server has loaded last for a quiz: its policy counts. No row: the quiz is gone. The rows of
+    the course `EVERY` are for courses without content of their own, which have no rows."""
 
     __tablename__ = "content_in_use"
 
@@ -65,8 +63,7 @@ def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str]) -> 
 def use(session: Session, course: str, digests: Mapping[str, str]) -> None:
     """Sets the digests of all quizzes of a course that are in use; none for no content. The caller holds a lock."""
     theirs = ContentInUse.course == course
-    before = {row.quiz: row.digest for row in session.scalars(select(ContentInUse).where(theirs))}
-    if before != digests:
+    if {row.quiz: row.digest for row in session.scalars(select(ContentInUse).where(theirs))} != digests:
         session.execute(delete(ContentInUse).where(theirs))
         session.add_all(ContentInUse(course=course, quiz=quiz, digest=digest) for quiz, digest in digests.items())
 

@@ -16,15 +16,7 @@ from grader.store.engine.bulk import UtcDateTime, keys_table, read_by_keys
 from grader.store.outbox import Destination
 from grader.store.results import Columns, LearnerAt
 from grader.store.submissions import NEWEST
-from grader.store.tables import (
-    Credential,
-    ExtensionRow,
-    IdempotencyKey,
-    Publication,
-    Result,
-    Submission,
-    VerdictRow,
-)
+from grader.store.tables import Credential, ExtensionRow, IdempotencyKey, Publication, Result, Submission, VerdictRow
 
 
 class SourceAttempt(NamedTuple):

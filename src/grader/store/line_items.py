@@ -1,8 +1,6 @@
-"""The line items of learning platforms that this installation has found or created: the table and its queries.
-
-A row is made once for each line items service and resource. Whoever holds its lease looks the line item up; all others
-wait for what it finds, so that no line item is created twice.
-"""
+"""The line items of learning platforms that this installation has found or created: the table and its queries. A row is
+made once for each line items service and resource. Whoever holds its lease looks the line item up; all others wait for
+what it finds, so that no line item is created twice."""
 
 import hashlib
 from datetime import datetime, timedelta

@@ -1,9 +1,7 @@
-"""The outbox: what has to be delivered, in one row for each destination and learner, and every query on it.
-
-A row says that something changed, and no more: its sender reads the result when it sends, so that the newest one wins.
-`version` counts the changes. Every row that waits has one job of the queue, and `has_job` says so; both change under
-the row's lock.
-"""
+"""The outbox: what has to be delivered, in one row for each destination and learner, and every query on it. A row says
+that something changed, and no more: its sender reads the result when it sends, so that the newest one wins. `version`
+counts the changes. Every row that waits has one job of the queue, and `has_job` says so; both change under the row's
+lock."""
 
 import hashlib
 from collections.abc import Collection, Iterator, Sequence
@@ -81,10 +79,7 @@ class Delivery(Base):
         Index("ix_outbox_course", "course", "state", "id"),
         Index("ix_outbox_learner", "course", "learner"),
         Index(
-            "ix_outbox_open",
-            "state",
-            sqlite_where=text("state <> 'sent'"),
-            postgresql_where=text("state <> 'sent'"),
+            "ix_outbox_open", "state", sqlite_where=text("state <> 'sent'"), postgresql_where=text("state <> 'sent'")
         ),
     )
 
@@ -136,16 +131,13 @@ OPEN_DESTINATIONS = select(
 
 def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> list[Noted]:
     """Notes changed results for the destinations of their courses, or `only` one. The caller holds the learners' locks.
-
-    Adds a row for each result and destination, or counts one more change of it.
-    """
+    Adds a row for each result and destination, or counts one more change of it."""
     if not changed:
         return []
     courses = {one.course for one in changed}
-    open_ones = session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
     keys = {
         _key_of_delivery(destination, one): one.course
-        for destination in open_ones
+        for destination in session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
         for one in changed
         if only in (ALL, destination.id) and _is_wanted(destination, one)
     }
@@ -189,10 +181,8 @@ def unsent_scores(session: Session) -> Sequence[tuple[str, str, str]]:
 
 
 def release_held(session: Session, course: str, quiz: str, learners: Collection[str]) -> list[Noted]:
-    """Makes the held scores of learners in a quiz wait; returns them.
-
-    Scores that wait count one more change, so that one that a sender is about to hold is looked at again.
-    """
+    """Makes the held scores of learners in a quiz wait; returns them. Scores that wait count one more change, so that
+    one that a sender is about to hold is looked at again."""
     theirs = Delivery.course == course, Delivery.learner.in_(learners), Delivery.quiz == quiz
     again = update(Delivery).where(*theirs, Delivery.destination.in_(_SCORES)).values(version=Delivery.version + 1)
     session.execute(again.where(Delivery.state == WAITING), execution_options=_UNCHANGED)

@@ -90,11 +90,8 @@ def namesakes(session: Session, course: str) -> Sequence[str]:
 def without_results(
     session: Session, course: str, quizzes: Sequence[str], find: str = "", limit: int | None = None
 ) -> Sequence[Member]:
-    """At most `limit` learners of a course without a result in these quizzes, by name.
-
-    Those whom only a browser session knows are left out: they may merely have opened a page. `find` is a part of the
-    name, in any case.
-    """
+    """At most `limit` learners of a course without a result in these quizzes, by name. Those whom only a browser
+    session knows are left out: they may merely have opened a page. `find` is a part of the name, in any case."""
     here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None), Member.account.is_not(None))
     begun = exists().where(Result.course == Member.course, Result.learner == Member.id, Result.quiz.in_(quizzes))
     wanted = select(Member).where(*here, ~begun).order_by(Folded(Member.name), Member.id).limit(limit)

@@ -269,11 +269,9 @@ def remove(session: Session, platform: PlatformRow) -> None:
 def score_target(
     session: Session, course: str, learner: str, quiz: str, question: str | None = None
 ) -> ScoreTarget | None:
-    """Where the learner's score at a question goes, or with an empty `question` or None at the whole quiz.
-
-    Of several links the newest one counts that the learner's own context has; links without a gradebook are left out.
-    None if the learner came from no platform, or the platform has no such link.
-    """
+    """Where the learner's score at a question goes, or with an empty `question` or None at the whole quiz. Of several
+    links the newest one counts that the learner's own context has; links without a gradebook are left out. None if the
+    learner came from no platform, or the platform has no such link."""
     wanted = (
         select(ResourceLink, Context, PlatformRow, LtiUser.subject)
         .join(Context, Context.id == ResourceLink.context)

@@ -26,14 +26,7 @@ from grader.store.engine.bulk import insert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.submissions import NEWEST
-from grader.store.tables import (
-    Credential,
-    Member,
-    Result,
-    ResultRevision,
-    Submission,
-    VerdictRow,
-)
+from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow
 
 COUNTED = ("submission_id", "attempt", "points", "max_points", "is_late", "is_final")
 """The columns of a result whose change is a new revision, and a row of the feed."""
@@ -105,10 +98,8 @@ def read_columns(session: Session, key: LearnerAt) -> Columns | None:
 
 
 def change(before: Columns | None, key: LearnerAt, values: Mapping[str, Any]) -> Columns:
-    """The columns of a result with new values, which count as a change; `before` itself where none differs.
-
-    A change of one of the columns `COUNTED` is a new revision.
-    """
+    """The columns of a result with new values, which count as a change; `before` itself where none differs. A change of
+    one of the columns `COUNTED` is a new revision."""
     if before is None:
         return {**key._asdict(), **values, "changes": 1, "revision": 1}
     if all(before[name] == value for name, value in values.items()):
@@ -138,10 +129,8 @@ def everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, s
 
 def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> Iterator[Any]:
     """Learner, quiz, points by question as a JSON object, name and member; a row for each learner and quiz, by learner.
-
-    Points are null while an answer waits for its first mark.
-    The database gathers the questions: to fetch one row for each takes several times as long.
-    """
+    Points are null while an answer waits for its first mark. The database gathers the questions: to fetch one row for
+    each takes several times as long."""
     known_yet = case((or_(Result.is_final, Result.points > 0), Result.points))  # null while the first answer waits
     gathered = select(Result.learner, Result.quiz, Gathered(Result.question, known_yet).label("points"))
     points = gathered.where(Result.course == course, _among(quizzes)).group_by(Result.learner, Result.quiz).subquery()
@@ -175,10 +164,8 @@ ORDERS = ("name", "points", "answered")
 
 
 def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
-    """The ids and names of at most `limit` learners of a quiz after the first `start`.
-
-    Sums up what the order and the filter need, and nothing else: the index alone tells who has results, and how many.
-    """
+    """The ids and names of at most `limit` learners of a quiz after the first `start`. Sums up what the order and the
+    filter need, and nothing else: the index alone tells who has results, and how many."""
     key: ColumnElement[Any] = func.count()
     if wanted.by == "points":
         seen: SQLColumnExpression[float] = Result.points
@@ -249,10 +236,8 @@ STATISTICS = (
 
 
 def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
-    """The columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person.
-
-    These are the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands.
-    """
+    """The columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person. These are
+    the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands."""
     with session.connection().execute(STATISTICS, {"course": course, "quiz": quiz}) as cursor_result:
         return cursor_result.cursor.fetchall()
 
@@ -298,11 +283,9 @@ def has_new(session: Session, course: str) -> bool:
 
 
 def number_new(session: Session, course: str) -> None:
-    """Gives the committed rows of the feed that have no position the next ones, in the order of their ids.
-
-    Call it under a lock, in a transaction of its own. A row that is committed later gets a later position, whatever
-    its id: on PostgreSQL ids are drawn before the commit.
-    """
+    """Gives the committed rows of the feed that have no position the next ones, in the order of their ids. Call it
+    under a lock, in a transaction of its own. A row that is committed later gets a later position, whatever its id: on
+    PostgreSQL ids are drawn before the commit."""
     row = ResultRevision
     place = func.row_number().over(order_by=row.id).label("place")
     new = select(row.id, place).where(row.course == course, row.position.is_(None)).subquery()

@@ -29,11 +29,9 @@ class Waits(NamedTuple):
 
 @dataclass(frozen=True)
 class Queue:
-    """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer.
-
-    A submission does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes
-    `averaged`, where all attempts count. `quizzes` are the only ones to look into, if not None.
-    """
+    """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer. A submission
+    does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes `averaged`,
+    where all attempts count. `quizzes` are the only ones to look into, if not None."""
 
     wanted: SubmissionFilter
     averaged: Collection[str]
@@ -176,8 +174,7 @@ def with_rubric(session: Session) -> list[tuple[str, str, str]]:
 def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str) -> list[str]:
     """The ids of submissions of a course whose marks were computed with another rubric of the question."""
     here = (Review.course == course, Review.quiz == quiz, Review.question == question, Review.rubric != fingerprint)
-    rows = select(Review.submission_id).where(*here)
-    return list(session.scalars(rows.order_by(Review.submission_id)))
+    return list(session.scalars(select(Review.submission_id).where(*here).order_by(Review.submission_id)))
 
 
 def _queued(queue: Queue, clock: datetime) -> Select[Any]:

@@ -15,16 +15,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
 from grader.store.engine.bulk import UtcDateTime, insert_rows
 from grader.store.engine.signals import announce
-from grader.store.tables import (
-    Event,
-    Member,
-    Review,
-    Submission,
-    VerdictRow,
-    first_id,
-    now,
-    values_of,
-)
+from grader.store.tables import Event, Member, Review, Submission, VerdictRow, first_id, now, values_of
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -83,10 +74,8 @@ class SubmissionFilter:
 
 
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
-    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table.
-
-    The objects get their state, and are not followed by the session.
-    """
+    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table. The
+    objects get their state, and are not followed by the session."""
     clock = clock or now()
     for submission, verdict in new:
         submission.version, submission.created_at = 1, clock
@@ -194,10 +183,8 @@ def unsolved(
     session: Session, course: str, since: datetime, attempts: int, *, newest: int, limit: int
 ) -> Sequence[Try]:
     """The graded attempts since a moment at questions where a member has made that many and none was right, in order.
-
     Among the `newest` submissions of the course, and of at most `limit` learners at a question, who tried last. Leaves
-    out what a person marks, and who was removed.
-    """
+    out what a person marks, and who was removed."""
     here = select(Submission.id).where(Submission.course == course).order_by(Submission.id.desc())
     oldest = max(first_id(since), session.scalar(here.offset(newest - 1).limit(1)) or "")
     is_marked = select(Review.submission_id).where(Review.submission_id == Submission.id).exists()
@@ -302,17 +289,10 @@ def _settled(verdict: Verdict, revision: int) -> dict[str, Any]:
 
 def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dict[str, Any]:
     return {
-        "submission_id": submission.id,
-        "revision": submission.revision,
-        "cause": cause,
-        "status": verdict.status.value,
-        "points": verdict.points,
-        "max_points": verdict.max_points,
-        "course": submission.course,
-        "seed": submission.seed,
-        "content_digest": verdict.content_digest,
-        "body": verdict.model_dump_json(),
-    }
+        "submission_id": submission.id, "revision": submission.revision, "cause": cause, "status": verdict.status.value,
+        "points": verdict.points, "max_points": verdict.max_points, "course": submission.course,
+        "seed": submission.seed, "content_digest": verdict.content_digest, "body": verdict.model_dump_json(),
+    }  # fmt: skip
 
 
 NEW_EVENT = insert(Event).from_select(

@@ -22,17 +22,7 @@ import string
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    Float,
-    ForeignKey,
-    Index,
-    Integer,
-    String,
-    Text,
-    UniqueConstraint,
-    text,
-)
+from sqlalchemy import BigInteger, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from grader.store.engine.bulk import UtcDateTime
@@ -53,10 +43,8 @@ def now() -> datetime:
 
 
 def new_id(after: str = "") -> str:
-    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits.
-
-    It sorts behind the id `after`, also where the clock has been set back or shows the same millisecond.
-    """
+    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits. It sorts behind the
+    id `after`, also where the clock has been set back or shows the same millisecond."""
     earliest = int(after[:12], 16) + 1 if after else 0
     return f"{max(int(now().timestamp() * 1000), earliest):012x}{secrets.token_hex(10)}"
 
@@ -205,23 +193,17 @@ class Result(Base):
 
 
 class ResultRevision(Base):
-    """One change of a result; never changed but for its `position`, never removed.
-
-    The order of ids is not the order of commits. `position` is given to rows that are committed, so that a reader who
-    has seen a position has seen everything before it.
-    """
+    """One change of a result; never changed but for its `position`, never removed. The order of ids is not the order of
+    commits. Committed rows get their `position`, so a reader of one has seen all before it."""
 
     __tablename__ = "result_revisions"
     __table_args__ = (
         Index("ix_result_revisions_feed", "course", "position", unique=True),
         Index(
-            "ix_result_revisions_new",
-            "course",
-            "id",
-            sqlite_where=text("position IS NULL"),
-            postgresql_where=text("position IS NULL"),
+            "ix_result_revisions_new", "course", "id", sqlite_where=text("position IS NULL"),
+            postgresql_where=text("position IS NULL")
         ),
-    )
+    )  # fmt: skip
 
     id: Mapped[int] = mapped_column(BigInteger().with_variant(Integer, "sqlite"), primary_key=True)
     position: Mapped[int | None] = mapped_column(BigInteger)

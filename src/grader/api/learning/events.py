@@ -136,10 +136,8 @@ def event_name(event: Event, shown: dict[str, Any]) -> str:
 
 
 def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
-    """The data of an event: the submission with its verdict once it is graded, before that its id and status.
-
-    Of a script that takes long, also the number of the case that it is at, and of all cases.
-    """
+    """The data of an event: the submission with its verdict once it is graded, before that its id and status. Of a
+    script that takes long, also the number of the case that it is at, and of all cases."""
     if event.name in submissions.AT_REST:
         return shown
     if at := submissions.case_of(event):

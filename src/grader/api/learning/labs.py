@@ -37,10 +37,8 @@ Setting = StrictBool | StrictInt | StrictFloat | StrictStr
 
 
 class LabBody(RequestBody):
-    """Which lab, with the values of its controls, and the length of the run [s].
-
-    `events` are presses of buttons: time [s] and label.
-    """
+    """Which lab, with the values of its controls, and the length of the run [s]. `events` are presses of buttons: time
+    [s] and label."""
 
     quiz: str = Field(max_length=64)
     question: str | None = Field(default=None, max_length=64)

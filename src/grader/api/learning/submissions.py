@@ -44,8 +44,7 @@ SHORT_CHARACTERS = 1000
 
 class AnswerBody(RequestBody):
     """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
-    parts a list of indices or ids, or an object with a text, a number or an id for each.
-    """
+    parts a list of indices or ids, or an object with a text, a number or an id for each."""
 
     quiz: str = Field(max_length=64)
     question: str = Field(max_length=64)
@@ -57,11 +56,9 @@ IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=255)]
 
 
 class SubmissionView(BaseModel):
-    """A submission. `withheld` says when the feedback comes, where it may not be seen yet.
-
-    Lists leave out `answer`; only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is
-    a pseudonym for instructors while the answer waits for a reviewer, and `learner` is None.
-    """
+    """A submission. `withheld` says when the feedback comes, where it may not be seen yet. Lists leave out `answer`;
+    only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is a pseudonym for
+    instructors while the answer waits for a reviewer, and `learner` is None."""
 
     id: str
     quiz: str
@@ -87,11 +84,9 @@ class Interpretation(BaseModel):
 
 
 class AnswerRoute(APIRoute):
-    """A route that takes an answer of a caller in one of `roles`.
-
-    Admission has only recalled the credential, and storing an answer checks it. A refused request stores nothing, so
-    its credential is checked here: 401 comes before 403, and both before any error of the body.
-    """
+    """A route that takes an answer of a caller in one of `roles`. Admission has only recalled the credential, and
+    storing an answer checks it. A refused request stores nothing, so its credential is checked here: 401 comes before
+    403, and both before any error of the body."""
 
     roles: tuple[Role, ...] = (Role.STUDENT, Role.INSTRUCTOR)
 
@@ -174,11 +169,7 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
     return page_of(items, query, "/submissions", response)
 
 
-@router.get(
-    "/submissions/{submission_id}",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 422, 429),
-)
+@router.get("/submissions/{submission_id}", response_model=SubmissionView, responses=refusals(401, 403, 404, 422, 429))
 def show_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with services.database.read() as session:
@@ -186,9 +177,7 @@ def show_submission(submission_id: str, who: Learner, services: AppServices, res
 
 
 @router.post(
-    "/submissions/{submission_id}:stop",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/submissions/{submission_id}:stop", response_model=SubmissionView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def stop_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Stops one's own script, which uses no attempt before its hidden cases have begun. 409 once it has its verdict."""
@@ -231,8 +220,7 @@ def visible(session: Session, submission_id: str, who: Identity) -> Submission:
 
 def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
-    verdicts = submissions.verdicts(session, rows)
-    return blinded(services.desk_of(who.course), session, who, rows, verdicts)
+    return blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
 
 
 def view_for(
@@ -244,9 +232,7 @@ def view_for(
     with_answer: bool = True,
 ) -> dict[str, Any]:
     """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only.
-
-    Before the feedback, later revisions do not show.
-    """
+    Before the feedback, later revisions do not show."""
     redacted = redact_json(verdict, decision)
     shown = view(submission, redacted, pseudonym, with_answer=with_answer, with_seed=decision.sees_all)
     if decision.shown is Shown.RECEIPT:
@@ -262,22 +248,14 @@ def view(
     with_answer: bool = True,
     with_seed: bool = False,
 ) -> dict[str, Any]:
-    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says.
-
-    A `pseudonym` replaces the learner's name and id.
-    """
+    """The submission with a verdict as plain JSON, for instructors; its status is what the verdict says. A `pseudonym`
+    replaces the learner's name and id."""
     shown = {
-        "id": submission.id,
-        "quiz": submission.quiz,
-        "question": submission.question,
-        "learner": submission.learner if pseudonym is None else None,
-        "user": pseudonym or submission.user,
-        "status": status_with(submission, verdict),
-        "attempt": submission.attempt,
-        "created_at": submission.created_at,
-        "revision": submission.revision,
-        "verdict": verdict,
-    }
+        "id": submission.id, "quiz": submission.quiz, "question": submission.question,
+        "learner": submission.learner if pseudonym is None else None, "user": pseudonym or submission.user,
+        "status": status_with(submission, verdict), "attempt": submission.attempt, "created_at": submission.created_at,
+        "revision": submission.revision, "verdict": verdict,
+    }  # fmt: skip
     if with_answer:
         shown["answer"] = json.loads(submission.answer) if submission.answer else None
     if with_seed:
@@ -294,10 +272,8 @@ def status_with(submission: Submission, verdict: Any | None) -> str:
 
 
 def etag_for(decision: Decision, submission: Submission, shown: dict[str, Any]) -> str:
-    """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less.
-
-    Before the feedback it depends on what is shown alone, so that it does not tell of a later verdict.
-    """
+    """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less. Before the
+    feedback it depends on what is shown alone, so that it does not tell of a later verdict."""
     level = decision.shown
     if decision.sees_all or level is Shown.FEEDBACK:
         return etag_of(submission)

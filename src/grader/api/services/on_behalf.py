@@ -96,18 +96,14 @@ async def create_submission_on_behalf(
 def read_answer_of(
     services: Services, who: Identity, learner: External, body: OnBehalfBody, key: str | None
 ) -> NewAnswer:
-    """As `read_answer`, for a learner, who becomes a member only with an answer that can be read.
-
-    Raises Forbidden for one who was removed.
-    """
+    """As `read_answer`, for a learner, who becomes a member only with an answer that can be read. Raises Forbidden for
+    one who was removed."""
     answer = read_answer(services, who, body, key)
     return replace(answer, who=learner_behind(services.database, who, learner, body.learner.name))
 
 
 @router.get(
-    "/lms/submissions/{submission_id}",
-    response_model=SubmissionView,
-    responses=refusals(401, 403, 404, 422, 429),
+    "/lms/submissions/{submission_id}", response_model=SubmissionView, responses=refusals(401, 403, 404, 422, 429)
 )
 def show_submission_on_behalf(
     submission_id: str, who: Service, services: AppServices, response: Response

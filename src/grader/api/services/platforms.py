@@ -1,7 +1,5 @@
 """`/lti`: learning platforms, for instructors of the course `default`, and their courses, for those of the linked one.
-
-A restricted token may do none of it: a link makes instructors.
-"""
+A restricted token may do none of it: a link makes instructors."""
 
 from typing import Annotated, Any
 
@@ -104,10 +102,7 @@ def list_platforms(_who: Administrator, services: AppServices) -> dict[str, Any]
 
 
 @router.post(
-    "/platforms",
-    status_code=201,
-    response_model=PlatformView,
-    responses=refusals(401, 403, 409, 413, 422, 429),
+    "/platforms", status_code=201, response_model=PlatformView, responses=refusals(401, 403, 409, 413, 422, 429)
 )
 def add_platform(body: PlatformBody, who: Administrator, services: AppServices) -> dict[str, Any]:
     """Registers a platform, which then waits for approval."""

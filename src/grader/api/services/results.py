@@ -3,12 +3,10 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, Field
 
-from grader.api.paging import LIMIT, LIMIT_MAX, Page, next_link, read_cursor, write_cursor
+from grader.api.paging import CursorQuery, Page, next_link, write_cursor
 from grader.api.views import ResultView
 from grader.courses.people.external import OWN, External, known_as
-from grader.errors import Unprocessable
 from grader.gate.callers import Service
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
@@ -23,31 +21,16 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class FeedQuery(BaseModel):
-    """The query parameters of the feed."""
-
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
-
-    @property
-    def position(self) -> int:
-        """The position of the last row that the caller has. Raises Unprocessable."""
-        text = "0" if self.cursor is None else read_cursor(self.cursor)
-        if not text.isdecimal() or len(text) > 18:
-            raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
-        return int(text)
-
-
 @router.get("/results", response_model=Page[ResultView], responses=refusals(401, 403, 422, 429))
 def list_results(
-    query: Annotated[FeedQuery, Query()], who: Service, services: AppServices, response: Response
+    query: Annotated[CursorQuery, Query()], who: Service, services: AppServices, response: Response
 ) -> dict[str, Any]:
     """Lists what counts for learners, one row for every change, oldest first.
 
     `next_cursor` is always given: the last one goes on with the rows that come later. A row never changes; a later
     `revision` of the same learner and question replaces it.
     """
-    start = query.position
+    start = query.read_number()
     with services.database.read() as session:
         has_new = results.has_new(session, who.course)
     if has_new:

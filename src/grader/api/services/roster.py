@@ -56,9 +56,8 @@ async def import_roster(
     All rows are taken or none: faults are listed with line and column. With `dry_run` nothing is changed.
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    body = await request.body()
     return await run_in_threadpool(
-        enrol_file, services, who, media_type, body, (namespace, course_class), dry_run=dry_run
+        enrol_file, services, who, media_type, await request.body(), (namespace, course_class), dry_run=dry_run
     )
 
 
@@ -81,9 +80,7 @@ def read_entries(media_type: str, body: bytes, namespace: str, course_class: str
 
 
 @router.get(
-    "/roster.csv",
-    response_class=Response,
-    responses=refusals(401, 403, 422, 429, more={200: {"content": {CSV: TEXT}}}),
+    "/roster.csv", response_class=Response, responses=refusals(401, 403, 422, 429, more={200: {"content": {CSV: TEXT}}})
 )
 def export_roster(who: Staff, services: AppServices, *, bom: bool = False) -> Response:
     """Sends the members of the course as CSV in our own form; `bom` marks it as UTF-8 for Excel."""

@@ -8,10 +8,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import ColumnElement
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, next_link, read_cursor, write_cursor
+from grader.api.paging import NO_NUL, CursorQuery, Page, page_of
 from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
-from grader.errors import NotFound, Unprocessable
+from grader.errors import NotFound
 from grader.gate.admission import PREFIX
 from grader.gate.callers import Staff
 from grader.gate.problems import refusals
@@ -72,7 +72,7 @@ class Replayed(BaseModel):
     replayed: int
 
 
-class DeliveryQuery(BaseModel):
+class DeliveryQuery(CursorQuery):
     """Which deliveries, and which page of them."""
 
     model_config = ConfigDict(extra="forbid")
@@ -80,25 +80,11 @@ class DeliveryQuery(BaseModel):
     state: Literal["waiting", "held", "sent", "dead"] | None = None
     destination: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
     learner: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
-
-    @property
-    def after(self) -> int:
-        """The last delivery of the page before. Raises Unprocessable."""
-        text = "0" if self.cursor is None else read_cursor(self.cursor)
-        if not text.isdecimal() or len(text) > DIGITS:
-            raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
-        return int(text)
 
     def where(self, course: str) -> list[ColumnElement[bool]]:
         """The same, as conditions on rows."""
-        asked = (
-            (Delivery.state, self.state),
-            (Delivery.destination, self.destination),
-            (Delivery.learner, self.learner),
-        )
-        return [Delivery.course == course, *(column == value for column, value in asked if value is not None)]
+        asked = self.model_dump(include={"state", "destination", "learner"}, exclude_none=True)
+        return [Delivery.course == course, *(getattr(Delivery, name) == value for name, value in asked.items())]
 
 
 @router.post("/webhooks", status_code=201, response_model=NewSecret, responses=refusals(401, 403, 409, 413, 422, 429))
@@ -161,20 +147,13 @@ def list_deliveries(
 ) -> dict[str, Any]:
     """Lists what was delivered, waits, or could not be delivered (`?state=dead`): webhooks and scores."""
     with services.database.read() as session:
-        rows = stored.page(session, query.where(who.course), query.after, query.limit + 1)
+        rows = stored.page(session, query.where(who.course), query.read_number(DIGITS), query.limit + 1)
         items = [delivery_view(row, kind) for row, kind in rows]
-    if len(items) <= query.limit:
-        return {"items": items, "next_cursor": None}
-    items = items[: query.limit]
-    following = query.model_copy(update={"cursor": write_cursor(items[-1]["id"])})
-    response.headers["Link"] = next_link("/deliveries", following)
-    return {"items": items, "next_cursor": following.cursor}
+    return page_of(items, query, "/deliveries", response)
 
 
 @router.post(
-    "/deliveries/{delivery_id}:replay",
-    response_model=DeliveryView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/deliveries/{delivery_id}:replay", response_model=DeliveryView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def replay_delivery(delivery_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Delivers a dead letter once more. A score then replaces what a person has entered at the platform."""

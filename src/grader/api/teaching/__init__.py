@@ -1,4 +1,2 @@
-"""Routes of instructors: reviews, regrades, the gradebook, statistics, extensions, people.
-
-Each route acts in the course of the caller alone.
-"""
+"""Routes of instructors: reviews, regrades, the gradebook, statistics, extensions, people. Each route acts in the
+course of the caller alone."""

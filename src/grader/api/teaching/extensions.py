@@ -23,10 +23,8 @@ router = APIRouter()
 
 
 class ExtensionBody(Extension):
-    """An extension for one learner; without dates and attempts it takes an earlier one back.
-
-    The learner is named by `learner`, the id, or by `user`, a name that an instructor or operator gave.
-    """
+    """An extension for one learner; without dates and attempts it takes an earlier one back. The learner is named by
+    `learner`, the id, or by `user`, a name that an instructor or operator gave."""
 
     learner: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
     user: str | None = Field(default=None, min_length=1, max_length=NAME, pattern=NO_NUL)
@@ -39,9 +37,7 @@ class ExtensionBody(Extension):
 
 
 @router.get(
-    "/quizzes/{quiz_id}/extensions",
-    response_model=Page[GivenExtension],
-    responses=refusals(401, 403, 404, 422, 429),
+    "/quizzes/{quiz_id}/extensions", response_model=Page[GivenExtension], responses=refusals(401, 403, 404, 422, 429)
 )
 def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
@@ -52,9 +48,7 @@ def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dic
 
 
 @router.put(
-    "/quizzes/{quiz_id}/extensions",
-    response_model=ExtensionView,
-    responses=refusals(401, 403, 404, 413, 422, 429),
+    "/quizzes/{quiz_id}/extensions", response_model=ExtensionView, responses=refusals(401, 403, 404, 413, 422, 429)
 )
 def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""
@@ -68,10 +62,8 @@ def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: 
 
 
 def learner_of(session: Session, body: ExtensionBody, who: Identity) -> Member:
-    """The learner whom the body names. Raises NotFound for an unknown id, Unprocessable, and Forbidden.
-
-    A restricted token extends students alone, and brings back nobody who was removed.
-    """
+    """The learner whom the body names. Raises NotFound for an unknown id, Unprocessable, and Forbidden. A restricted
+    token extends students alone, and brings back nobody who was removed."""
     if body.learner is None:
         return named(session, body.user or "", Role.STUDENT, who.course, by=who)
     if found := people.get(session, body.learner, who.course):

@@ -116,19 +116,12 @@ def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
 
 
 def row_of(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
-    """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member.
-
-    `marks` has those of learners whose name another bears too.
-    """
+    """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member. `marks`
+    has those of learners whose name another bears too."""
     is_named = known.account is not None and known.account.startswith(NAMED)
     is_canvas = known.namespace == CANVAS
     return Row(
-        user=known.name,
-        login=known.name if is_named else "",
-        id=learner,
-        email=known.email or "",
-        lms_id=known.external_id if is_canvas else "",
-        sis_id="" if is_canvas else known.external_id or "",
-        points=points,
-        mark=marks.get(learner, ""),
-    )
+        user=known.name, login=known.name if is_named else "", id=learner, email=known.email or "",
+        lms_id=known.external_id if is_canvas else "", sis_id="" if is_canvas else known.external_id or "",
+        points=points, mark=marks.get(learner, "")
+    )  # fmt: skip

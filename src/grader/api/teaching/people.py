@@ -5,11 +5,11 @@ from datetime import timedelta
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import LIMIT, LIMIT_MAX, Page, PageQuery, page_of
+from grader.api.paging import CursorQuery, Page, page_of
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses.people import invitations, members, tokens
 from grader.courses.people.external import known_as
@@ -29,18 +29,10 @@ from grader.store.tables import Member
 router = APIRouter()
 
 
-class ListQuery(BaseModel):
+class ListQuery(CursorQuery):
     """Which page of a list."""
 
     model_config = ConfigDict(extra="forbid")
-
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
-
-    @property
-    def page(self) -> PageQuery:
-        """The same, as `page_of` needs it."""
-        return PageQuery(cursor=self.cursor, limit=self.limit)
 
 
 ListParams = Annotated[ListQuery, Query()]
@@ -72,11 +64,10 @@ class TokenBody(RequestBody):
 @router.get("/members", response_model=Page[MemberView], responses=refusals(401, 403, 422, 429))
 def list_members(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Lists the members of the course in the order of their ids."""
-    page = query.page
     with services.database.read() as session:
-        found = stored_people.page(session, who.course, page.start, page.limit + 1)
+        found = stored_people.page(session, who.course, query.start, query.limit + 1)
         views = member_views(session, who.course, found)
-    return page_of(views, page, "/members", response)
+    return page_of(views, query, "/members", response)
 
 
 @router.patch("/members/{member_id}", response_model=MemberView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -86,8 +77,7 @@ def change_role(member_id: str, body: RoleBody, who: Instructor, services: AppSe
     A restricted token changes no role.
     """
     with services.database.write() as session:
-        changed = members.change_role(session, who, member_id, body.role)
-        return member_views(session, who.course, [changed])[0]
+        return member_views(session, who.course, [members.change_role(session, who, member_id, body.role)])[0]
 
 
 @router.delete("/members/{member_id}", status_code=204, responses=refusals(401, 403, 404, 409, 422, 429))
@@ -193,14 +183,11 @@ def close_link(who: Instructor, services: AppServices) -> None:
 @router.get("/audit", response_model=Page[AuditView], responses=refusals(401, 403, 422, 429))
 def list_audit(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Lists who did what in the course, newest first."""
-    page = query.page
-    before = page.start
-    if before is not None and not before.isdecimal():
-        raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
+    before = None if query.cursor is None else query.read_number()
     with services.database.read() as session:
-        found = stored_courses.audit_page(session, who.course, None if before is None else int(before), page.limit + 1)
+        found = stored_courses.audit_page(session, who.course, before, query.limit + 1)
         unseen = unseen_by(session, who)
-    return page_of([entry_view(entry, unseen) for entry in found], page, "/audit", response)
+    return page_of([entry_view(entry, unseen) for entry in found], query, "/audit", response)
 
 
 def join_url(services: Services, request: Request, code: str) -> str:
@@ -225,15 +212,8 @@ def member_views(session: Session, course: str, members: Sequence[Member]) -> li
 def member_view(member: Member) -> dict[str, Any]:
     """A member as JSON. `way_in` is name, oidc, lms, lti or browser: how the member is found again."""
     way_in = "browser" if member.account is None else member.account.partition(":")[0]
-    return {
-        "id": member.id,
-        "name": member.name,
-        "role": member.role,
-        "way_in": way_in,
-        "created_at": member.created_at,
-        "learner": vars(known_as(member)),
-        "email": member.email,
-    }
+    shown = {name: getattr(member, name) for name in ("id", "name", "role", "created_at", "email")}
+    return shown | {"way_in": way_in, "learner": vars(known_as(member))}
 
 
 def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
@@ -250,12 +230,5 @@ def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
 
 def entry_view(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
     """An entry of the audit log as JSON, without first marks that are unseen; `id` is text, as everywhere."""
-    return {
-        "id": str(entry.id),
-        "at": entry.at,
-        "actor": entry.actor,
-        "name": entry.name,
-        "action": entry.action,
-        "subject": entry.subject,
-        "detail": seen_detail(entry, unseen),
-    }
+    shown = {name: getattr(entry, name) for name in ("at", "actor", "name", "action", "subject")}
+    return {"id": str(entry.id)} | shown | {"detail": seen_detail(entry, unseen)}

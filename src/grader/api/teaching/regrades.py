@@ -7,11 +7,10 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, Field
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import LIMIT, LIMIT_MAX, NO_NUL, Page, PageQuery, next_link, page_of, read_cursor, write_cursor
+from grader.api.paging import NO_NUL, CursorQuery, Page, next_link, page_of, write_cursor
 from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
 from grader.courses.reviewing.blinding import blinded_differences
-from grader.errors import Unprocessable
 from grader.gate.admission import PREFIX
 from grader.gate.callers import Instructor
 from grader.gate.problems import refusals
@@ -76,34 +75,14 @@ class RegradePage(RegradeView):
     next_cursor: str | None
 
 
-class DifferenceQuery(BaseModel):
+class DifferenceQuery(CursorQuery):
     """Which page of the differences; `changed` leaves out learners whose verdicts stay."""
 
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
     changed: bool = False
-
-    @property
-    def place(self) -> int:
-        """The last place of the page before. Raises Unprocessable."""
-        text = "0" if self.cursor is None else read_cursor(self.cursor)
-        if not text.isdecimal() or len(text) > 9:
-            raise Unprocessable("The cursor is invalid: send the `next_cursor` of the page before.")
-        return int(text)
-
-
-class ListQuery(BaseModel):
-    """Which page of the list."""
-
-    cursor: str | None = None
-    limit: int = Field(default=LIMIT, ge=1, le=LIMIT_MAX)
 
 
 @router.post(
-    "/regrades",
-    status_code=202,
-    response_model=RegradeView,
-    responses=refusals(401, 403, 404, 409, 413, 422, 429),
+    "/regrades", status_code=202, response_model=RegradeView, responses=refusals(401, 403, 404, 409, 413, 422, 429)
 )
 def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Queues a regrade by the content that is loaded now. 409 while another one changes the same quiz."""
@@ -115,14 +94,13 @@ def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, re
 
 @router.get("/regrades", response_model=Page, responses=refusals(401, 403, 422, 429))
 def list_regrades(
-    query: Annotated[ListQuery, Query()], who: Instructor, services: AppServices, response: Response
+    query: Annotated[CursorQuery, Query()], who: Instructor, services: AppServices, response: Response
 ) -> dict[str, Any]:
     """Lists the regrades of the course, newest first, without their differences."""
-    page = PageQuery(cursor=query.cursor, limit=query.limit)
     with services.database.read() as session:
-        found = stored.page(session, who.course, page.start, page.limit + 1)
+        found = stored.page(session, who.course, query.start, query.limit + 1)
         items = [view(one, stored.progress(session, one)) for one in found]
-    return page_of(items, page, "/regrades", response)
+    return page_of(items, query, "/regrades", response)
 
 
 @router.get("/regrades/{regrade_id}", response_model=RegradePage, responses=refusals(401, 403, 404, 422, 429))
@@ -137,7 +115,7 @@ def show_regrade(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         counts = stored.progress(session, regrade)
-        found = regrades.read_page(session, regrade.id, query.place, query.limit + 1, changed=query.changed)
+        found = regrades.read_page(session, regrade.id, query.read_number(9), query.limit + 1, changed=query.changed)
         items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, found)
     cursor = None
     if len(items) > query.limit:
@@ -149,9 +127,7 @@ def show_regrade(
 
 
 @router.post(
-    "/regrades/{regrade_id}:cancel",
-    response_model=RegradeView,
-    responses=refusals(401, 403, 404, 409, 422, 429),
+    "/regrades/{regrade_id}:cancel", response_model=RegradeView, responses=refusals(401, 403, 404, 409, 422, 429)
 )
 def cancel_regrade(regrade_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Ends a regrade; what it has changed stays. 409 if it is over."""

@@ -41,10 +41,8 @@ class ReviewQuery(PageQuery):
 
 
 class ClaimBody(RequestBody):
-    """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course.
-
-    With `second`, one that waits for a second mark.
-    """
+    """Which submission to claim: the one with this id, or the oldest of a question, a quiz, or the course. With
+    `second`, one that waits for a second mark."""
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)
@@ -197,9 +195,7 @@ def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dic
 
 
 @router.get(
-    "/submissions/{submission_id}/review",
-    response_model=ReviewView,
-    responses=refusals(401, 403, 404, 422, 429),
+    "/submissions/{submission_id}/review", response_model=ReviewView, responses=refusals(401, 403, 404, 422, 429)
 )
 def show_for_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows a submission as its reviewer sees it, without claiming it."""

@@ -19,13 +19,11 @@ router = APIRouter()
 
 
 @router.get(
-    "/quizzes/{quiz_id}/statistics",
-    responses=refusals(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}}),
+    "/quizzes/{quiz_id}/statistics", responses=refusals(401, 403, 404, 422, 429, more={200: {"model": StatisticsView}})
 )
 def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
-    library = services.content.of(who.course).library
-    version = services.statistics.version(library, quiz_id, who)
+    version = services.statistics.version(services.content.of(who.course).library, quiz_id, who)
     etag = etag_of(version.parts)
     if is_unchanged(known, etag):
         return Response(status_code=304, headers={"ETag": etag})

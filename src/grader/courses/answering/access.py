@@ -115,10 +115,8 @@ def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
 
 
 def describe_progress(session: Session, access: LearnerAccess, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:
-    """The learner's progress by question, as plain JSON: attempts, dates, and what counts once it may be seen.
-
-    `notice` says the same in sentences, for pages.
-    """
+    """The learner's progress by question, as plain JSON: attempts, dates, and what counts once it may be seen. `notice`
+    says the same in sentences, for pages."""
     stored = results.of_learner(session, who.course, who.id, quiz.id)
     return {part.id: describe_progress_at(access, quiz, part, stored.get(part.id)) for part in quiz.questions}
 
@@ -130,15 +128,11 @@ def describe_progress_at(
     decision = access.decide(quiz.id, question.id)
     seen = result if decision.shown >= Shown.FEEDBACK else None
     return {
-        "attempts_used": access.progress_at(quiz.id, question.id).used,
-        "attempts_left": decision.attempts_left,
-        "may_answer": decision.may_answer,
-        "multiplier": decision.multiplier,
-        "due": decision.due,
-        "closes": decision.closes,
-        "result": None if seen is None else describe_result(seen),
+        "attempts_used": access.progress_at(quiz.id, question.id).used, "attempts_left": decision.attempts_left,
+        "may_answer": decision.may_answer, "multiplier": decision.multiplier, "due": decision.due,
+        "closes": decision.closes, "result": None if seen is None else describe_result(seen),
         "notice": access.notice(quiz, question),
-    }
+    }  # fmt: skip
 
 
 def describe_result(result: Result) -> dict[str, Any]:

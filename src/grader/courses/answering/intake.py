@@ -40,11 +40,8 @@ class Receipt:
 
 @dataclass(frozen=True, eq=False)
 class NewAnswer:
-    """An answer that was read, and graded where that is instant; else it gets a job for a worker.
-
-    The same idempotency `key` with the same answer gives the first receipt again. `queue_max` is how many scripts of
-    one learner may wait.
-    """
+    """An answer that was read, and graded where that is instant; else it gets a job for a worker. The same idempotency
+    `key` with the same answer gives the first receipt again. Of one learner `queue_max` scripts may wait."""
 
     who: Identity
     library: Library
@@ -60,11 +57,8 @@ class NewAnswer:
 
 
 def store_answers(database: Database, session: Session, answers: Sequence[NewAnswer]) -> list[Receipt | CallerError]:
-    """Decides on answers in the order of their coming, and stores those that are taken.
-
-    Returns the receipt of each, which holds once the transaction is committed, or else Unauthorized, Unprocessable,
-    Conflict or TooManyRequests.
-    """
+    """Decides on answers in the order of their coming, and stores those that are taken. Returns the receipt of each,
+    which holds once the transaction is committed, or else Unauthorized, Unprocessable, Conflict or TooManyRequests."""
     database.lock_learners(session, {(answer.who.course, answer.who.id) for answer in answers})
     batch = AnswerBatch(session)
     keys = [AnswerKeys(answer.place, answer.who.credential, answer.key) for answer in answers]
@@ -161,23 +155,15 @@ def make_submission(answer: NewAnswer, submission_id: str, attempt: int) -> Subm
     """The row of a new answer."""
     parsed = answer.parsed
     return Submission(
-        **answer.place._asdict(),
-        id=submission_id,
-        user=answer.who.user,
-        answer=parsed.text,
-        seed=parsed.seed,
-        content_digest=parsed.content_digest,
-        attempt=attempt,
-    )
+        **answer.place._asdict(), id=submission_id, user=answer.who.user, answer=parsed.text, seed=parsed.seed,
+        content_digest=parsed.content_digest, attempt=attempt
+    )  # fmt: skip
 
 
 def make_key_row(answer: NewAnswer, receipt: Receipt) -> dict[str, Any]:
     """The row that makes a repeated request find its first receipt."""
     return {
-        "course": answer.who.course,
-        "learner": answer.who.id,
-        "key": answer.key,
-        "request_digest": answer.parsed.digest,
-        "submission_id": receipt.submission.id,
+        "course": answer.who.course, "learner": answer.who.id, "key": answer.key,
+        "request_digest": answer.parsed.digest, "submission_id": receipt.submission.id,
         "http_status": receipt.http_status,
-    }
+    }  # fmt: skip

@@ -23,15 +23,9 @@ from grader.store.tables import Member, Submission, now
 
 
 def append_verdict(
-    database: Database,
-    library: Library,
-    session: Session,
-    submission: Submission,
-    verdict: Verdict,
-    *,
-    cause: str,
-    reviewer: str | None = None,
-) -> None:
+    database: Database, library: Library, session: Session, submission: Submission, verdict: Verdict, *, cause: str,
+    reviewer: str | None = None
+) -> None:  # fmt: skip
     """Adds a verdict as the submission's newest revision, and counts the learner's result again."""
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
@@ -54,11 +48,9 @@ class NewSubmission:
 def count_new(
     session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime
 ) -> None:
-    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date.
-
-    The caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt
-    decide together what counts now: the time does not grow with the number of attempts.
-    """
+    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date. The
+    caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt decide
+    together what counts now: the time does not grow with the number of attempts."""
     changed, revised, averages = dict[LearnerAt, Columns](), list[Columns](), dict[LearnerAt, Library]()
     for one in new:
         state, before = states[one.place], states[one.place].result
@@ -118,10 +110,8 @@ def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmissi
 def describe_answers(
     session: Session, decided: Sequence[str], before: Columns | None, new: NewSubmission | None
 ) -> dict[str, Any]:
-    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict.
-
-    A first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read.
-    """
+    """The columns of the first answer and of the diagnoses; `decided` are the ids of the attempts with a verdict. A
+    first verdict adds to what was told before. Where it may have changed, the verdicts of all attempts are read."""
     if before is not None and new is not None and new.verdict is not None and new.submission.revision == 1:
         if new.submission.id not in decided:
             return {}
@@ -160,19 +150,11 @@ def recount_quiz(database: Database, library: Library, course: str, quiz: str) -
 
 
 def grant(
-    database: Database,
-    library: Library,
-    session: Session,
-    learner: Member,
-    quiz: str,
-    *,
-    granted: Extension,
-    by: Identity | None,
-) -> None:
-    """Gives a learner an extension of a quiz, and counts the learner's results in it again.
-
-    `by` is None for the command line. Raises NotFound if the course has no such quiz.
-    """
+    database: Database, library: Library, session: Session, learner: Member, quiz: str, *, granted: Extension,
+    by: Identity | None
+) -> None:  # fmt: skip
+    """Gives a learner an extension of a quiz, and counts the learner's results in it again. `by` is None for the
+    command line. Raises NotFound if the course has no such quiz."""
     library.quiz(quiz)
     database.lock_learner(session, learner.course, learner.id)
     extensions.put(session, (learner.course, quiz, learner.id), granted, COMMAND_LINE if by is None else by.user)

@@ -1,10 +1,7 @@
-"""Stopping one's own script: one that waits leaves the queue, one that runs is ended by its worker.
-
-It uses no attempt unless the script had its hidden inputs: a script that runs on, or not, as these decide would tell of
-them, and to stop it for free would be a look for free.
-
-A run that ends by itself meanwhile wins: its worker alone stores what came of it, in the transaction that ends the job.
-"""
+"""Stopping one's own script: one that waits leaves the queue, one that runs is ended by its worker. It uses no attempt
+unless the script had its hidden inputs: a script that runs on, or not, as these decide would tell of them, and to stop
+it for free would be a look for free. A run that ends by itself meanwhile wins: its worker alone stores what came of it,
+in the transaction that ends the job."""
 
 import threading
 import time
@@ -33,10 +30,7 @@ WAIT_S = 5.0
 
 
 def stop(database: Database, library: Library, who: Identity, submission_id: str) -> str:
-    """Stops a script of a learner, and says what came of it.
-
-    Raises NotFound, and Conflict where it has its verdict or is being stopped.
-    """
+    """Stops a learner's script; says what came of it. Raises NotFound, and Conflict if it is judged or stopping."""
     changed = threading.Event()
     with database.signals.listening(submissions.EVENTS, changed.set, submission_id):
         with database.write() as session:

@@ -112,10 +112,9 @@ def choose(
     extended = {row.learner: extensions.extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
     chosen = [select_rows(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
-    places = enumerate(filter(None, chosen), 1)
     items = [
         {"place": place, "submission_id": row.id, "learner": row.learner, "question": row.question}
-        for place, theirs in places
+        for place, theirs in enumerate(filter(None, chosen), 1)
         for row in theirs
     ]
     if not isinstance(scope, str) and (missing := {*scope} - {item["submission_id"] for item in items}):

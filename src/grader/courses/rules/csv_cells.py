@@ -21,11 +21,9 @@ class _Line:
 
 
 def lines(rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    r"""The lines of a CSV file, ended by "\r\n" (RFC 4180); one row is held at a time.
-
-    Cells with another spreadsheet's separator are quoted too, which csv.writer does not do. Such a spreadsheet honours
-    the quotes of a line's first cell alone, so put there what a learner chooses.
-    """
+    r"""The lines of a CSV file, ended by "\r\n" (RFC 4180); one row is held at a time. Cells with another spreadsheet's
+    separator are quoted too, which csv.writer does not do. Such a spreadsheet honours the quotes of a line's first cell
+    alone, so put there what a learner chooses."""
     line = csv.writer(_Line()).writerow
     for row in rows:
         cells = list(row)
@@ -39,10 +37,8 @@ def quoted(text: str) -> str:
 
 
 def guarded(text: str) -> str:
-    """The text as a cell that no spreadsheet runs: an apostrophe before what looks like a formula.
-
-    Guarding a guarded text adds another apostrophe, so removing one always gives the text back.
-    """
+    """The text as a cell that no spreadsheet runs: an apostrophe before what looks like a formula. Guarding a guarded
+    text adds another apostrophe, so removing one always gives the text back."""
     return f"'{text}" if text and FORMULA.match(text) else text
 
 

@@ -34,13 +34,11 @@ class Column:
 
 
 class Row(NamedTuple):
-    """One learner, with the points that count by (quiz, question); what is missing is an empty cell.
-
-    `user` is the name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that
-    another bears too: without one Canvas gives the points of both to the first whom it finds by name.
-    `login` is a name that an instructor gave. A name that learners chose themselves is left out: in an LMS it may be
-    the login of another person. `lms_id` is the learner's number in Canvas.
-    """
+    """One learner, with the points that count by (quiz, question); what is missing is an empty cell. `user` is the
+    name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that another bears too:
+    without one Canvas gives the points of both to the first whom it finds by name. `login` is a name that an instructor
+    gave. A name that learners chose themselves is left out: in an LMS it may be the login of another person. `lms_id`
+    is the learner's number in Canvas."""
 
     user: str
     login: str = ""
@@ -83,12 +81,10 @@ NUMBERED = re.compile(r".*\s\(\d+\)", re.DOTALL)
 def gradebook_csv(
     rows: Iterable[Row], columns: Sequence[Column], form: Form = Form.GENERIC, *, bom: bool = False
 ) -> Iterator[str]:
-    r"""The lines of the gradebook, ended by "\r\n" (RFC 4180); one learner is held at a time.
-
-    The generic form ends with `points` and `max_points`, the sums over all columns. `bom` marks the text as UTF-8
-    for Excel, which takes it for the local code page otherwise; Canvas and Moodle read it with and without. The form
-    for Canvas has a second row with the points of each assignment, or new ones would be made without.
-    """
+    r"""The lines of the gradebook, ended by "\r\n" (RFC 4180); one learner is held at a time. The generic form ends
+    with `points` and `max_points`, the sums over all columns. `bom` marks the text as UTF-8 for Excel, which takes it
+    for the local code page otherwise; Canvas and Moodle read it with and without. The form for Canvas has a second row
+    with the points of each assignment, or new ones would be made without."""
     mark = BOM if bom else ""
     for line in lines(heading_cells(columns, form)):
         yield mark + line
@@ -121,12 +117,10 @@ def no_points_row(name: str) -> str:
 
 
 def headings(columns: Sequence[Column], form: Form) -> list[str]:
-    """One heading for each column: `quiz/question` in the generic form, else the title.
-
-    Canvas takes the points of both columns from the first where two have one heading: `[quiz/question]` is appended
-    to repeated titles, and to those that end like the id of an assignment. Titles that look like a total, which it
-    would drop, are replaced. A title that no assignment has makes a new one, so titles should stay as they are.
-    """
+    """One heading for each column: `quiz/question` in the generic form, else the title. Canvas takes the points of both
+    columns from the first where two have one heading: `[quiz/question]` is appended to repeated titles, and to those
+    that end like the id of an assignment. Titles that look like a total, which it would drop, are replaced. A title
+    that no assignment has makes a new one, so titles should stay as they are."""
     if form is Form.GENERIC:
         return [guarded(f"{column.quiz}/{column.question}") for column in columns]
     titles = [" ".join(column.title.split()) for column in columns]

@@ -19,13 +19,7 @@ ROLES_THAT_SEE_ALL = ("instructor", "service")
 
 UNANSWERED = "Answer the question first: the lab opens when your prediction is made."
 
-RUN_ENDS = (
-    Status.CRASHED,
-    Status.TIMED_OUT,
-    Status.OUT_OF_MEMORY,
-    Status.OUTPUT_TOO_LARGE,
-    Status.FORBIDDEN,
-)
+RUN_ENDS = (Status.CRASHED, Status.TIMED_OUT, Status.OUT_OF_MEMORY, Status.OUTPUT_TOO_LARGE, Status.FORBIDDEN)
 NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
 """Statuses that are shown at once, with their sentence: nothing was compared with a right answer."""
 
@@ -110,11 +104,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class Counted:
-    """The points that count, the attempts that they come from, and whether they can still change by grading.
-
-    `is_final` is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes
-    the average, any one. `is_late` says whether any of the sources was handed in after the learner's due date.
-    """
+    """The points that count, the attempts that they come from, and whether they can still change by grading. `is_final`
+    is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes the
+    average, any one. `is_late` says whether any of the sources was handed in after the learner's due date."""
 
     points: float
     sources: tuple[Attempt, ...]
@@ -138,20 +130,12 @@ def before_opening(policy: Policy, now: datetime) -> str | None:
 
 
 def decide(
-    policy: Policy,
-    extension: Extension | None,
-    question: Question,
-    progress: Progress,
-    now: datetime,
-    *,
-    role: str,
-    published_at: datetime | None = None,
-) -> Decision:
-    """Decides what a learner may do and see at a question.
-
-    `progress` sums up the learner's own attempts at it. `published_at` is when an instructor published the feedback
-    of the quiz, None before that. Instructors and services see everything, and may try questions at any time.
-    """
+    policy: Policy, extension: Extension | None, question: Question, progress: Progress, now: datetime, *, role: str,
+    published_at: datetime | None = None
+) -> Decision:  # fmt: skip
+    """Decides what a learner may do and see at a question. `progress` sums up the learner's own attempts at it.
+    `published_at` is when an instructor published the feedback of the quiz, None before that. Instructors and services
+    see everything, and may try questions at any time."""
     extension = extension or NO_EXTENSION
     due, closes = due_of(policy, extension), closes_of(policy, extension)
     if role in ROLES_THAT_SEE_ALL:
@@ -183,12 +167,9 @@ def decide_without_content(role: str) -> Decision:
 
 
 def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
-    """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in.
-
-    A learner may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally
-    good ones the first is the best. An answer that was taken keeps counting, also where `due` was moved to an earlier
-    date afterwards.
-    """
+    """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in. A learner
+    may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good ones
+    the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
     waiting = used if policy.counts == "average" else used[-1:]
@@ -259,10 +240,8 @@ def withholding(
 
 
 def solution_is_open(policy: Policy, progress: Progress, left: int | None, closed: bool) -> bool:
-    """Whether a learner who sees the feedback also sees the solution.
-
-    Attempts are spent only when all have their verdicts: a fault of the grader would give one back.
-    """
+    """Whether a learner who sees the feedback also sees the solution. Attempts are spent only when all have their
+    verdicts: a fault of the grader would give one back."""
     match policy.solutions:
         case "never":
             return False
@@ -281,11 +260,9 @@ def spoken(moment: datetime) -> str:
 
 
 def redact(verdict: Verdict, decision: Decision) -> Verdict:
-    """The verdict without what the learner may not see yet: built from lists of what may be seen at each level.
-
-    Before the feedback the status is `needs_review` and the diagnosis says when it comes, except where the grader's
-    status says nothing about correctness. A review does not show.
-    """
+    """The verdict without what the learner may not see yet: built from lists of what may be seen at each level. Before
+    the feedback the status is `needs_review` and the diagnosis says when it comes, except where the grader's status
+    says nothing about correctness. A review does not show."""
     if decision.shown is Shown.SOLUTION:
         return verdict
     if decision.shown is Shown.FEEDBACK:
@@ -302,11 +279,9 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
 
 
 def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
-    """The feedback of a verdict, without the solution, as far as `reveal` goes.
-
-    With "direction", the `direction` of findings and verdict takes the place of messages and diagnosis, and measured
-    distances are left out. A reviewer's finding is told as it was written.
-    """
+    """The feedback of a verdict, without the solution, as far as `reveal` goes. With "direction", the `direction` of
+    findings and verdict takes the place of messages and diagnosis, and measured distances are left out. A reviewer's
+    finding is told as it was written."""
     if reveal == "direction":
         findings = tuple(directed(finding) for finding in verdict.findings)
         tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
@@ -338,11 +313,9 @@ def redact_json(verdict: Any | None, decision: Decision) -> Any | None:
 
 
 def reported(verdict: Verdict, question: Question) -> Verdict:
-    """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`.
-
-    A right answer shows everything. Without `reveal` only expected values, and the evidence that draws them, are left
-    out, but of a script, whose hidden cases have none.
-    """
+    """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`. A
+    right answer shows everything. Without `reveal` only expected values, and the evidence that draws them, are left
+    out, but of a script, whose hidden cases have none."""
     kind = kind_of(question)
     asked = kind.reveal(question)
     if verdict.status is Status.CORRECT or (asked is None and kind.is_script):

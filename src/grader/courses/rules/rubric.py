@@ -30,10 +30,8 @@ class Mark:
 
 
 def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
-    """The verdict after a review. `question` is None if the content has lost it: then only points can be given.
-
-    Raises ValueError for points outside of the question's, and for items that its rubric does not have.
-    """
+    """The verdict after a review. `question` is None if the content has lost it: then only points can be given. Raises
+    ValueError for points outside of the question's, and for items that its rubric does not have."""
     if mark.ticked is None:
         assert mark.points is not None
         return reviewed(verdict, mark.points, mark.comment)
@@ -41,8 +39,7 @@ def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
         raise ValueError("the question has no rubric: give points")
     if mark.points is None:
         return reviewed_by_rubric(verdict, question, mark.ticked, mark.comment)
-    decided = reviewed(verdict, mark.points, mark.comment)
-    return _naming(decided, items_of(question, mark.ticked), by_hand=True)
+    return _naming(reviewed(verdict, mark.points, mark.comment), items_of(question, mark.ticked), by_hand=True)
 
 
 def rubric_of(question: Question) -> Rubric:
@@ -57,11 +54,9 @@ def rubric_points(items: Iterable[RubricItem], max_points: float) -> float:
 
 
 def reviewed_by_rubric(verdict: Verdict, question: Question, ticked: Iterable[str], comment: str) -> Verdict:
-    """The verdict after a review that ticks the items with these ids; repeated ids count once.
-
-    Only the ticked items are named in the review, so that the others do not tell what was missing.
-    Raises ValueError for an id that the question's rubric does not have.
-    """
+    """The verdict after a review that ticks the items with these ids; repeated ids count once. Only the ticked items
+    are named in the review, so that the others do not tell what was missing. Raises ValueError for an id that the
+    question's rubric does not have."""
     return _decided(verdict, question, items_of(question, ticked), comment)
 
 
@@ -75,11 +70,9 @@ def items_of(question: Question, ticked: Iterable[str]) -> list[RubricItem]:
 
 
 def recomputed(verdict: Verdict, question: Question) -> Verdict:
-    """The verdict with the points that its ticked items have in the question's rubric as it is now.
-
-    The comment stays. An item that the rubric no longer has gives no points and is dropped. Returns the verdict
-    itself where nothing changes: after no review, after one with points given by hand, and the second time.
-    """
+    """The verdict with the points that its ticked items have in the question's rubric as it is now. The comment stays.
+    An item that the rubric no longer has gives no points and is dropped. Returns the verdict itself where nothing
+    changes: after no review, after one with points given by hand, and the second time."""
     review = next((finding for finding in verdict.findings if finding.id == REVIEW), None)
     ids = None if review is None else ticked_ids(review)
     if review is None or ids is None:

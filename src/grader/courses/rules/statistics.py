@@ -29,11 +29,9 @@ LEARNERS_MIN = 4
 
 
 class Row(NamedTuple):
-    """One learner at one question: the points that count, and what they answered first.
-
-    `option` and `value` are those of the first attempt, as is `first_status`; `several` is a JSON object with a list of
-    either, where an answer has several. `diagnoses` are those of all attempts, as a JSON list.
-    """
+    """One learner at one question: the points that count, and what they answered first. `option` and `value` are those
+    of the first attempt, as is `first_status`; `several` is a JSON object with a list of either, where an answer has
+    several. `diagnoses` are those of all attempts, as a JSON list."""
 
     learner: str
     question: str
@@ -72,10 +70,8 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Cluster:
-    """Nearly equal wrong numbers: their median, the least and the greatest, and how many learners gave them.
-
-    `number` is the index of the number among those that the question asks for.
-    """
+    """Nearly equal wrong numbers: their median, the least and the greatest, and how many learners gave them. `number`
+    is the index of the number among those that the question asks for."""
 
     value: float
     low: float
@@ -100,9 +96,7 @@ class QuestionStatistics:
 @dataclass(frozen=True)
 class Tally:
     """The answers to one question, counted: its statistics without the discrimination, and its learners' points.
-
-    `learners`, `points` and `max_points` have the same order.
-    """
+    `learners`, `points` and `max_points` have the same order."""
 
     statistics: QuestionStatistics
     learners: tuple[str, ...]
@@ -111,12 +105,9 @@ class Tally:
 
 
 def tallies_of(rows: Iterable[Row], tolerances: Mapping[str, Sequence[float | None]] | None = None) -> dict[str, Tally]:
-    """Counts the answers to every question that has rows, in the order of their first rows.
-
-    `tolerances` are those of the numbers that questions ask for, in their units.
-    Time grows as n log n with the rows.
-    Raises ValueError where a learner has two rows at a question.
-    """
+    """Counts the answers to every question that has rows, in the order of their first rows. `tolerances` are those of
+    the numbers that questions ask for, in their units. Time grows as n log n with the rows. Raises ValueError where a
+    learner has two rows at a question."""
     by_question: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         by_question[row[1]].append(row)
@@ -192,13 +183,10 @@ def statistics_of(tallies: Sequence[Tally]) -> tuple[QuestionStatistics, ...]:
 
 
 def mean_share(shares: Sequence[float]) -> Estimate:
-    """The mean of shares in [0, 1] with Wilson's score interval, for partial points too.
-
-    The variance of a share is at most that of a 0/1 answer of the same mean (Bhatia and Davis 2000), so for partial
-    points the interval is wider than it need be. It never leaves [0, 1], and has a width also where all shares are
-    equal, which neither the normal interval nor the bootstrap has.
-    Source: Wilson 1927. Raises ValueError for no shares.
-    """
+    """The mean of shares in [0, 1] with Wilson's score interval, for partial points too. The variance of a share is at
+    most that of a 0/1 answer of the same mean (Bhatia and Davis 2000), so for partial points the interval is wider than
+    it need be. It never leaves [0, 1], and has a width also where all shares are equal, which neither the normal
+    interval nor the bootstrap has. Source: Wilson 1927. Raises ValueError for no shares."""
     n = len(shares)
     if not n:
         raise ValueError("no shares")
@@ -211,13 +199,10 @@ def mean_share(shares: Sequence[float]) -> Estimate:
 def item_rest(
     shares: NDArray[np.float64], points: NDArray[np.float64], max_points: NDArray[np.float64]
 ) -> Estimate | None:
-    """Pearson's correlation of a question's shares with the shares of points of the learners' other questions.
-
-    `points` and `max_points` are those of the other questions; all have the shape (n,). For 0/1 answers it is the
-    point-biserial correlation. A learner without another question is left out. The 95 % interval is Fisher's (1915),
-    exact for two normal variables and approximate here. None where it is undefined: fewer than 4 learners, or all
-    equal on either side.
-    """
+    """Pearson's correlation of a question's shares with the shares of points of the learners' other questions. `points`
+    and `max_points` are those of the other questions; all have the shape (n,). For 0/1 answers it is the point-biserial
+    correlation. A learner without another question is left out. The 95 % interval is Fisher's (1915), exact for two
+    normal variables and approximate here. None where undefined: below 4 learners, or all equal on a side."""
     has_rest = max_points > ROUNDING
     items, rests = shares[has_rest], points[has_rest] / max_points[has_rest]
     n = len(items)
@@ -232,11 +217,9 @@ def item_rest(
 
 
 def clusters_of(values: Iterable[float], tolerance: float | None = None) -> tuple[Cluster, ...]:
-    """Numbers that at least two learners share, the largest cluster first; one value a learner.
-
-    From the least value up, a cluster takes in what lies within `tolerance` of its first value; without one, within
-    half a unit of the third figure. The order of the values does not matter.
-    """
+    """Numbers that at least two learners share, the largest cluster first; one value a learner. From the least value
+    up, a cluster takes in what lies within `tolerance` of its first value; without one, within half a unit of the third
+    figure. The order of the values does not matter."""
     groups: list[list[float]] = []
     for value in sorted(value for value in values if math.isfinite(value)):
         if groups and value - groups[-1][0] <= _width(groups[-1][0], tolerance):

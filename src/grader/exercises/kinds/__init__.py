@@ -1,4 +1,1 @@
-"""The kinds of exercise that come with the grader.
-
-Each is a package with a class `Kind`, which is found through the entry points of pyproject.toml.
-"""
+"""The kinds of exercise that come with the grader. The entry points of pyproject.toml name them."""

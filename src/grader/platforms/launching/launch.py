@@ -72,7 +72,6 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
         raise Unauthorized("The launch leads to an address that is not this service's.")
     context = part(claims, f"{words.CLAIM}context")
     quiz, question = chosen_in(part(claims, f"{words.CLAIM}custom"), str(target or ""))
-    services = part(claims, words.NRPS_CLAIM)
     return Launch(
         platform=platform, deployment_id=identifier(claims, f"{words.CLAIM}deployment_id"),
         subject=identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
@@ -80,7 +79,7 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
         context_title=label(context.get("title")) or label(context.get("label")),
         link_id="" if is_selection else identifier(part(claims, f"{words.CLAIM}resource_link"), "id"), quiz=quiz,
         question=question, gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
-        members_url=address(services.get("context_memberships_url")),
+        members_url=address(part(claims, words.NRPS_CLAIM).get("context_memberships_url")),
         selection=selection_in(claims) if is_selection else None,
     )  # fmt: skip
 

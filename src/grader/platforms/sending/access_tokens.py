@@ -53,8 +53,7 @@ class AccessTokens:
         self, platform: Platform, scopes: Collection[str], method: str, url: str, *, headers: Mapping[str, str],
         body: bytes | None = None,
     ) -> Response:  # fmt: skip
-        """Sends a request with a token for these scopes, which is renewed once after a 401. Raises NoToken, RefusedURL,
-        Unreachable."""
+        """Sends a request with a token, renewed once after a 401. Raises NoToken, RefusedURL, Unreachable."""
         key = (platform.issuer, platform.client_id, tuple(sorted(scopes)))
         for last in (False, True):
             token = await self._token(platform, key)

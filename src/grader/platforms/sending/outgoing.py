@@ -1,9 +1,7 @@
-"""Requests to servers of others: only to public hosts, to the address that was checked, within time and size.
-
-The host is resolved here, every address is checked, and the connection goes to one of them: a name that resolves
-otherwise a moment later (DNS rebinding) changes nothing. TLS still proves the name. Redirects are not followed, proxies
-of the environment are not used, and bodies are not decompressed.
-"""
+"""Requests to servers of others: only to public hosts, to the address that was checked, within time and size. The host
+is resolved here, every address is checked, and the connection goes to one of them: a name that resolves otherwise a
+moment later (DNS rebinding) changes nothing. TLS still proves the name. Redirects are not followed, proxies of the
+environment are not used, and bodies are not decompressed."""
 
 import asyncio
 import json

@@ -156,8 +156,7 @@ class Scores:
         if response.status == HTTPStatus.NOT_FOUND:
             return self._gone(target, response)
         if response.status in (HTTPStatus.CONFLICT, HTTPStatus.BAD_REQUEST):
-            found = await self._result(prepared, url)
-            return after_refusal(prepared, found, response)
+            return after_refusal(prepared, await self._result(prepared, url), response)
         return self.reply_to(response)
 
     async def _call(
@@ -205,9 +204,7 @@ def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
     """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, found):
         return Sent(prepared.score.to_json())
-    if prepared.forced or not is_a_persons(prepared, found):
-        return None
-    return Dead(overridden(found))
+    return Dead(overridden(found)) if is_a_persons(prepared, found) and not prepared.forced else None
 
 
 def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:

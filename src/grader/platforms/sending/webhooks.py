@@ -67,8 +67,7 @@ class Webhooks:
             return Sent()
         if response.status == HTTPStatus.GONE:
             return Gone("The receiver answered 410: it wants no more messages.")
-        why = f"The receiver answered {response.status}."
-        return Again(why, retry_after_s(response.headers, self.clock()))
+        return Again(f"The receiver answered {response.status}.", retry_after_s(response.headers, self.clock()))
 
 
 def message(row: Delivery, result: Result) -> bytes:

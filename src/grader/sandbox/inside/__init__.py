@@ -1,4 +1,1 @@
-"""Runs inside the cell of the jail.
-
-Its code is trusted until the student's source arrives, and imports nothing else of the grader.
-"""
+"""Runs inside the cell of the jail. Trusted until the student's source arrives; imports nothing else of ours."""

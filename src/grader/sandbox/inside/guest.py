@@ -129,11 +129,7 @@ def play(work: dict[str, Any]) -> NoReturn:
 
 
 def submit(name: str, value: Any) -> None:
-    """Send one named array of numbers back.
-
-    Raises:
-        TypeError: not numbers.
-    """
+    """Send one named array of numbers back. Raises TypeError for anything else."""
     array = np.ascontiguousarray(value).reshape(np.shape(value))
     if array.dtype.kind in "iu" and array.dtype.name not in DTYPES:
         array = array.astype(np.int64)
@@ -204,8 +200,7 @@ def _explain(error: BaseException, filename: str) -> tuple[str, str]:
     try:
         shown = traceback.TracebackException.from_exception(error)
         _keep_own_lines(shown, filename, set())
-        text = "".join(shown.format())
-        _write(STDERR, text.encode("utf-8", "backslashreplace"))
+        _write(STDERR, "".join(shown.format()).encode("utf-8", "backslashreplace"))
         notes, shown.__notes__ = shown.__notes__ or (), None
         last = [line for line in shown.format_exception_only() if line.strip()]
         reason = " ".join([last[-1].strip() if last else type(error).__name__, *map(str, notes)])

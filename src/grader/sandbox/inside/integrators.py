@@ -70,10 +70,8 @@ class Pages:
         map_at(self.address, len(self.original), READ_EXECUTE, MAP_SHARED, readable)
 
     def remove(self, writable: int) -> None:
-        """Remove the integrators from every process that maps the file.
-
-        Truncation drops the pages that are mapped, so that the kernel brings the instruction caches up to date.
-        """
+        """Remove the integrators from every process that maps the file. Truncation drops the pages that are mapped, so
+        that the kernel brings the instruction caches up to date."""
         os.ftruncate(writable, 0)
         os.pwrite(writable, self.removed, 0)
 
@@ -89,11 +87,8 @@ def map_at(address: int, size: int, protection: int, flags: int, descriptor: int
 
 
 def find_integrators() -> Pages:
-    """Locate the integrators in the MuJoCo that this process has loaded.
-
-    Raises:
-        Unavailable: the machine is neither x86-64 nor aarch64, or MuJoCo is another build.
-    """
+    """Locate the integrators in the MuJoCo that this process has loaded. Raises Unavailable if the machine is neither
+    x86-64 nor aarch64, or MuJoCo is another build."""
     stub_for = STUBS.get(platform.machine())
     if stub_for is None:
         raise IntegratorsUnavailable(f"the machine code of {platform.machine()} is not known")
@@ -173,8 +168,7 @@ def _find_library() -> tuple[int, int, str]:
 
 def _find_address(name: str) -> int:
     """Return the address of an exported function of MuJoCo."""
-    library = ctypes.CDLL(_find_library()[2])
-    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+    return ctypes.cast(getattr(ctypes.CDLL(_find_library()[2]), name), ctypes.c_void_p).value or 0
 
 
 def _read_functions(path: Path) -> dict[str, tuple[int, int]]:
@@ -183,10 +177,8 @@ def _read_functions(path: Path) -> dict[str, tuple[int, int]]:
 
 
 def read_symbols(path: Path) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Yield name, offset and size of every function in a library's symbol table (ELF, 64 bits, little-endian).
-
-    A linker that optimises adds ".llvm." and a number to the names of internal functions.
-    """
+    """Yield name, offset and size of every function in a library's symbol table (ELF, 64 bits, little-endian). A linker
+    that optimises adds ".llvm." and a number to the names of internal functions."""
     data = path.read_bytes()
     (table,) = struct.unpack_from("<Q", data, 0x28)
     (count,) = struct.unpack_from("<H", data, 0x3C)

@@ -21,8 +21,7 @@ def build_error(what: str) -> OSError:
 
 def prctl(option: int, *values: int) -> int:
     """Return the result of prctl(2), -1 on error."""
-    padded = [ctypes.c_ulong(value) for value in (*values, 0, 0, 0, 0)[:4]]
-    return int(libc.prctl(option, *padded))
+    return int(libc.prctl(option, *[ctypes.c_ulong(value) for value in (*values, 0, 0, 0, 0)[:4]]))
 
 
 def syscall(number: int, *values: object) -> int:

@@ -54,10 +54,7 @@ def drop_privileges() -> None:
 
 def load_landlock(read: Sequence[str], read_write: Sequence[str], abi_min: int) -> None:
     """Restrict this process to the paths `read` and `read_write`; refuse TCP, abstract sockets and signals to others.
-
-    Raises:
-        OSError: this kernel's Landlock is missing or older than `abi_min`.
-    """
+    Raises OSError if this kernel's Landlock is missing or older than `abi_min`."""
     abi = syscall(LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), LANDLOCK_VERSION_FLAG)
     if abi < max(abi_min, 1):
         raise OSError(f"Landlock ABI {abi}, at least {abi_min} is needed")
@@ -103,11 +100,9 @@ def probe_locks(outside: str) -> dict[str, Any]:
 
 
 def forbid_writable_code() -> bool:
-    """Make writable and executable memory read-only, here and in every child; return False if there is none.
-
-    libffi keeps such memory for callbacks from C, unless it was built with static trampolines. Its free part is used up
-    first, so that a later request for a callback fails and does not write to it.
-    """
+    """Make writable and executable memory read-only, here and in every child; return False if there is none. libffi
+    keeps such memory for callbacks from C, unless it was built with static trampolines. Its free part is used up first,
+    so that a later request for a callback fails and does not write to it."""
     found = re.findall(r"^(\w+)-(\w+) rwx", Path("/proc/self/maps").read_text(), re.M)
     if not found:
         return False

@@ -15,11 +15,8 @@ SIGKILL = 9
 
 
 def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
-    """Enter new user, pid, mount, network, IPC and UTS namespaces.
-
-    The scratch directory and /proc are empty, and the files `hidden` read as /dev/null. The pid namespace begins with
-    the next fork.
-    """
+    """Enter new user, pid, mount, network, IPC and UTS namespaces. The scratch directory and /proc are empty, and the
+    files `hidden` read as /dev/null. The pid namespace begins with the next fork."""
     uid, gid = os.getuid(), os.getgid()
     # When memory is short the kernel must end this process, never the zygote.
     Path("/proc/self/oom_score_adj").write_text("1000")
@@ -29,8 +26,7 @@ def enter(scratch: str, size: int, inodes: int, hidden: Sequence[str]) -> None:
     Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
     Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
     _mount(None, "/", None, REC | PRIVATE, "")
-    limits = f"size={size},nr_inodes={inodes},mode=0700"
-    _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, limits)
+    _mount("tmpfs", scratch, "tmpfs", NOSUID | NODEV | NOEXEC, f"size={size},nr_inodes={inodes},mode=0700")
     _mount("tmpfs", "/proc", "tmpfs", RDONLY | NOSUID | NODEV | NOEXEC, "size=4k,nr_inodes=2")
     for path in hidden:
         _mount("/dev/null", path, None, BIND, "")

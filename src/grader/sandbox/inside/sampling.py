@@ -1,10 +1,8 @@
-"""Samples where a script spends its time, once half of its limit is used up: a script that is in time pays nothing.
-
-A timer of CPU time, and one of wall time for scripts that wait, raise a signal some tens of times; its handler counts
-the innermost line of the student's file, and sees which calls go on all the time. During one interval mj_step and
+"""Samples where a script spends its time, once half of its limit is used up: a script that is in time pays nothing. A
+timer of CPU time, and one of wall time for scripts that wait, raise a signal some tens of times; its handler counts the
+innermost line of the student's file, and sees which calls go on all the time. During one interval mj_step and
 mj_forward are counted as well. What was seen is sent twice before the end, as the array `where` of JSON text: a claim,
-like all that this process sends.
-"""
+like all that this process sends."""
 
 import contextlib
 import json
@@ -101,11 +99,9 @@ class Sampler:
 
 
 def find_staying(own: Sequence[FrameType]) -> int | None:
-    """Returns the line of the innermost call that has gone on since the first sample; None at the first sample.
-
-    Where all calls of that time have ended, a new first sample begins. A frame is marked by its local trace function,
-    which nothing calls unless the script traces itself.
-    """
+    """Returns the line of the innermost call that has gone on since the first sample; None at the first sample. Where
+    all calls of that time have ended, a new first sample begins. A frame is marked by its local trace function, which
+    nothing calls unless the script traces itself."""
     for frame in own:
         if frame.f_trace is mark_frame:
             return frame.f_lineno

@@ -34,11 +34,9 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 def keys_table(backend: str, names: Iterable[str]) -> FromClause:
-    """A table of keys, with a column of text for each name, whose rows are the parameter `keys` of `read_by_keys`.
-
-    They are one parameter, a JSON list of objects: the text of a query, and with it the prepared plan, is the same for
-    any number of keys. SQLite finds no index for `(a, b) IN (...)`.
-    """
+    """A table of keys, with a column of text for each name, whose rows are the parameter `keys` of `read_by_keys`. They
+    are one parameter, a JSON list of objects: the text of a query, and with it the prepared plan, is the same for any
+    number of keys. SQLite finds no index for `(a, b) IN (...)`."""
     read = func.json_each if backend == "sqlite" else func.jsonb_array_elements
     items = read(bindparam("keys", type_=DOCUMENT)).table_valued(column("value", DOCUMENT), name="items")
     return select(*(items.c.value[name].as_string().label(name) for name in names)).cte("wanted")
@@ -52,10 +50,8 @@ def read_by_keys(session: Session, query: Executable, keys: Rows, **parameters: 
 def insert_rows(
     session: Session, *tables: tuple[type[DeclarativeBase], Rows], replace: type[DeclarativeBase] | None = None
 ) -> None:
-    """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults.
-
-    Rows of the table `replace` have all columns, and each replaces the one with its primary key.
-    """
+    """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults. Rows of
+    the table `replace` have all columns, and each replaces the one with its primary key."""
     for table, rows in tables:
         if rows:
             statement = _upsert(table, session.get_bind().dialect.name) if table is replace else insert(table)

@@ -63,10 +63,8 @@ class Database:
     """Sessions on one database. `read()` and `write()` are transactions; nothing else commits."""
 
     def __init__(self, url: str, connections: int = CONNECTIONS) -> None:
-        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file.
-
-        Threads beyond the number of `connections` wait for one.
-        """
+        """Opens `url` (`sqlite:///PATH` or `postgresql://...`), creating the folder of a SQLite file. Threads beyond
+        the number of `connections` wait for one."""
         parsed = make_url(url)
         if parsed.drivername == "postgresql":
             parsed = parsed.set(drivername="postgresql+psycopg")
@@ -98,10 +96,8 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Session]:
-        """A transaction for reading, which stores nothing. PostgreSQL refuses changes in it.
-
-        There it ends with a COMMIT: after a ROLLBACK psycopg forgets the statements that it has prepared.
-        """
+        """A transaction for reading, which stores nothing. PostgreSQL refuses changes in it. There it ends with a
+        COMMIT: after a ROLLBACK psycopg forgets the statements that it has prepared."""
         with Session(self._reader, autoflush=False) as session:
             yield session
             if not self.is_sqlite:
@@ -110,10 +106,8 @@ class Database:
 
     @contextmanager
     def write(self, *, hasty: bool = False) -> Iterator[Session]:
-        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it.
-
-        A `hasty` commit does not wait for the disk: a power cut may undo it, whole. For what is simply done again then.
-        """
+        """A transaction for writing: committed at the end, rolled back after an error. Its signals are sent with it. A
+        `hasty` commit does not wait for the disk: a power cut may undo it, whole."""
         with Session(self._hasty if hasty else self._writer, expire_on_commit=False) as session:
             with self._turn, session.begin():
                 yield session
@@ -137,11 +131,9 @@ class Database:
             session.execute(LOCK_ALL, {"names": [f"{course}\n{learner}" for course, learner in learners]})
 
     def tell_planner(self, session: Session, stored: int) -> None:
-        """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction.
-
-        Its autovacuum looks once a minute. Without statistics it takes any index for as good as another, and reads the
-        answers of all learners to find those of one.
-        """
+        """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction. Its
+        autovacuum looks once a minute. Without statistics it takes any index for as good as another, and reads the
+        answers of all learners to find those of one."""
         before, self._stored = self._stored, self._stored + stored
         if not self.is_sqlite and any(before < step <= self._stored for step in ANALYZED_AT):
             session.execute(text("ANALYZE submissions, verdicts, results"))
@@ -158,11 +150,9 @@ class Database:
             session.execute(text("UPDATE alembic_version SET version_num = version_num"))
 
     def keeps_sessions(self) -> bool:
-        """Whether a connection has a session of PostgreSQL to itself. It has not with a pooler in transaction mode.
-
-        Two connections that are open at once must each stay with a process of their own. Each asks twice in a row, so
-        that poolers that take the one used last, and those that take the one used first, are both recognized.
-        """
+        """Whether a connection has a session of PostgreSQL to itself. It has not with a pooler in transaction mode. Two
+        connections that are open at once must each stay with a process of their own. Each asks twice in a row, so that
+        poolers that take the one used last, and those that take the one used first, are both recognized."""
         if self.is_sqlite:
             return True
         alone = self.engine.execution_options(isolation_level="AUTOCOMMIT")
@@ -171,10 +161,8 @@ class Database:
         return len({*asked[:2], *asked[4:]}) == len({*asked[2:4]}) == 1 and asked[0] != asked[2]
 
     def migrate(self, revision: str | None = None) -> None:
-        """Brings the tables to a revision, the newest if None; safe to call from several processes at once.
-
-        Raises Conflict if a later version has written them, and Unprocessable for an unknown revision.
-        """
+        """Brings the tables to a revision, the newest if None; safe to call from several processes at once. Raises
+        Conflict if a later version has written them, and Unprocessable for an unknown revision."""
         with self._turn, self._writer.connect() as connection, _foreign_keys_off(connection), connection.begin():
             if not self.is_sqlite:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
@@ -222,10 +210,8 @@ def driver_error(error: Exception) -> str:
 
 @contextmanager
 def _foreign_keys_off(connection: Connection) -> Iterator[None]:
-    """Lets migrations rebuild tables that others refer to, as SQLite asks for it; nothing on PostgreSQL.
-
-    Source: https://www.sqlite.org/lang_altertable.html, section 7. The switch works outside of transactions only.
-    """
+    """Lets migrations rebuild tables that others refer to, as SQLite asks for it; nothing on PostgreSQL. Source:
+    https://www.sqlite.org/lang_altertable.html, section 7. The switch works outside of transactions only."""
     if connection.dialect.name != "sqlite":
         yield
         return
@@ -245,11 +231,9 @@ def _create_private(path: Path) -> None:
 
 
 def _set_up_postgresql(engine: Engine) -> None:
-    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds.
-
-    A pooled connection is asked whether it still works only if it was idle, or if its socket has something to read,
-    such as the news that the server has ended it: to ask every time is one more round trip in every transaction.
-    """
+    """Switches the compilation of plans off: it takes tenths of a second, and our queries take milliseconds. A pooled
+    connection is asked whether it still works only if it was idle, or if its socket has something to read, such as the
+    news that the server has ended it: to ask every time is one more round trip in every transaction."""
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:

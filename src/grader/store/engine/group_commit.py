@@ -1,12 +1,10 @@
-"""Group commit: stores many items in one transaction, so that they share one commit.
-
-Why: a commit waits for the disk, and takes longer than all statements of an answer together. With a transaction for
-each answer a class that answers at once would wait in a queue; with one for all that wait, the queue stays short.
+"""Group commit: stores many items in one transaction, so that they share one commit. Why: a commit waits for the disk,
+and takes longer than all statements of an answer together. With a transaction for each answer a class that answers at
+once would wait in a queue; with one for all that wait, the queue stays short.
 
 How: requests put items, and one thread stores them. It takes all items that wait, stores them in one transaction,
 commits, and only then lets their requests go on: what a client was told is on the disk. Meanwhile the next items
-gather. It is ordinary SQLAlchemy in an ordinary transaction; the caller says how items are stored.
-"""
+gather. It is ordinary SQLAlchemy in an ordinary transaction; the caller says how items are stored."""
 
 import asyncio
 import threading
@@ -57,13 +55,11 @@ class PendingItem(Generic[Item]):
 
 
 class GroupCommit(Generic[Item, Outcome]):
-    """Calls `store` with the items that wait, in a transaction of `database`.
-
-    `store` returns an outcome for each item, in their order: a value, or an exception that refuses the item alone.
+    """Calls `store` with the items that wait, in a transaction of `database`. `store` returns an outcome for each item,
+    in their order: a value, or an exception that refuses the item alone.
 
     If `store` raises, the transaction is rolled back, and every item is tried by itself: a faulty one fails alone.
-    After a failed commit, or without the database, nothing is tried again: an item might be stored twice.
-    """
+    After a failed commit, or without the database, nothing is tried again: an item might be stored twice."""
 
     def __init__(
         self, database: Database, store: Callable[[Session, Sequence[Item]], Sequence[Outcome | Exception]]
@@ -86,9 +82,7 @@ class GroupCommit(Generic[Item, Outcome]):
 
     async def put(self, item: Item) -> Outcome:
         """Stores an item, and returns its outcome after the commit. It is stored even if the caller is cancelled.
-
-        Raises the item's outcome if that is an exception, what the commit raised, and TooManyRequests.
-        """
+        Raises the item's outcome if that is an exception, what the commit raised, and TooManyRequests."""
         if self._closing or self._queue.qsize() >= WAITING_MAX:
             raise TooManyRequests("Too many answers wait to be stored.", 1)
         pending = PendingItem(item, asyncio.get_running_loop().create_future())

@@ -1,7 +1,5 @@
-"""The revisions of the tables, up and down.
-
-Alembic takes long to import, so it is imported only where tables have to move: most commands find them current.
-"""
+"""The revisions of the tables, up and down. Alembic takes long to import, so it is imported only where tables have to
+move: most commands find them current."""
 
 from importlib import resources
 from typing import TYPE_CHECKING
@@ -32,15 +30,12 @@ def revisions() -> list[str]:
     """The revisions that this version knows, oldest first."""
     from alembic.script import ScriptDirectory
 
-    found = ScriptDirectory.from_config(_config()).walk_revisions()
-    return [script.revision for script in found][::-1]
+    return [script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions()][::-1]
 
 
 def move(connection: Connection, target: str | None = None) -> None:
-    """Brings the tables to the revision `target`, the newest if None, in the connection's transaction.
-
-    Raises Conflict if a later version has written them, and Unprocessable for an unknown target.
-    """
+    """Brings the tables to the revision `target`, the newest if None, in the connection's transaction. Raises Conflict
+    if a later version has written them, and Unprocessable for an unknown target."""
     stored, wanted = current(connection), newest() if target is None else target
     if stored == wanted == newest():
         return

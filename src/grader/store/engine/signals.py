@@ -1,8 +1,6 @@
-"""News of committed changes, for listeners in this process and, on PostgreSQL, in all others (LISTEN and NOTIFY).
-
-A signal says that something may have changed, not what: its listener reads the database. After a lost connection every
-listener is called, since signals may have been missed.
-"""
+"""News of committed changes, for listeners in this process and, on PostgreSQL, in all others (LISTEN and NOTIFY). A
+signal says that something may have changed, not what: its listener reads the database. After a lost connection every
+listener is called, since signals may have been missed."""
 
 import json
 import secrets

@@ -11,12 +11,9 @@ from grader.errors import Conflict, NotFound, Unprocessable
 
 
 def back_up(url: str, target: Path) -> None:
-    """Writes the database at `url`, as it is at one moment, to the new file `target`.
-
-    Servers go on reading and writing. The file appears whole or not at all, for its owner alone: the key of the hidden
-    cases is in it. Raises Unprocessable on PostgreSQL, NotFound where there is no database, Conflict if the file
-    exists.
-    """
+    """Writes the database at `url`, as it is at one moment, to the new file `target`. Servers go on reading and
+    writing. The file appears whole or not at all, for its owner alone: the key of the hidden cases is in it. Raises
+    Unprocessable on PostgreSQL, NotFound where there is no database, Conflict if the file exists."""
     parsed = make_url(url)
     if parsed.get_backend_name() != "sqlite":
         raise Unprocessable("PostgreSQL makes its own backups: pg_dump --format=custom --file=FILE NAME")

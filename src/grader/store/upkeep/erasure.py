@@ -1,7 +1,5 @@
-"""Takes a learner's personal data out of every table; what is left says that somebody had these points.
-
-The id of the learner stays: it is random, and joins the rows that statistics need. Times and points stay as well.
-"""
+"""Takes a learner's personal data out of every table; what is left says that somebody had these points. The id of the
+learner stays: it is random, and joins the rows that statistics need. Times and points stay as well."""
 
 import json
 
@@ -112,11 +110,9 @@ def _mistakes(session: Session, member: Member) -> None:
 
 
 def reduced(verdict: Verdict, seed: int | None) -> Verdict:
-    """The verdict without what a learner, a script or a reviewer wrote: points, status, and the number or option.
-
-    The sentence of the mistake stays for a number or an option, since the grader has it ready for them. That for a
-    script, which is the answer with a `seed`, may quote what the script raised, returned or named.
-    """
+    """The verdict without what a learner, a script or a reviewer wrote: points, status, and the number or option. The
+    sentence of the mistake stays for a number or an option, since the grader has it ready for them. That for a script,
+    which is the answer with a `seed`, may quote what the script raised, returned or named."""
     evidence = {name: verdict.evidence[name] for name in STATISTICS if name in verdict.evidence and seed is None}
     kept = {"status", "points", "max_points", "environment", "content_digest"} | ({"diagnosis"} if evidence else set())
     return Verdict(**verdict.model_dump(include=kept), evidence=evidence)

@@ -52,9 +52,7 @@ OF_LEARNER: dict[str, type[Base]] = {
 
 def holdings_of(session: Session, member: Member) -> dict[str, Any]:
     """The member, their credentials, submissions and results, and the audit log's entries about them, as plain values.
-
-    Each submission has its verdicts, events, review and claim.
-    """
+    Each submission has its verdicts, events, review and claim."""
     theirs = Submission.course == member.course, Submission.learner == member.id
     ids = select(Submission.id).where(*theirs)
     below = {name: rows_of(session, row, _column(row, "submission_id").in_(ids)) for name, row in OF_SUBMISSION.items()}

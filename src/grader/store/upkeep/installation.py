@@ -13,10 +13,8 @@ SECRET_BYTES = 32
 
 
 def hidden_case_secret(database: Database) -> bytes:
-    """The key of the seeds of hidden cases.
-
-    Servers and workers that share the database share it, so that each draws the same cases for a submission.
-    """
+    """The key of the seeds of hidden cases. Servers and workers that share the database share it, so that each draws
+    the same cases for a submission."""
     return _secret(database, HIDDEN_CASES)
 
 
@@ -48,8 +46,6 @@ def keep_lti_keys(session: Session, value: bytes) -> None:
 
 
 def rotate_hidden_case_secret(session: Session) -> None:
-    """Deletes the key of the seeds of hidden cases; servers make another when they start.
-
-    Stored submissions keep their seeds, so a regrade draws the same cases as before.
-    """
+    """Deletes the key of the seeds of hidden cases; servers make another when they start. Stored submissions keep their
+    seeds, so a regrade draws the same cases as before."""
     session.execute(delete(InstallationSecret).where(InstallationSecret.name == HIDDEN_CASES))

@@ -19,10 +19,7 @@ BATCH = 500
 
 
 def prune(database: Database, age: timedelta) -> int:
-    """Deletes idempotency keys, events and sent webhook deliveries that are older than `age`, and expired tickets.
-
-    Returns how many.
-    """
+    """Deletes idempotency keys, events and webhook deliveries older than `age`, expired tickets. Returns how many."""
     before = now() - age
     old = idempotency_keys(database, before) + events(database, before) + deliveries(database, before)
     return old + expired_tickets(database, now())
@@ -35,10 +32,8 @@ def idempotency_keys(database: Database, before: datetime) -> int:
 
 
 def events(database: Database, before: datetime) -> int:
-    """Deletes events from before a time, but the last of each submission, where it is graded. Returns how many.
-
-    So a late listener still hears how it was graded, and later events are numbered on.
-    """
+    """Deletes events from before a time, but the last of each submission, where it is graded. Returns how many. So a
+    late listener still hears how it was graded, and later events are numbered on."""
     later = aliased(Event)
     followed = exists().where(later.submission_id == Event.submission_id, later.number > Event.number)
     graded = select(Event).join(Submission, Submission.id == Event.submission_id).where(Submission.status.in_(AT_REST))
@@ -52,10 +47,8 @@ def expired_tickets(database: Database, before: datetime) -> int:
 
 
 def deliveries(database: Database, before: datetime) -> int:
-    """Deletes deliveries to webhooks that were sent before a time. Returns how many.
-
-    Those of scores stay: they tell our own score at a platform from a person's.
-    """
+    """Deletes deliveries to webhooks that were sent before a time. Returns how many. Those of scores stay: they tell
+    our own score at a platform from a person's."""
     rows = select(Delivery).join(Destination, Destination.id == Delivery.destination)
     sent = rows.where(Destination.kind == WEBHOOK, Delivery.state == SENT, Delivery.sent_at < before)
     return _delete(database, Delivery, [Delivery.id], sent)
@@ -63,9 +56,7 @@ def deliveries(database: Database, before: datetime) -> int:
 
 def ended_credentials(database: Database, kinds: Sequence[str], before: datetime) -> int:
     """Deletes credentials that were revoked or had expired before a time, and members who had no other way back.
-
-    Returns how many credentials there were.
-    """
+    Returns how many credentials there were."""
     count = 0
     while True:
         with database.write() as session:

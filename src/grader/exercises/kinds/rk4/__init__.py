@@ -1,8 +1,5 @@
-"""The `rk4` kind judges steps of Runge-Kutta methods.
-
-It compares the student's trajectories with our own, under a force that only mj_forward applies, and names the mistake
-in a wrong step by its Butcher tableau.
-"""
+"""The `rk4` kind judges steps of Runge-Kutta methods. It compares the student's trajectories with our own, under a
+force that only mj_forward applies, and names the mistake in a wrong step by its Butcher tableau."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,9 +1,6 @@
-"""Tells which velocity moves which number of data.qpos: the addresses and axes of free, ball and other joints.
-
-Each rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. For a
-body at rest or upright a wrong rule may predict the same numbers as the right one: a wrong rule is told only where the
-right one fails.
-"""
+"""Tells which velocity moves which number of data.qpos: the addresses and axes of free, ball and other joints. Each
+rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. For a body at
+rest or upright a wrong rule may predict the same numbers: it is told only where the right one fails."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -192,11 +189,7 @@ def moves_by(steps: Sequence[Step], at: int, dof: int, rows: Matrix) -> bool:
 
 
 RULES: tuple[Callable[[Moves], str | None], ...] = (
-    explain_linear_axes,
-    explain_swapped_halves,
-    explain_added_velocities,
-    explain_quaternion_first,
-    explain_still_quaternion,
-    explain_wrong_address,
-)
+    explain_linear_axes, explain_swapped_halves, explain_added_velocities, explain_quaternion_first,
+    explain_still_quaternion, explain_wrong_address,
+)  # fmt: skip
 """Velocities that move other numbers of data.qpos than theirs; the first rule that applies is told."""

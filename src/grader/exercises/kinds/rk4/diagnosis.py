@@ -161,28 +161,16 @@ def describe_single_move(rows: Matrix) -> str:
 def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
     """Returns the sentence of activations or a time that are wrong although positions and velocities move rightly."""
     sentence = explain_activations(reading)
-    if sentence or not outcome.problem.case.time_matters:
-        return sentence
-    return explain_time(reading)
+    return sentence if sentence or not outcome.problem.case.time_matters else explain_time(reading)
 
 
 STATE_RULES: tuple[Rule, ...] = (
-    explain_other_data,
-    explain_stale_variables,
-    explain_idle,
-    explain_single_joints,
-    explain_restored_state,
-    explain_clipped_velocities,
-    explain_truncated_slopes,
-    explain_rounded_state,
-)
+    explain_other_data, explain_stale_variables, explain_idle, explain_single_joints, explain_restored_state,
+    explain_clipped_velocities, explain_truncated_slopes, explain_rounded_state,
+)  # fmt: skip
 """Mistakes in how a step keeps its state and slopes, which are looked for before those of the method."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (
-    explain_missing_slope,
-    explain_shared_sum,
-    explain_own_timestep,
-    explain_unreadable_state,
-    explain_rotation_end,
-)
+    explain_missing_slope, explain_shared_sum, explain_own_timestep, explain_unreadable_state, explain_rotation_end,
+)  # fmt: skip
 """True sentences about a step whose mistake is not recognised."""

@@ -1,16 +1,14 @@
-"""Lets the student's function take the steps of every run of a trial, and submits the states after each.
-
-Runs in the jail. Results of run i: `q<i>`, `v<i>`, `a<i>`, `t<i>` (positions, velocities, activations, time; one row a
-step, up to the first that is not finite).
+"""Lets the student's function take the steps of every run of a trial, and submits the states after each. Runs in the
+jail. Results of run i: `q<i>`, `v<i>`, `a<i>`, `t<i>` (positions, velocities, activations, time; one row a step, up to
+the first that is not finite).
 
 While it steps, mj_forward adds a smooth force f(q, v, t) = a sin(P q + V v + w t + p) in every dof. No other function
 of MuJoCo adds it, so a trajectory that another function has computed differs. The force is drawn for each submission,
 so a recorded trajectory differs too. `add_force` also runs in our own process, around the judge's mj_forward.
 
-The trace of a trial holds some steps of its runs: the first two, and the first two with an active constraint. After
-the runs of a trial with a `probe` it also holds single steps from drawn states, at several timesteps and under a
-strong force: there the slopes of the stages differ so much that step_trace.py and tableau.py can tell them apart.
-"""
+The trace of a trial holds some steps of its runs: the first two, and the first two with an active constraint. After the
+runs of a trial with a `probe` it also holds single steps from drawn states, at several timesteps and under a strong
+force: there the slopes of the stages differ so much that step_trace.py and tableau.py can tell them apart."""
 
 import io
 import struct
@@ -87,11 +85,9 @@ LOOKED_UP = look_up_attributes()
 
 
 class Tape:
-    """Keeps steps as the bytes of float64: what mj_forward is asked, and what it answers.
-
-    A step has the number of calls, whether it is of the probe, the timestep; the state before, each call, the state
-    after. A call has the time, the fields that are asked, and those that are answered.
-    """
+    """Keeps steps as the bytes of float64: what mj_forward is asked, and what it answers. A step has the number of
+    calls, whether it is of the probe, the timestep; the state before, each call, the state after. A call has the time,
+    the fields that are asked, and those that are answered."""
 
     def __init__(self, start: Mapping[str, Sequence[float]]) -> None:
         self.calls: list[bytes] = []
@@ -214,11 +210,8 @@ def start_data(model: mujoco.MjModel, start: Mapping[str, Sequence[float]]) -> m
 def record_run(
     entry: Step, model: mujoco.MjModel, data: mujoco.MjData, steps: int, taped: Callable[[], None] | None
 ) -> Rows:
-    """Returns the state after every step, by its short name.
-
-    `taped()` takes a step in place of `entry`: the first NOTED ones, and as many once a constraint is active. It is
-    None where no step is noted.
-    """
+    """Returns the state after every step, by its short name. `taped()` takes a step in place of `entry`: the first
+    NOTED ones, and as many once a constraint is active. It is None where no step is noted."""
     rows = {short: np.empty((steps, np.size(getattr(data, name)))) for short, name in STATE.items()}
     parts = [(rows[short], name) for short, name in STATE.items()]
     due, watched = NOTED, taped is not None

@@ -78,10 +78,8 @@ class Truth:
         return solve_motion(with_timestep(self.run, 1.0, 1), self.times_s, self.rtol)
 
     def measure_error(self, run: Run, trajectory: Trajectory) -> float:
-        """Returns the largest distance at the run's sample times; inf where the trajectory ended early.
-
-        Raises ValueError where the scene has constraints.
-        """
+        """Returns the largest distance at the run's sample times; inf where the trajectory ended early. Raises
+        ValueError where the scene has constraints."""
         rows = choose_rows(run)
         here = np.searchsorted(self.times_s, list_sample_times(run))
         return compare(run, trajectory.take(rows[rows < len(trajectory)]), self.exact.take(here)).worst
@@ -96,10 +94,8 @@ def build_truth(problem: Problem) -> Truth:
 
 
 def rehearse(problem: Problem) -> None:
-    """Simulates, and solves for the exact motion where the judgement needs it.
-
-    Raises ValueError where the scene has constraints, or its motion does not stay finite.
-    """
+    """Simulates, and solves for the exact motion where the judgement needs it. Raises ValueError where the scene has
+    constraints, or its motion does not stay finite."""
     if problem.asks_order:
         return
     cure = "take a start with less energy, smaller gains or a smaller timestep_s"
@@ -123,10 +119,8 @@ def prepare(problem: Problem) -> None:
 
 
 def coarsen(run: Run) -> tuple[Run, float]:
-    """Returns the run with half as many steps, and the factor by which a fourth-order error is larger there.
-
-    Returns the run itself, and 1, where its steps cannot be halved.
-    """
+    """Returns the run with half as many steps, and the factor by which a fourth-order error is larger there. Returns
+    the run itself, and 1, where its steps cannot be halved."""
     half = run.steps // 2
     if run.steps % 2 or half < SAMPLES:
         return run, 1.0
@@ -209,12 +203,10 @@ class RunOutcome:
 
 @dataclass(frozen=True)
 class OrderOutcome:
-    """The errors on the first case at every timestep, and the order that they show.
-
-    `ignores_timestep`: the states after each step were the same at every timestep. `follows_mujoco`: the run at the
-    largest timestep agrees with MuJoCo's method, and such a run may count. `other_timestep`: a timestep [s] and what
-    the step took in its place, though it takes others as they are.
-    """
+    """The errors on the first case at every timestep, and the order that they show. `ignores_timestep`: the states
+    after each step were the same at every timestep. `follows_mujoco`: the run at the largest timestep agrees with
+    MuJoCo's method, and such a run may count. `other_timestep`: a timestep [s] and what the step took in its place,
+    though it takes others as they are."""
 
     check: OrderCheck
     errors: tuple[float, ...]
@@ -245,11 +237,8 @@ class OrderOutcome:
 
     @cached_property
     def is_fourth(self) -> bool:
-        """Fourth order or more, or errors as small as those of a fourth-order method.
-
-        The size of the errors decides where too few are left for a slope, and where the slope is steeper: a run that
-        diverges at the largest timestep makes it so.
-        """
+        """Fourth order or more, or errors as small as those of a fourth-order method. The size of the errors decides
+        where too few are left for a slope, and where it is steeper, as in runs that diverge at the largest timestep."""
         if not self.is_finite or self.ignores_timestep:
             return False
         if self.slope is not None and self.slope < ORDER + self.check.tolerance:
@@ -320,14 +309,9 @@ def judge_order(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
         compare(coarsest, student, simulate_mujoco(coarsest)).worst <= problem.case.tolerance
     )
     outcome = OrderOutcome(
-        problem.order,
-        errors,
-        is_timestep_ignored(students),
-        agrees,
-        coarsest,
-        truth,
-        find_other_timestep(runs, students),
-    )
+        problem.order, errors, is_timestep_ignored(students), agrees, coarsest, truth,
+        find_other_timestep(runs, students)
+    )  # fmt: skip
     return Judgement(
         passed=outcome.is_fourth or outcome.is_mujocos,
         message=describe_order(outcome),
@@ -396,11 +380,9 @@ def round_difference(value: float) -> float | None:
 
 
 def list_accepted_states(problem: Problem) -> list[tuple[float, float]]:
-    """Returns the intervals of accepted velocities at the first time at which a trajectory of any method is judged.
-
-    A fixed trajectory that is right in the whole run is right here. The force is drawn from continuous distributions,
-    so two draws are far further apart than the tolerance.
-    """
+    """Returns the intervals of accepted velocities at the first time at which a trajectory of any method is judged. A
+    fixed trajectory that is right in the whole run is right here. The force is drawn from continuous distributions, so
+    two draws are far further apart than the tolerance."""
     rows = int(choose_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
     around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
     early = simulate_mujoco(with_timestep(problem.run, problem.run.timestep_s, rows))

@@ -54,14 +54,12 @@ NAMED: Mapping[str, Matrix] = {
 
 def find_name(rows: Matrix) -> str | None:
     """Returns the name of a tableau; None if it has none here."""
-    return look_up(rows, ((known, name) for name, known in NAMED.items()))
+    return look_up(rows, NAMED)
 
 
 def compute_order(rows: Matrix) -> int:
     """Returns the order of a method, at most 5: how many groups of Butcher's order conditions its tableau meets.
-
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.2.
-    """
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.2."""
     *stages, weights = rows
     a = np.stack([pad_row(row, len(stages)) for row in stages])
     b, c = pad_row(weights, len(stages)), a.sum(axis=1)
@@ -85,8 +83,7 @@ def compute_order(rows: Matrix) -> int:
 def chain_stages(rows: Sequence[Row]) -> Matrix:
     """Returns the tableau of stages that each start from the stage before, not from the start of the step."""
     size = len(rows) - 1
-    stages = np.cumsum([pad_row(row, size) for row in rows[:-1]], axis=0)
-    return [*stages.tolist(), list(rows[-1])]
+    return [*np.cumsum([pad_row(row, size) for row in rows[:-1]], axis=0).tolist(), list(rows[-1])]
 
 
 def chain_stages_and_result(rows: Sequence[Row]) -> Matrix:

@@ -1,7 +1,5 @@
-"""Names the mistake behind a wrong trajectory: by its trace, else by simulating wrong methods until one gives it.
-
-The simulation knows few methods. It is for scripts whose trace cannot be read: forged, cut, or with too many calls.
-"""
+"""Names the mistake behind a wrong trajectory: by its trace, else by simulating wrong methods until one gives it. The
+simulation knows few methods. It is for scripts whose trace cannot be read: forged, cut, or with too many calls."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -146,11 +144,9 @@ def measure_departure(run: Run, student: Trajectory) -> float:
 
 
 def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str | None:
-    """Returns the sentence of the mistake in the first wrong trajectory; None if it is not recognised.
-
-    What the trace shows comes first. Then the trajectory is compared with those of wrong methods; at last the trace
-    says up to where the step can be read.
-    """
+    """Returns the sentence of the mistake in the first wrong trajectory; None if it is not recognised. What the trace
+    shows comes first. Then the trajectory is compared with those of wrong methods; at last the trace says up to where
+    the step can be read."""
     wrong = next((one for one in judged if not one.judgement.passed), None)
     if wrong is None or not isinstance(wrong.judgement.outcome, RunOutcome):
         return None

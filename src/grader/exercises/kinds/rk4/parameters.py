@@ -120,10 +120,8 @@ class Force:
 
 @dataclass(frozen=True)
 class Probe:
-    """Single steps after the runs of the first case, under a strong force; see driver.py.
-
-    `starts`: of each step `timestep_s`, `time` [s], `qpos`, `qvel`, `act` and `ctrl`.
-    """
+    """Single steps after the runs of the first case, under a strong force; see driver.py. `starts`: of each step
+    `timestep_s`, `time` [s], `qpos`, `qvel`, `act` and `ctrl`."""
 
     force: Force
     starts: tuple[Mapping[str, Any], ...]
@@ -149,11 +147,8 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of one trial: the run of a case, or, if `asks_order`, its runs at several timesteps.
-
-    `order` and `order_runs` belong to the first case alone. `accepts_other_methods`: another method of fourth order is
-    right as well.
-    """
+    """The problem of one trial: the run of a case, or, if `asks_order`, its runs at several timesteps. `order` and
+    `order_runs` belong to the first case alone. `accepts_other_methods`: any method of fourth order is right."""
 
     case: Rk4Case
     run: Run

@@ -1,8 +1,6 @@
 """Reads how a step turns quaternions: predicts every orientation of a trace by each rule, and names the one that fits.
-
 A rule gets the tableau of the velocities and predicts, joint by joint, the quaternions at which mj_forward is asked and
-the last one. Quaternions are compared without their sign and length.
-"""
+the last one. Quaternions are compared without their sign and length."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -302,8 +300,7 @@ def is_same_orientation(one: Rows, other: Rows) -> bool:
     lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
     if not lengths:
         return False
-    apart = np.outer(one, other) - np.outer(other, one)
-    return bool(np.max(np.abs(apart)) <= EXACT * lengths)
+    return bool(np.max(np.abs(np.outer(one, other) - np.outer(other, one))) <= EXACT * lengths)
 
 
 def find_rule(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
@@ -315,9 +312,7 @@ def find_rule(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str
 
 def make_wrong_sign(row: int, column: int, *, whole: bool) -> Rule:
     """Returns the rule with one wrong sign in the quaternion's derivative, or in the product with the `whole` turn.
-
-    Number `row` of a product holds number `column` of the second factor times number `row ^ column` of the first.
-    """
+    Number `row` of a product holds number `column` of the second factor times number `row ^ column` of the first."""
     unit = np.eye(4)
 
     def multiply_wrongly(one: Rows, other: Rows) -> Rows:

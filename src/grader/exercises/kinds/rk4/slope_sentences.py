@@ -1,8 +1,5 @@
-"""Says what is wrong with a step whose trace has been read: first what was seen, then what to do.
-
-The sentences hold the student's own coefficients, and no number of a case. RULES are tried in order; the
-first that returns a sentence has found the mistake.
-"""
+"""Says what is wrong with a step whose trace has been read: first what was seen, then what to do. The sentences hold
+the student's own coefficients, and no number of a case. Of RULES the first that returns a sentence counts."""
 
 from collections.abc import Mapping, Sequence
 
@@ -34,9 +31,7 @@ Combinations = Sequence[Combination | None]
 def explain_slopes(reading: Reading, returned: Sequence[ReturnedValue] = ()) -> str | None:
     """Returns the sentence of the first rule that knows the step; None if none does."""
     sentence = explain_unchanged_state(reading, returned)
-    if sentence or not reading.calls:
-        return sentence
-    return find_sentence(RULES, reading)
+    return sentence if sentence or not reading.calls else find_sentence(RULES, reading)
 
 
 def explain_unchanged_state(reading: Reading, returned: Sequence[ReturnedValue]) -> str | None:
@@ -104,10 +99,7 @@ def explain_borrowed_slopes(reading: Reading) -> str | None:
         if any(row and {(term.slope, term.power) for term in row} == {(slope, 1)} for row in rows)
     ]
     if crossed:
-        seen = {
-            "position": "Your positions move by accelerations",
-            "velocity": "Your velocities move by velocities",
-        }
+        seen = {"position": "Your positions move by accelerations", "velocity": "Your velocities move by velocities"}
         return (
             f"{' and your '.join([seen[crossed[0]], *(seen[what][5:] for what in crossed[1:])])}: the slope of "
             "data.qpos is data.qvel, and the slope of data.qvel is data.qacc. Look where you unpack or sum them."
@@ -253,40 +245,20 @@ def explain_position_tableau(positions: Matrix) -> str | None:
     return look_up_row(positions[-1], POSITION_WEIGHTS)
 
 
-POSITION_TABLEAUS: Sequence[tuple[Matrix, str]] = (
-    (
-        chain_stages(CLASSICAL),
-        (
-            "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
-            "to the start of the step before every stage."
-        ),
-    ),
-    (
-        chain_stages_and_result(CLASSICAL),
-        (
-            "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
-            "before every stage (without .copy(), q is data.qpos itself)."
-        ),
-    ),
-)
+POSITION_TABLEAUS: Mapping[str, Matrix] = {
+    "Your stages move the positions in place, so that each starts from those of the stage before; restore qpos "
+    "to the start of the step before every stage.": chain_stages(CLASSICAL),
+    "The positions are moved in place by every stage and at the end; restore qpos to the start of the step "
+    "before every stage (without .copy(), q is data.qpos itself).": chain_stages_and_result(CLASSICAL),
+}
 """Wrong tableaus of the positions alone."""
 
-POSITION_STAGES: Sequence[tuple[Matrix, str]] = (
-    (
-        ((), (1 / 2,), (1 / 2,), (1,), ()),
-        (
-            "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
-            "stage before."
-        ),
-    ),
-    (
-        ((), (), (), (), ()),
-        (
-            "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
-            "stages move. Write the stage's positions into data.qpos[:] too."
-        ),
-    ),
-)
+POSITION_STAGES: Mapping[str, Matrix] = {
+    "Your stages all move the position with the velocity at the start of the step; use the velocity of the "
+    "stage before.": ((), (1 / 2,), (1 / 2,), (1,), ()),
+    "All four calls of mj_forward find the positions of the start of the step: only the velocities of your "
+    "stages move. Write the stage's positions into data.qpos[:] too.": ((), (), (), (), ()),
+}
 """Wrong stages of the positions alone, with any weights."""
 
 POSITION_WEIGHTS: Mapping[tuple[float, ...], str] = {
@@ -379,14 +351,8 @@ def is_mean(result: Combination, after: Term) -> bool:
 def is_verlet(positions: Combinations, velocities: Matrix) -> bool:
     """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2."""
     mean = {Term("v", 1): 1 / 2, Term("v", 2): 1 / 2}
-    stage, result = positions[1], positions[-1]
-    return bool(
-        is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])
-        and stage
-        and is_close(stage, mean)
-        and result
-        and is_close(result, mean)
-    )
+    moved = all(row is not None and is_close(row, mean) for row in (positions[1], positions[-1]))
+    return moved and is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])
 
 
 def explain_mixed_slopes(reading: Reading) -> str | None:
@@ -413,20 +379,11 @@ def is_close(one: Combination, other: Mapping[Term, float]) -> bool:
 
 def follows_classical(reading: Reading) -> bool:
     """Whether positions and velocities follow the classical method, in the coordinates that move at all."""
-    velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
-    return (
-        velocities is not None
-        and positions is not None
-        and is_same(velocities, CLASSICAL)
-        and is_same(positions, CLASSICAL)
-    )
+    tableaus = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
+    return all(rows is not None and is_same(rows, CLASSICAL) for rows in tableaus)
 
 
 RULES: tuple[Rule, ...] = (
-    explain_borrowed_slopes,
-    explain_powers_of_h,
-    explain_early_calls,
-    explain_whole_method,
-    explain_separate_rules,
-)
+    explain_borrowed_slopes, explain_powers_of_h, explain_early_calls, explain_whole_method, explain_separate_rules,
+)  # fmt: skip
 """Mistakes in the slopes of a step and their coefficients."""

@@ -350,8 +350,7 @@ def are_later_joints_still(reading: Reading) -> bool:
 
 def is_free_joint_first(model: mujoco.MjModel, still: Sequence[int]) -> bool:
     """Whether the first coordinate that stands still is a free joint's."""
-    joint = int(model.dof_jntid[min(still)])
-    return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_FREE)
+    return int(model.jnt_type[model.dof_jntid[min(still)]]) == int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 def explain_truncated_slopes(reading: Reading) -> str | None:

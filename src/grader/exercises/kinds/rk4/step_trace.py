@@ -23,13 +23,10 @@ LARGEST = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One step of the student's: the state before, n calls of mj_forward, the state after.
-
-    time (n + 2,), qpos (n + 2, nq), qvel (n + 2, nv), act (n + 2, na): row 0 before the step, the last one after it,
-    the others as the calls found them. ctrl (n + 1, nu): before the step and in the calls. qacc (n + 1, nv): before the
-    step, where it is left over from earlier, and as the calls left it. rate (n, na) is act_dot, smooth (n, nv)
-    qacc_smooth.
-    """
+    """One step of the student's: the state before, n calls of mj_forward, the state after. time (n + 2,), qpos (n + 2,
+    nq), qvel (n + 2, nv), act (n + 2, na): row 0 before the step, the last one after it, the others as the calls found
+    them. ctrl (n + 1, nu): before the step and in the calls. qacc (n + 1, nv): before the step, where it is left over
+    from earlier, and as the calls left it. rate (n, na) is act_dot, smooth (n, nv) qacc_smooth."""
 
     timestep_s: float
     probe: bool
@@ -72,17 +69,10 @@ def read_step(note: Note, run: Run) -> Step | None:
     qacc, rate, smooth = np.split(rows[:, asked:], [nv, nv + na], axis=1)
     qpos, qvel, act = np.split(states[:, 1:], [nq, nq + nv], axis=1)
     return Step(
-        timestep,
-        bool(probe),
-        states[:, 0],
-        qpos,
-        qvel,
-        act,
-        ctrl=np.vstack([before[state:asked], rows[:, state:asked]]),
-        qacc=np.vstack([before[asked:], qacc]),
-        rate=rate,
-        smooth=smooth,
-    )
+        timestep, bool(probe), states[:, 0], qpos, qvel, act,
+        ctrl=np.vstack([before[state:asked], rows[:, state:asked]]), qacc=np.vstack([before[asked:], qacc]), rate=rate,
+        smooth=smooth
+    )  # fmt: skip
 
 
 def compute_moves(model: mujoco.MjModel, origin: Rows, positions: Rows) -> Rows:

@@ -11,7 +11,7 @@ earlier calls times h; then others, such as the new velocity, the leftovers of t
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -55,12 +55,10 @@ STALE, SMOOTH = "stale", "smooth"
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What makes up each stage and, in the last row, the result; None where nothing does.
-
-    `slope` names in terms: "v" (stage 0: at the start of the step; n + 1: after it), "a", "r", "t". `idle` are the dofs
-    whose velocity never changes, `still` those whose position never does; the rows leave them out. Rotations are left
-    out of the positions where there are others: rotations.py reads them.
-    """
+    """What makes up each stage and, in the last row, the result; None where nothing does. `slope` names in terms: "v"
+    (stage 0: at the start of the step; n + 1: after it), "a", "r", "t". `idle` are the dofs whose velocity never
+    changes, `still` those whose position never does; the rows leave them out. Rotations are left out of the positions
+    where there are others: rotations.py reads them."""
 
     model: mujoco.MjModel
     calls: int
@@ -174,16 +172,12 @@ def read_tableau(model: mujoco.MjModel, steps: Sequence[Step], known: Matrix = C
     ]
     acts = range(alike[0].act.shape[1])
     reading = Reading(
-        model,
-        calls,
-        alike,
+        model, calls, alike,
         positions=read_rows(positions.build_systems(alike, exclude(straight, still)), "v", (known,), from_velocities),
         velocities=velocities,
         activations=read_rows(ACTIVATIONS.build_systems(alike, acts), "r", (known, *OTHER_WEIGHTS)) if acts else (),
-        times=read_rows(TIMES.build_systems(alike, range(1)), "t", ()),
-        idle=idle,
-        still=still,
-    )
+        times=read_rows(TIMES.build_systems(alike, range(1)), "t", ()), idle=idle, still=still
+    )  # fmt: skip
     return drop_unused_calls(reading)
 
 
@@ -306,9 +300,9 @@ def is_same_row(one: Row, other: Row) -> bool:
     return bool(np.all(np.abs(pad_row(one, length) - pad_row(other, length)) <= COEFFICIENT_ATOL))
 
 
-def look_up(rows: Matrix, table: Iterable[tuple[Matrix, str]]) -> str | None:
+def look_up(rows: Matrix, table: Mapping[str, Matrix]) -> str | None:
     """Returns the text of a tableau in a table; None if it is not there."""
-    return next((text for known, text in table if is_same(rows, known)), None)
+    return next((text for text, known in table.items() if is_same(rows, known)), None)
 
 
 def look_up_row(row: Row, table: Mapping[tuple[float, ...], str]) -> str | None:
@@ -323,9 +317,7 @@ def pad_row(row: Row, length: int) -> Rows:
 
 def draw_tableau(reading: Reading) -> dict[str, Any] | None:
     """Returns the tableau of the velocities, and that of the positions where it is another; None if neither is one.
-
-    `wrong` lists the entries that differ from the classical method's: ["a", row, column], ["b", column], ["c", row].
-    """
+    `wrong` lists the entries that differ from the classical method's: ["a", row, column], ["b", column], ["c", row]."""
     velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
     main = velocities or positions
     if main is None or not reading.calls:

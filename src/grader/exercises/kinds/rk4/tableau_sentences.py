@@ -1,7 +1,5 @@
-"""Says what is wrong with a tableau: the student's stages and weights beside the classical ones.
-
-`what` is what the rows move: the whole "state", or the "position" or "velocity" alone.
-"""
+"""Says what is wrong with a tableau: the student's stages and weights beside the classical ones. `what` is what the
+rows move: the whole "state", or the "position" or "velocity" alone."""
 
 from collections.abc import Mapping, Sequence
 
@@ -129,36 +127,19 @@ def add_subject(what: str, sentence: str) -> str:
     return sentence if what == "state" else f"For the {what}: {sentence[0].lower()}{sentence[1:]}"
 
 
-CHAINED_STAGES: Sequence[tuple[Matrix, str]] = (
-    (
-        chain_stages(CLASSICAL),
-        (
-            "Each of your stages starts from the state of the stage before; restore q and v to the start of the step "
-            "before every stage."
-        ),
+CHAINED_STAGES: Mapping[str, Matrix] = {
+    "Each of your stages starts from the state of the stage before; restore q and v to the start of the step "
+    "before every stage.": chain_stages(CLASSICAL),
+    "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them at the start of "
+    "the step (data.qpos.copy()); and move a copy by y + h/2 * k, "
+    "because y += ... changes y itself.": chain_stages_and_result(CLASSICAL),
+    "The weighted sum is added to the state of your last stage: restore the state at the start of the step "
+    "before you add it.": (*CLASSICAL[:-1], (pad_row(CLASSICAL[3], STAGES) + WEIGHTS).tolist()),
+    "After your step data stands at your last stage: the weighted sum h (k1 + 2 k2 + 2 k3 + k4)/6 is never written.": (
+        *CLASSICAL[:-1],
+        CLASSICAL[3],
     ),
-    (
-        chain_stages_and_result(CLASSICAL),
-        (
-            "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them at the "
-            "start of the step (data.qpos.copy()); and move a copy by y + h/2 * k, because y += ... changes y itself."
-        ),
-    ),
-    (
-        (*CLASSICAL[:-1], (pad_row(CLASSICAL[3], STAGES) + WEIGHTS).tolist()),
-        (
-            "The weighted sum is added to the state of your last stage: restore the state at the start of the step "
-            "before you add it."
-        ),
-    ),
-    (
-        (*CLASSICAL[:-1], CLASSICAL[3]),
-        (
-            "After your step data stands at your last stage: the weighted sum h (k1 + 2 k2 + 2 k3 + k4)/6 is never "
-            "written."
-        ),
-    ),
-)
+}
 """Stages, or a result, that do not start from the start of the step."""
 
 

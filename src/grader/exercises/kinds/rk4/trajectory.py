@@ -89,9 +89,8 @@ def read_trajectory(results: Results, index: int, run: Run) -> Trajectory:
 def compare(run: Run, one: Trajectory, other: Trajectory) -> Difference:
     """Returns the difference at each common step; complete if `one` has every step of `other`."""
     rows = min(len(one), len(other))
-    turn = subtract_positions(run, one.qpos[:rows], other.qpos[:rows])
     return Difference(
-        qpos=compute_row_maxima(turn),
+        qpos=compute_row_maxima(subtract_positions(run, one.qpos[:rows], other.qpos[:rows])),
         qvel=compute_row_maxima(one.qvel[:rows] - other.qvel[:rows]),
         act=compute_row_maxima(one.act[:rows] - other.act[:rows]),
         complete=len(one) >= len(other),
@@ -105,11 +104,8 @@ def compute_row_maxima(values: Rows) -> Rows:
 
 
 def subtract_positions(run: Run, one: Rows, other: Rows) -> Rows:
-    """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`.
-
-    The length of a quaternion does not count within QUATERNION_LENGTHS: MuJoCo normalises wherever it reads one, so it
-    is no part of the state.
-    """
+    """Returns the tangent vectors (n, nv) that lead from positions `one` to `other`. The length of a quaternion does
+    not count within QUATERNION_LENGTHS: MuJoCo normalises wherever it reads one, so it is no part of the state."""
     if len(run.qpos) == len(run.qvel):
         return other - one
     model = run.scene().model

@@ -1,7 +1,5 @@
-"""The `threshold` kind judges brackets of the largest stable timestep.
-
-It certifies a bracket by simulating at its ends, and names the mistake in a search by the runs that the script made.
-"""
+"""The `threshold` kind judges brackets of the largest stable timestep. It certifies a bracket by simulating at its
+ends, and names the mistake in a search by the runs that the script made."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

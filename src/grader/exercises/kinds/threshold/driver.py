@@ -1,12 +1,9 @@
-"""Calls the student's function with a model and an integrator, and submits what it claims.
-
-Runs in the jail. The result `claim` holds the numbers of the claim: none for None, one, or two. For anything else the
-result `other` holds its text.
+"""Calls the student's function with a model and an integrator, and submits what it claims. Runs in the jail. The result
+`claim` holds the numbers of the claim: none for None, one, or two. For anything else the result `other` holds its text.
 
 The trace has one note, `search`: which runs were made. A run begins at the first mj_step after a data was created or
 reset, and ends at the next such moment or with the trial. Only its first step is seen: a call in every step would slow
-the script.
-"""
+the script."""
 
 import contextlib
 import copy
@@ -226,10 +223,8 @@ def trial(
 
 
 def read_numbers(claim: object) -> list[float] | None:
-    """Returns the finite numbers of a claim: none for None, one, or two; None if the claim is anything else.
-
-    A number may be an array of one element.
-    """
+    """Returns the finite numbers of a claim: none for None, one, or two; None if the claim is anything else. A number
+    may be an array of one element."""
     if claim is None:
         return []
     is_many = isinstance(claim, tuple | list) or (isinstance(claim, np.ndarray) and claim.ndim)

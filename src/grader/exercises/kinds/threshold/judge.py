@@ -1,8 +1,6 @@
 """Judges a claim by simulating at its ends: stable at the lower, unstable at the upper, in some reading of "stable".
-
 The linear stability limit (the spectral radius of one step at rest passes 1) lies a little below the limit within the
-horizon (a warning comes in time). Every reasonable reading of "stable" finds a limit between the two.
-"""
+horizon (a warning comes in time). Every reasonable reading of "stable" finds a limit between the two."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -149,11 +147,8 @@ def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Ju
 
 
 def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
-    """Judges the claim that no timestep of the search is unstable.
-
-    A right None counts only if a limit was found on the same model under another integrator that has one: otherwise a
-    function that does nothing would earn points.
-    """
+    """Judges the claim that no timestep of the search is unstable. A right None counts only if a limit was found on the
+    same model under another integrator that has one: otherwise a function that does nothing would earn points."""
     longest, seconds = parameters.search_s[1], parameters.horizon_s
     if has_limit(cell.scene, cell.integrator.code, longest, seconds):
         return Judgement(False, f"None was returned, but some timestep up to {1000 * longest:g} ms is unstable.", claim)
@@ -177,9 +172,7 @@ def explain_form(parameters: ThresholdParameters, claim: Bracket) -> str:
         return f"The bracket is too wide: at most {1000 * allowed:g} ms are allowed."
     if claim.low > longest:
         return f"The bracket lies beyond {1000 * longest:g} ms, where the search ends."
-    if claim.high <= 0:
-        return "A timestep must be positive."
-    return ""
+    return "A timestep must be positive." if claim.high <= 0 else ""
 
 
 def explain_bracket(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
@@ -225,9 +218,7 @@ def find_span(scene: Scene, code: int, search_s: tuple[float, float], horizon_s:
 
 def find_accepted_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[float, float]:
     """Returns between which values [s] the lower end of the widest bracket is accepted; (inf, inf) if None is right.
-
-    The limit within the horizon is found to a thousandth, on its far side.
-    """
+    The limit within the horizon is found to a thousandth, on its far side."""
     scene, code = cell.scene, cell.integrator.code
     low, high = parameters.search_s
     if not has_limit(scene, code, high, parameters.horizon_s):

@@ -67,15 +67,13 @@ Predicate = Callable[[ClaimContext, Claim], bool]
 
 @dataclass(frozen=True)
 class WrongMethod:
-    """A mistake: the sentence for the student, and whether the mistake gives a claim.
-
-    The mistake must explain every wrong claim; with `all_claims` also the right ones, which may be right by accident.
-    At least one wrong claim must hold numbers, unless `of_numbers` is false: a claim of `None` has many explanations.
-    """
+    """A mistake: the sentence for the student, and whether the mistake gives a claim. The mistake must explain every
+    wrong claim; with `all_claims` also the right ones, which may be right by accident. At least one wrong claim must
+    hold numbers, unless `of_numbers` is false: a claim of `None` has many explanations."""
 
     id: str
-    sentence: str
     matches: Predicate
+    sentence: str
     all_claims: bool = False
     of_numbers: bool = True
 
@@ -247,146 +245,64 @@ def is_limit_of_file(context: ClaimContext, claim: Claim) -> bool:
 
 
 METHODS: tuple[WrongMethod, ...] = (
-    WrongMethod(
-        "milliseconds",
-        "You reported milliseconds, not seconds: divide by 1000.",
-        is_in_milliseconds,
-    ),
-    WrongMethod(
-        "hertz",
-        "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f.",
-        is_in_hertz,
-    ),
-    WrongMethod(
-        "swapped",
-        "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first.",
-        has_swapped_ends,
-    ),
-    WrongMethod(
-        "nothing unstable",
+    WrongMethod("milliseconds", is_in_milliseconds, "You reported milliseconds, not seconds: divide by 1000."),
+    WrongMethod("hertz", is_in_hertz, "You reported a rate in Hz, not a timestep: take its reciprocal, 1 / f."),
+    WrongMethod("swapped", has_swapped_ends,
+        "The ends of your brackets are in the wrong order: return (h_stable, h_unstable), the smaller one first."),
+    WrongMethod("nothing unstable", is_no_limit,
         "You found nothing unstable where there is a limit: step the model you were given, set the timestep on it, "
         "start with {start}, and look at data.warning (or at data.time running backwards), because after a warning "
-        "MuJoCo resets the state to one at rest.",
-        is_no_limit,
-        all_claims=True,
-        of_numbers=False,
-    ),
-    WrongMethod(
-        "search ends early",
+        "MuJoCo resets the state to one at rest.", all_claims=True, of_numbers=False),
+    WrongMethod("search ends early", is_no_limit,
         "You returned None for some models that have a limit: search up to {longest} ms, and return None only if the "
-        "run is stable there.",
-        is_no_limit,
-        of_numbers=False,
-    ),
-    WrongMethod(
-        "bound",
-        "You reported the bound 2*sqrt(I/kp), which ignores the damper{shift}; simulate instead of computing it.",
-        make_formula_test(lambda servo: servo.bound_s),
-    ),
-    WrongMethod(
-        "damping bound",
-        "You reported the damping bound 2*I/kv, which ignores the spring and holds for explicit damping only.",
-        make_formula_test(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
-    ),
-    WrongMethod(
-        "smaller bound",
-        "You reported the smaller of the bounds 2*sqrt(I/kp) and 2*I/kv; spring and damper act together, so simulate.",
-        make_formula_test(
-            lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)
-        ),
-    ),
-    WrongMethod(
-        "half the bound",
-        "You reported sqrt(I/kp) = 1/omega; the explicit spring limit is twice that, and the damper moves it again.",
-        make_formula_test(lambda servo: servo.bound_s / 2),
-    ),
-    WrongMethod(
-        "period",
-        "You reported the period 2*pi*sqrt(I/kp) of the oscillation, not a stability limit.",
-        make_formula_test(lambda servo: pi * servo.bound_s),
-    ),
-    WrongMethod(
-        "too wide",
-        "Your brackets hold the limit but are too wide: go on halving until they are no wider than {width} ms.",
-        is_too_wide,
-    ),
-    WrongMethod(
-        "model of the file",
-        "You measured the model of the file, with the file's gains: measure the model you were given.",
-        is_limit_of_file,
-    ),
-    WrongMethod(
-        "mass of the file",
+        "run is stable there.", of_numbers=False),
+    WrongMethod("bound", make_formula_test(lambda servo: servo.bound_s),
+        "You reported the bound 2*sqrt(I/kp), which ignores the damper{shift}; simulate instead of computing it."),
+    WrongMethod("damping bound", make_formula_test(lambda servo: 2 * servo.inertia / servo.kv if servo.kv else 0.0),
+        "You reported the damping bound 2*I/kv, which ignores the spring and holds for explicit damping only."),
+    WrongMethod("smaller bound", make_formula_test(
+            lambda servo: min(servo.bound_s, 2 * servo.inertia / servo.kv if servo.kv else servo.bound_s)),
+        "You reported the smaller of the bounds 2*sqrt(I/kp) and 2*I/kv; spring and damper act together, so simulate."),
+    WrongMethod("half the bound", make_formula_test(lambda servo: servo.bound_s / 2),
+        "You reported sqrt(I/kp) = 1/omega; the explicit spring limit is twice that, and the damper moves it again."),
+    WrongMethod("period", make_formula_test(lambda servo: pi * servo.bound_s),
+        "You reported the period 2*pi*sqrt(I/kp) of the oscillation, not a stability limit."),
+    WrongMethod("too wide", is_too_wide,
+        "Your brackets hold the limit but are too wide: go on halving until they are no wider than {width} ms."),
+    WrongMethod("model of the file", is_limit_of_file,
+        "You measured the model of the file, with the file's gains: measure the model you were given."),
+    WrongMethod("mass of the file", is_limit_of_gains_on_file,
         "You took the gains of the model you were given, but mass and length from the file: measure the model you were "
-        "given.",
-        is_limit_of_gains_on_file,
-        all_claims=True,
-    ),
-    WrongMethod(
-        "another model",
-        "You reported the limits of the first model for every model: measure the model you were given.",
-        is_limit_of_first_model,
-    ),
-    WrongMethod(
-        "Euler everywhere",
+        "given.", all_claims=True),
+    WrongMethod("another model", is_limit_of_first_model,
+        "You reported the limits of the first model for every model: measure the model you were given."),
+    WrongMethod("Euler everywhere", make_simulation_test(code=EULER.code),
         "Every integrator got Euler's limit: either model.opt.integrator is not set, or the servo's torque is computed "
-        "in Python (as for a motor), which is explicit whatever the integrator.",
-        make_simulation_test(code=EULER.code),
-        all_claims=True,
-    ),
-    WrongMethod(
-        "PGS",
-        "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit.",
-        uses_pgs,
-    ),
-    WrongMethod(
-        "kv forgotten",
-        "Your limits are those of a servo without its damping kv: keep the actuator's third bias parameter, -kv.",
-        make_simulation_test(remove_kv),
-    ),
-    WrongMethod(
-        "damped joint",
+        "in Python (as for a motor), which is explicit whatever the integrator.", all_claims=True),
+    WrongMethod("PGS", uses_pgs,
+        "You set the solver to PGS, under which MuJoCo's discrete integrator silently becomes explicit."),
+    WrongMethod("kv forgotten", make_simulation_test(remove_kv),
+        "Your limits are those of a servo without its damping kv: keep the actuator's third bias parameter, -kv."),
+    WrongMethod("damped joint", make_simulation_test(move_damping_to_joint),
         "Your limits are those of a pendulum with the joint's damping in place of the servo's kv: Euler treats a "
-        "joint's damping implicitly, an actuator's explicitly.",
-        make_simulation_test(move_damping_to_joint),
-    ),
-    WrongMethod(
-        "RK4",
-        "Every integrator got RK4's limit: set model.opt.integrator to the integrator you are given.",
-        make_simulation_test(code=RK4.code),
-        all_claims=True,
-    ),
-    WrongMethod(
-        "implicitfast everywhere",
+        "joint's damping implicitly, an actuator's explicitly."),
+    WrongMethod("RK4", make_simulation_test(code=RK4.code),
+        "Every integrator got RK4's limit: set model.opt.integrator to the integrator you are given.", all_claims=True),
+    WrongMethod("implicitfast everywhere", make_simulation_test(code=IMPLICITFAST.code),
         "Every integrator got implicitfast's limit: set model.opt.integrator to the integrator you are given.",
-        make_simulation_test(code=IMPLICITFAST.code),
-        all_claims=True,
-    ),
-    WrongMethod(
-        "exchanged",
+        all_claims=True),
+    WrongMethod("exchanged", has_exchanged_integrators,
         "Your limits under Euler and under implicitfast are exchanged: the servo's damping lowers Euler's limit and "
         "raises implicitfast's. In a formula turn the sign of kv, which actuator_biasprm[0, 2] holds as -kv; in a "
-        "simulation set model.opt.integrator to the integrator you are given.",
-        has_exchanged_integrators,
-        all_claims=True,
-    ),
-    WrongMethod(
-        "half a second",
-        "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s.",
-        make_simulation_test(seconds=0.5),
-    ),
-    WrongMethod(
-        "one second",
-        "Your runs are too short: within one second a slow divergence does not show yet. Run for {horizon} s.",
-        make_simulation_test(seconds=1.0),
-    ),
-    WrongMethod(
-        "overshoot",
+        "simulation set model.opt.integrator to the integrator you are given.", all_claims=True),
+    WrongMethod("half a second", make_simulation_test(seconds=0.5),
+        "Your runs are too short: within half a second a slow divergence does not show yet. Run for {horizon} s."),
+    WrongMethod("one second", make_simulation_test(seconds=1.0),
+        "Your runs are too short: within one second a slow divergence does not show yet. Run for {horizon} s."),
+    WrongMethod("overshoot", is_overshoot_limit,
         "You called an overshoot unstable: the motion first swings out further than it started, but then decays. Count "
-        "a run as unstable where MuJoCo raises a warning.",
-        is_overshoot_limit,
-    ),
-)
+        "a run as unstable where MuJoCo raises a warning."),
+)  # fmt: skip
 
 
 def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
@@ -395,11 +311,7 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTri
         return CACHED_RESULTS if has_cached_results(judged) else SAME_EVERYWHERE
     first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
     claims = [
-        (
-            ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]),
-            one.judgement.outcome,
-            one,
-        )
+        (ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
         for one in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
@@ -445,15 +357,12 @@ def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     searches = [(one.trial.problem.case, read_search(one.trace)) for one in judged]
     if any(search is None or search.other_functions for _, search in searches):
         return False
-    stepped = {case for case, search in searches if search and search.total}
-    return stepped == {first} and bool(others)
+    return {case for case, search in searches if search and search.total} == {first} and bool(others)
 
 
 def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
-    """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so.
-
-    In the call itself that timestep, or a larger one, raised no warning.
-    """
+    """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so. In
+    the call itself that timestep, or a larger one, raised no warning."""
     visible = [one for one in wrong if not one.trial.hidden]
     unstable: set[float] = set()
     explained = 0

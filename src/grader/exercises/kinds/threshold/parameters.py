@@ -69,9 +69,7 @@ class ThresholdParameters(ExerciseParameters):
 @dataclass(frozen=True)
 class Cell:
     """One model under one integrator. Both scenes begin at `start`, a joint's name with its position [rad or m].
-
-    `scene_as_written` lacks the drawn numbers. A scene is compiled on its first use, once for all integrators.
-    """
+    `scene_as_written` lacks the drawn numbers. A scene is compiled on its first use, once for all integrators."""
 
     case: str
     xml: str
@@ -108,6 +106,5 @@ def pose_scene(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
 
 def build_cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
     """Returns a case's cells, one for each integrator."""
-    start = tuple(parameters.start.items())
-    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, start)
+    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, tuple(parameters.start.items()))
     return [made(BY_NAME[name]) for name in parameters.integrators]

@@ -21,10 +21,8 @@ LINE_POINTS = 25
 
 
 def build_evidence(parameters: ThresholdParameters, visible: Sequence[JudgedTrial[Cell, Claim]]) -> dict[str, Any]:
-    """Returns `angles`, `claims`, `limits` and `stability`, each a list with the trial's id as `case`.
-
-    `claims` holds what the learner said; `limits` and `stability` are part of the solution.
-    """
+    """Returns `angles`, `claims`, `limits` and `stability`, each a list with the trial's id as `case`. `claims` holds
+    what the learner said; `limits` and `stability` are part of the solution."""
     return {
         "angles": [picture for one in visible for picture in draw_angles(parameters, one.trial, one.judgement.outcome)],
         "claims": [draw_claim(parameters, one.trial, one.judgement.outcome) for one in visible],
@@ -49,9 +47,7 @@ def draw_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim
 
 def draw_limits(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:
     """Returns the linear limit and the limit within the horizon [ms], None where nothing of the search is unstable.
-
-    `spring_ms` is the limit of the same scene without its damping: 2 over the largest frequency.
-    """
+    `spring_ms` is the limit of the same scene without its damping: 2 over the largest frequency."""
     scene, code = trial.problem.scene, trial.problem.integrator.code
     span = find_span(scene, code, parameters.search_s, parameters.horizon_s)
     spring = find_undamped_limit(scene)
@@ -66,10 +62,8 @@ def draw_limits(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str
 @lru_cache(maxsize=64)
 def find_undamped_limit(scene: Scene) -> float | None:
     """Returns 2 / omega [s], omega the largest frequency of small motions at rest without velocity-dependent forces.
-
-    The accelerations are differenced at zero velocity. None without an equilibrium or an oscillation.
-    Source: explicit (semi-implicit) Euler on q'' = -omega^2 q is stable up to h = 2 / omega.
-    """
+    The accelerations are differenced at zero velocity. None without an equilibrium or an oscillation. Source: explicit
+    (semi-implicit) Euler on q'' = -omega^2 q is stable up to h = 2 / omega."""
     rest = find_rest(scene)
     if rest is None:
         return None

@@ -34,8 +34,7 @@ FIELD_NAMES = {
 def explain_far_timesteps(observed: Observation) -> str | None:
     """Returns the sentence where the timesteps that were run are no seconds."""
     longest_s = observed.parameters.search_s[1]
-    lowest = min((run.timestep_s for run in observed.search.runs), default=0.0)
-    if lowest < FAR_FACTOR * longest_s:
+    if min((run.timestep_s for run in observed.search.runs), default=0.0) < FAR_FACTOR * longest_s:
         return None
     first = f", such as {observed.search.runs[0].timestep_s:.4g} s" if observed.may_tell_numbers else ""
     return (
@@ -126,9 +125,8 @@ def explain_other_integrator(observed: Observation) -> str | None:
     used = {run.integrator for run in observed.search.runs}
     if len(used) != 1 or observed.cell.integrator.code in used or not used <= set(BY_CODE):
         return None
-    name = BY_CODE[used.pop()].name
     return (
-        f"Your runs used {name} where another integrator was asked for. "
+        f"Your runs used {BY_CODE[used.pop()].name} where another integrator was asked for. "
         "Set model.opt.integrator = integrator on the model that you step."
     )
 

@@ -1,7 +1,4 @@
-"""Names the mistake that the runs of a script show.
-
-The trace is a claim: what is said here explains a verdict and decides nothing.
-"""
+"""Names the mistake that the runs of a script show. The trace is a claim, and decides nothing."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -135,51 +132,27 @@ def explain_inverted_test(observed: Sequence[Observation]) -> str | None:
 
 
 CERTAIN_RULES: tuple[Rule, ...] = (
-    explain_printed_result,
-    explain_no_step,
-    explain_unreadable_result,
-    explain_far_timesteps,
-    explain_reset_each_step,
-    explain_actuators_off,
-    explain_single_timestep,
-    explain_missing_reset,
-    explain_other_integrator,
-    explain_nan_start,
-    explain_other_start,
-    explain_other_target,
-    explain_short_runs,
-    explain_rounded_ends,
-    restrict_to_no_limit(explain_rollout),
-    restrict_to_no_limit(explain_linearisation),
-    restrict_to_no_limit(explain_overlooked_warning),
-    restrict_to_no_limit(explain_narrow_search),
-)
+    explain_printed_result, explain_no_step, explain_unreadable_result, explain_far_timesteps, explain_reset_each_step,
+    explain_actuators_off, explain_single_timestep, explain_missing_reset, explain_other_integrator, explain_nan_start,
+    explain_other_start, explain_other_target, explain_short_runs, explain_rounded_ends,
+    restrict_to_no_limit(explain_rollout), restrict_to_no_limit(explain_linearisation),
+    restrict_to_no_limit(explain_overlooked_warning), restrict_to_no_limit(explain_narrow_search),
+)  # fmt: skip
 """What the runs show without doubt; the first that explains every wrong claim is told."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (
-    explain_uncertainty,
-    explain_list_indices,
-    explain_upward_search,
-    explain_narrow_search,
-    explain_coarse_search,
-    explain_overlooked_warning,
-    explain_old_warnings,
-    explain_other_model,
-    explain_sticky_flag,
-    explain_own_criterion,
-    explain_no_simulation,
-    explain_untried_ends,
-)
+    explain_uncertainty, explain_list_indices, explain_upward_search, explain_narrow_search, explain_coarse_search,
+    explain_overlooked_warning, explain_old_warnings, explain_other_model, explain_sticky_flag, explain_own_criterion,
+    explain_no_simulation, explain_untried_ends,
+)  # fmt: skip
 """What is told where no wrong method is recognised by its claims."""
 
 
 def explain_searches(
     parameters: ThresholdParameters, wrong: Sequence[JudgedTrial[Cell, Claim]], rules: Sequence[Rule]
 ) -> str | None:
-    """Returns the sentence of the first rule that explains every wrong claim of the visible trials.
-
-    If all visible claims are right, it must explain those of the hidden trials, of whose runs only the first are known.
-    """
+    """Returns the sentence of the first rule that explains every wrong claim of the visible trials. If all visible
+    claims are right, it must explain those of the hidden trials, of whose runs only the first are known."""
     told = [one for one in wrong if not one.trial.hidden] or wrong
     observed = [
         Observation(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)

@@ -45,9 +45,7 @@ class Run:
 @dataclass(frozen=True)
 class Search:
     """The runs of one trial: `differing_fields` names for each model the fields in which it is not the given one.
-
-    `created` counts how often a data was created or reset; `was_reset`: the last run was followed by a reset.
-    """
+    `created` counts how often a data was created or reset; `was_reset`: the last run was followed by a reset."""
 
     runs: tuple[Run, ...]
     total: int
@@ -84,18 +82,9 @@ def read_run(row: Sequence[float]) -> Run:
     """Returns the run that a row of the note describes."""
     model, timestep_s, integrator, start_s, qpos, qvel, stood, ctrl, end_s, raised, last_timestep_s = row
     return Run(
-        model=int(model),
-        timestep_s=timestep_s,
-        integrator=int(integrator),
-        start_s=start_s,
-        qpos=qpos,
-        qvel=qvel,
-        old_warnings=int(stood),
-        end_s=end_s,
-        warnings=int(raised),
-        last_timestep_s=last_timestep_s,
-        ctrl=ctrl,
-    )
+        model=int(model), timestep_s=timestep_s, integrator=int(integrator), start_s=start_s, qpos=qpos, qvel=qvel,
+        old_warnings=int(stood), end_s=end_s, warnings=int(raised), last_timestep_s=last_timestep_s, ctrl=ctrl
+    )  # fmt: skip
 
 
 def list_texts(value: object) -> tuple[str, ...]:

@@ -1,7 +1,5 @@
-"""The `values` kind judges the results of functions.
-
-It compares them with those of an author's program, or puts them into a residual, and names the mistake that gives them.
-"""
+"""The `values` kind judges the results of functions. It compares them with those of an author's program, or puts them
+into a residual, and names the mistake that gives them."""
 
 from collections.abc import Mapping, Sequence
 from inspect import getsource

@@ -1,12 +1,8 @@
-"""Calls the student's function with the arguments of every call, and submits the results.
-
-Runs in the jail. Result j of call i is `r<i>_<j>`. A call whose results cannot be read leaves `other<i>`, the text
-of what was returned, and `printed<i>`, whether the function printed. The judge calls the author's programs through
-`results_of` too, in its own process.
-
-The trace has one note, `used`: the functions of MuJoCo that the first call used, and which of its inputs any call
-changed.
-"""
+"""Calls the student's function with the arguments of every call, and submits the results. Runs in the jail. Result j of
+call i is `r<i>_<j>`. A call whose results cannot be read leaves `other<i>`, the text of what was returned, and
+`printed<i>`, whether the function printed. The judge calls the author's programs through `results_of` too, in its own
+process. The trace has one note, `used`: the functions of MuJoCo that the first call used, and which of its inputs any
+call changed."""
 
 import contextlib
 import io
@@ -139,11 +135,9 @@ def call_function(
     results: Sequence[Mapping[str, str | None]],
     times: int = 1,
 ) -> list[Rows] | str:
-    """Returns the results of one call, or the text of a return value that cannot be read.
-
-    `call` has `arguments` (numbers, nested lists, "model", "data") and `start`, the state in which `data` is given.
-    Each of `results` has a `name`, and a `field` if it is left in `data`. The function is called `times` over.
-    """
+    """Returns the results of one call, or the text of a return value that cannot be read. `call` has `arguments`
+    (numbers, nested lists, "model", "data") and `start`, the state in which `data` is given. Each of `results` has a
+    `name`, and a `field` if it is left in `data`. The function is called `times` over."""
     data = None if model is None else start_data(model, call["start"])
     objects = {"model": model, "data": data}
     returned: object = None
@@ -153,8 +147,7 @@ def call_function(
             for one in call["arguments"]
         ]
         returned = function(*arguments)
-    returned_names = [str(one["name"]) for one in results if one["field"] is None]
-    parts = separate(returned, returned_names)
+    parts = separate(returned, [str(one["name"]) for one in results if one["field"] is None])
     if parts is None:
         return repr(returned)[:TEXT_CHARS_MAX]
     values = iter(parts)

@@ -293,7 +293,7 @@ def list_variants(first: StudentCall) -> Iterator[Variant]:
                 scale_argument(index, 0.0),
             )
     if first.problem.xml is not None:
-        yield from ((sentence, change_model(change)) for sentence, change in WRONG_MODELS)
+        yield from ((sentence, change_model(change)) for sentence, change in WRONG_MODELS.items())
         yield degrees.format(what="data.qpos"), scale_state("qpos", pi / 180)
         yield radians.format(what="data.qpos"), scale_state("qpos", 180 / pi)
         yield "A term with the velocity is missing: your results are those at rest. Add it.", scale_state("qvel", 0.0)
@@ -376,35 +376,23 @@ def remove_mass(model: mujoco.MjModel) -> None:
     model.body_ipos[:] = 0
 
 
-WRONG_MODELS: tuple[tuple[str, Callable[[mujoco.MjModel], None]], ...] = (
-    (
-        "The rotor inertia is missing: add the joint's armature to the inertia (model.dof_armature).",
-        scale_field("dof_armature", 0.0),
+WRONG_MODELS: Mapping[str, Callable[[mujoco.MjModel], None]] = {
+    "The rotor inertia is missing: add the joint's armature to the inertia (model.dof_armature).": scale_field(
+        "dof_armature", 0.0
     ),
-    (
-        "The bodies' own inertia is missing: your results are those of point masses. Add model.body_inertia.",
-        scale_field("body_inertia", 1e-12),
+    "The bodies' own inertia is missing: your results are those of point masses. Add model.body_inertia.": scale_field(
+        "body_inertia", 1e-12
     ),
-    (
-        "Your results are those of bodies without mass: body 0 is the world, so count the others from body 1.",
-        remove_mass,
-    ),
-    ("The damping is missing: subtract model.dof_damping times the velocity.", scale_field("dof_damping", 0.0)),
-    ("The damping has the wrong sign: it acts against the velocity.", scale_field("dof_damping", -1.0)),
-    ("The springs are missing: add the joint's stiffness (model.jnt_stiffness).", scale_field("jnt_stiffness", 0.0)),
-    ("Gravity is missing: add its torque.", scale_field("gravity", 0.0)),
-    (
-        "Gravity has the wrong sign, as if it pulled upwards: turn it (a length read off a position may be negative).",
-        scale_field("gravity", -1.0),
-    ),
-)
+    "Your results are those of bodies without mass: body 0 is the world, so count the others from body 1.": remove_mass,
+    "The damping is missing: subtract model.dof_damping times the velocity.": scale_field("dof_damping", 0.0),
+    "The damping has the wrong sign: it acts against the velocity.": scale_field("dof_damping", -1.0),
+    "The springs are missing: add the joint's stiffness (model.jnt_stiffness).": scale_field("jnt_stiffness", 0.0),
+    "Gravity is missing: add its torque.": scale_field("gravity", 0.0),
+    "Gravity has the wrong sign, as if it pulled upwards: turn it "
+    "(a length read off a position may be negative).": scale_field("gravity", -1.0),
+}
 
 RULES: tuple[Callable[[Sequence[StudentCall]], str | None], ...] = (
-    explain_by_programs,
-    explain_by_results,
-    explain_by_state,
-    explain_by_inputs,
-    explain_by_trace,
-    explain_by_pattern,
-)
+    explain_by_programs, explain_by_results, explain_by_state, explain_by_inputs, explain_by_trace, explain_by_pattern,
+)  # fmt: skip
 """What may explain every wrong call of a function; the first rule that does is told."""

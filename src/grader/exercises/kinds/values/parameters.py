@@ -29,11 +29,9 @@ Size = Annotated[int, Field(ge=1, le=ELEMENTS_MAX)] | Annotated[str, Field(patte
 
 
 class Result(Strict):
-    """One result of a function. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element.
-
-    If `field` is given, the result is not returned but left in that field of `data`. A result without a `shape` has the
-    one of the author's; where a residual decides it is a number, or as large as its field.
-    """
+    """One result of a function. Its tolerance is `atol` [its unit] plus `rtol` times the largest expected element. If
+    `field` is given, the result is not returned but left in that field of `data`. A result without a `shape` has the
+    one of the author's; where a residual decides it is a number, or as large as its field."""
 
     name: str = Field(min_length=1)
     field: Literal["qpos", "qvel", "act", "ctrl", "qacc", "qfrc_applied", "time"] | None = None
@@ -58,10 +56,8 @@ class Residual(Strict):
 
 
 class Function(Strict):
-    """A function that the student writes; `name` is by default the question's `entry`.
-
-    It is judged against the function of the same name in the author's program, or by a `residual`.
-    """
+    """A function that the student writes; `name` is by default the question's `entry`. It is judged against the
+    function of the same name in the author's program, or by a `residual`."""
 
     name: str | None = Field(default=None, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
     results: tuple[Result, ...] = Field(min_length=1, max_length=8)
@@ -176,10 +172,7 @@ class Problem:
         return {"model": self.xml, "results": self.results, "calls": [call.inputs() for call in self.calls]}
 
     def list_shapes(self, call: Call) -> list[tuple[int, ...] | None]:
-        """Returns the declared shape of each result; None where the author's result has it.
-
-        Raises ValueError where an argument is no size.
-        """
+        """Returns the declared shape of each result; None where the author's result has it. Raises ValueError."""
         return [self.find_shape(result, call) for result in self.function.results]
 
     def find_shape(self, result: Result, call: Call) -> tuple[int, ...] | None:

@@ -76,16 +76,10 @@ class OneOption(QuestionKind[Q, int]):
         why = option_text(question.whys[answer]) if question.whys else ""
         message = why or ("This option is right." if passed else "This option is not right.")
         finding = Finding(
-            id="choice",
-            title="Your choice",
-            passed=passed,
-            points=question.points if passed else 0.0,
-            max_points=question.points,
-            message=message,
-            direction=message,
-            measured=words,
-            expected=words if passed else None,
-        )
+            id="choice", title="Your choice", passed=passed, points=question.points if passed else 0.0,
+            max_points=question.points, message=message, direction=message, measured=words,
+            expected=words if passed else None
+        )  # fmt: skip
         return verdict_of((finding,), evidence={"option": answer})
 
     def options(self, question: Q) -> Sequence[Option]:
@@ -107,10 +101,8 @@ def option_key(question: OptionsQuestion, lab: LabConfig | None = None) -> Optio
 
 
 def read_choice(options: Sequence[str], answer: Any) -> int:
-    """Read the 0-based index of an option from an index, its digits, or the whole text of the option.
-
-    Raises InvalidAnswer; JSON `true` is not an index.
-    """
+    """Read the 0-based index of an option from an index, its digits, or the whole text of the option. Raises
+    InvalidAnswer; JSON `true` is not an index."""
     last = len(options) - 1
     advice = f"choose one of the {last + 1} options by its number, from 0 to {last}"
     index = _as_index(answer)
@@ -131,9 +123,7 @@ def _as_index(answer: Any) -> int | None:
         return answer
     if isinstance(answer, float) and answer.is_integer():
         return int(answer)
-    if isinstance(answer, str) and INDEX.fullmatch(answer.strip()):
-        return int(answer)
-    return None
+    return int(answer) if isinstance(answer, str) and INDEX.fullmatch(answer.strip()) else None
 
 
 def _index_of_text(options: Sequence[str], answer: str) -> int | None:

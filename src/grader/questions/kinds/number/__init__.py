@@ -1,5 +1,127 @@
-"""Type a number, with or without a unit."""
+"""`numeric`: type a number, with or without a unit."""
 
-from grader.questions.kinds.number.kind import Number, NumberQuestion
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
 
-__all__ = ["Number", "NumberQuestion"]
+from pydantic import BaseModel, ConfigDict, Field
+
+from grader.domain.numbers import NotNegative, Real
+from grader.domain.verdict import Finding, Status, Verdict, verdict_of
+from grader.questions.answer_keys import NumberKey
+from grader.questions.kind import CountedNumber, Example, QuestionKind, Remark
+from grader.questions.kinds.number.quantities import Quantity, read_quantity
+from grader.questions.kinds.number.slips import find_slip, is_right, size_of
+from grader.questions.kinds.number.units import known_unit
+from grader.questions.question import Question, Reveal
+
+
+class Target(BaseModel):
+    """A number in `unit`, correct within `tol` (absolute, in that unit; default 2 % of |answer|)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    answer: Real = Field(strict=True)
+    tol: NotNegative | None = Field(default=None, strict=True)
+    unit: str | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """Absolute, in the question's unit. Source: the course's own quiz widget."""
+        return self.tol if self.tol is not None else 0.02 * abs(self.answer)
+
+
+class NumberQuestion(Target, Question):
+    """A question for one number."""
+
+    kind: Literal["numeric"]
+    reveal: Reveal | None = None
+
+    @property
+    def key(self) -> NumberKey:
+        """The number that is right, and within what."""
+        return NumberKey(
+            kind=self.kind, text=self.q, explain=self.explain or "", verify=self.verify, answer=self.answer,
+            tolerance=self.tolerance, unit=self.unit
+        )  # fmt: skip
+
+
+def target_warnings(target: Target) -> Iterator[Remark]:
+    """Yields remarks on a unit and a tolerance that accept fewer answers than their author may expect."""
+    if target.unit and known_unit(target.unit) is None:
+        yield Remark("unit", f"{target.unit!r} is not a known unit: nothing is converted")
+    if target.tolerance == 0 and target.tol is None:
+        yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
+
+
+class Number(QuestionKind[NumberQuestion, Quantity]):
+    """A typed number."""
+
+    question = NumberQuestion
+
+    def warnings(self, question: NumberQuestion) -> Iterator[Remark]:
+        """Yields units and tolerances that accept fewer answers than their author may expect."""
+        return target_warnings(question)
+
+    def answer_keys(self, question: NumberQuestion) -> Sequence[NumberKey]:
+        """Returns the number."""
+        return [question.key]
+
+    def reveal(self, question: NumberQuestion) -> Reveal | None:
+        """Returns what the author allows."""
+        return question.reveal
+
+    def heading(self, question: NumberQuestion) -> str:
+        """Returns what to do."""
+        return "Give a number"
+
+    def view(self, question: NumberQuestion) -> dict[str, Any]:
+        """Returns the unit."""
+        return {"unit": question.unit}
+
+    def read(self, question: NumberQuestion, answer: Any) -> Quantity:
+        """Reads a JSON number or a text, in the unit of the question."""
+        return read_quantity(answer, question.unit)
+
+    def describe(self, question: NumberQuestion, answer: Quantity) -> str:
+        """Returns the number in the unit of the question."""
+        return answer.text
+
+    def grade(self, question: NumberQuestion, answer: Quantity) -> Verdict:
+        """Gives all points for a number within the tolerance; names the slip behind a wrong one."""
+        finding = grade_number(question.key, answer, question.points)
+        slip = None if finding.passed else find_slip(answer, question.key)
+        return verdict_of((finding,), diagnosis=slip, evidence={"value": answer.value, "unit": question.unit})
+
+    def numbers(self, question: NumberQuestion) -> Sequence[CountedNumber]:
+        """Returns the one number."""
+        return [CountedNumber(question.unit or "", question.tolerance)]
+
+    def example(self) -> Example:
+        """Returns a question about a pendulum."""
+        return Example(
+            {
+                "kind": "numeric",
+                "q": "A pendulum of 1.234 m swings with a small amplitude. How long is its period?",
+                "answer": 2.22845,
+                "tol": 0.0123,
+                "unit": "s",
+                "explain": "<em>T</em> = 2π√(<em>l</em>/<em>g</em>)",
+            },
+            [(2.23, Status.CORRECT), ("2230 ms", Status.CORRECT), ("1.1", Status.INCORRECT),
+             ("3 kg", Status.INVALID_ANSWER), (None, Status.INVALID_ANSWER)],
+        )  # fmt: skip
+
+
+def grade_number(
+    key: NumberKey, given: Quantity, points: float, name: str = "number", title: str = "Your number"
+) -> Finding:
+    """Compares a number with its key; `direction` says whether it is too high, the message also about how far."""
+    passed = is_right(given.value, key)
+    message = direction = f"{given.text} is right."
+    if not passed:
+        told, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
+        message, direction = f"{told}{', ' if size else ''}{size}.", f"{told}."
+    return Finding(
+        id=name, title=title, passed=passed, points=points if passed else 0.0, max_points=points, message=message,
+        direction=direction, measured=given.value, expected=key.answer
+    )  # fmt: skip

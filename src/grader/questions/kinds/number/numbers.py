@@ -1,7 +1,5 @@
-"""Read numbers as people type them: decimal commas, grouped digits, powers of ten, fractions, multiples of pi.
-
-Expects text that `spelling.fold` has brought to one spelling. No text is ever evaluated.
-"""
+"""Read numbers as people type them: decimal commas, grouped digits, powers of ten, fractions, multiples of pi. Expects
+text that `spelling.fold` has brought to one spelling. No text is ever evaluated."""
 
 import math
 import re
@@ -129,10 +127,8 @@ def _mixed(found: re.Match[str], text: str) -> float:
 
 
 def read_digits(digits: str, text: str) -> str:
-    """Normalise grouped and separated digits to digits with one decimal point.
-
-    Raises InvalidAnswer, which quotes `text`, the answer around the digits.
-    """
+    """Normalise grouped and separated digits to digits with one decimal point. Raises InvalidAnswer, which quotes
+    `text`, the answer around the digits."""
     if "." in digits[:-1]:
         digits = digits.removesuffix(".")  # the full stop of a sentence
     if PLAIN.fullmatch(digits):

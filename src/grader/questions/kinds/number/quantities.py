@@ -103,10 +103,8 @@ class Quantity:
 
 
 def read_quantity(answer: Any, unit: str | None) -> Quantity:
-    """Read a JSON number or a text, and convert it to the question's unit, which is assumed where none is typed.
-
-    Raises InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable.
-    """
+    """Read a JSON number or a text, and convert it to the question's unit, which is assumed where none is typed. Raises
+    InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable."""
     shown = _read_label(unit or "")
     try:
         if isinstance(answer, str):
@@ -169,10 +167,8 @@ def _is_formula(text: str, *, named: bool) -> bool:
 
 
 def sides(text: str) -> tuple[bool, list[str]]:
-    """Split `h < 0.005 s = 5 ms` at its signs and drop the names; also tell whether there was a name.
-
-    Raises InvalidAnswer for a bound or a range.
-    """
+    """Split `h < 0.005 s = 5 ms` at its signs and drop the names; also tell whether there was a name. Raises
+    InvalidAnswer for a bound or a range."""
     text = unwrapped(text)
     pieces = [piece.strip() for piece in RELATION.split(IS.sub("=", _without_hedge(text)))]  # value, sign, ..., value
     if len(pieces) > 1 and pieces[0] and not pieces[-1]:

@@ -100,9 +100,7 @@ def _other_unit(given: Quantity, wanted: Unit, key: NumberKey) -> Unit | None:
 @lru_cache(maxsize=1024)
 def _neighbours(wanted: Unit) -> tuple[tuple[Unit, float, float], ...]:
     """List the unit itself and every unit that differs from it in one factor, each with how its numbers are converted.
-
-    The scale and the offset are kept, since to convert one number takes as long as all else in grading it.
-    """
+    The scale and the offset are kept, since to convert one number takes as long as all else in grading it."""
     found = [wanted]
     for place, (name, power) in enumerate(wanted.powers):
         for family in FAMILIES:

@@ -8,25 +8,13 @@ from grader.domain.markup import plain_text
 
 LOOKALIKES = str.maketrans(
     {
-        **dict.fromkeys("−–‐‑‒﹣－", "-"),
-        **dict.fromkeys("×✕⋅·∙•", "*"),
-        **dict.fromkeys("’‘ʼ٬", "'"),
-        **dict.fromkeys("“”„«»", '"'),
-        **dict.fromkeys("⁄∕÷", "/"),
-        **dict.fromkeys("º˚∘", "°"),
-        **dict.fromkeys("≃≅≒", "≈"),
-        **dict.fromkeys("∼～〜", "~"),
-        **dict.fromkeys("⩽≦≲⪅", "≤"),
-        **dict.fromkeys("≐≡≔", "="),
-        **dict.fromkeys("⩾≧", "≥"),
-        "∆": "Δ",
-        "٫": ".",
-        **dict.fromkeys("،‚", ","),
-        "。": ".",
-        "٪": "%",
-        "⟶": "→",
+        **dict.fromkeys("−–‐‑‒﹣－", "-"), **dict.fromkeys("×✕⋅·∙•", "*"), **dict.fromkeys("’‘ʼ٬", "'"),
+        **dict.fromkeys("“”„«»", '"'), **dict.fromkeys("⁄∕÷", "/"), **dict.fromkeys("º˚∘", "°"),
+        **dict.fromkeys("≃≅≒", "≈"), **dict.fromkeys("∼～〜", "~"), **dict.fromkeys("⩽≦≲⪅", "≤"),
+        **dict.fromkeys("≐≡≔", "="), **dict.fromkeys("⩾≧", "≥"), "∆": "Δ", "٫": ".", **dict.fromkeys("،‚", ","),
+        "。": ".", "٪": "%", "⟶": "→",
     }
-)
+)  # fmt: skip
 SUPERSCRIPT = re.compile("[⁺⁻⁰¹²³⁴-⁹]+")
 SUPERSCRIPTS = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
 
@@ -43,32 +31,19 @@ TEX_COMMANDS: Mapping[str, str] = {
     **dict.fromkeys([*",;:! ()[]", "quad", "qquad", "left", "right"], " "),
     **dict.fromkeys(["mathrm", "mathit", "mathbf", "mathsf", "text", "textrm", "mbox", "rm", "operatorname"], " "),
     **dict.fromkeys(["SI", "si", "qty", "num", "unit", "boxed", "displaystyle"], " "),
-    **dict.fromkeys(["circ", "degree"], "°"),
-    **dict.fromkeys(["le", "leq", "leqslant", "lesssim"], "≤"),
-    **dict.fromkeys(["ge", "geq", "geqslant"], "≥"),
-    **dict.fromkeys(["ne", "neq", "not"], "≠"),
-    "times": "×",
-    "cdot": "·",
-    "pi": "π",
-    "mu": "μ",
-    "Omega": "Ω",
-    "Delta": "Δ",
+    **dict.fromkeys(["circ", "degree"], "°"), **dict.fromkeys(["le", "leq", "leqslant", "lesssim"], "≤"),
+    **dict.fromkeys(["ge", "geq", "geqslant"], "≥"), **dict.fromkeys(["ne", "neq", "not"], "≠"), "times": "×",
+    "cdot": "·", "pi": "π", "mu": "μ", "Omega": "Ω", "Delta": "Δ",
     **dict.fromkeys(["approx", "sim", "simeq", "cong"], "≈"),
-    **dict.fromkeys(["to", "rightarrow", "Rightarrow", "implies"], "→"),
-    "lt": "<",
-    "gt": ">",
-    "pm": "±",
-    "infty": "∞",
+    **dict.fromkeys(["to", "rightarrow", "Rightarrow", "implies"], "→"), "lt": "<", "gt": ">", "pm": "±", "infty": "∞",
     "%": "%",
-}
+}  # fmt: skip
 """Other commands are read as their own name (`\\omega`, `\\max`)."""
 
 
 def fold(text: str) -> str:
-    """Remove markup and normalise spelling (`10⁻³` to `10^-3`, `٥` to `5`), in linear time.
-
-    A digit in another position (`½`, `₂`, `①`) is set apart by spaces: `2½` does not become 21/2.
-    """
+    """Remove markup and normalise spelling (`10⁻³` to `10^-3`, `٥` to `5`), in linear time. A digit in another position
+    (`½`, `₂`, `①`) is set apart by spaces: `2½` does not become 21/2."""
     text = without_markup(text)
     text = SUPERSCRIPT.sub(lambda run: "^" + run[0].translate(SUPERSCRIPTS), text)
     text = "".join(f" {c} " if c.isnumeric() and not c.isdecimal() else c for c in text)

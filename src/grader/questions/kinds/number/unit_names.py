@@ -3,16 +3,10 @@
 from collections.abc import Mapping
 
 SPELLINGS: Mapping[str, str] = {
-    "°": "degree",
-    "°C": "degree_Celsius",
-    "°F": "degree_Fahrenheit",
-    "%": "percent",
-    "‰": "permille",
-    **dict.fromkeys(["Kg", "KG", "kgs"], "kilogram"),
-    **dict.fromkeys(["r", "tr", "U"], "turn"),
-    "Grad": "degree",
+    "°": "degree", "°C": "degree_Celsius", "°F": "degree_Fahrenheit", "%": "percent", "‰": "permille",
+    **dict.fromkeys(["Kg", "KG", "kgs"], "kilogram"), **dict.fromkeys(["r", "tr", "U"], "turn"), "Grad": "degree",
     "Mhz": "megahertz",
-}
+}  # fmt: skip
 """Names that pint does not know or reads as another unit. `Grad` is the German noun for a degree, and `r/min`, `tr/min`
 and `U/min` are revolutions per minute in ISO 80000, French and German."""
 

@@ -1,4 +1,1 @@
-"""Alembic's environment and the migrations.
-
-`grader serve` applies them when it starts, `grader migrate` in either direction.
-"""
+"""Alembic's environment and the migrations. `grader serve` and `grader migrate` apply them."""
