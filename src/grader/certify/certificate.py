@@ -2,12 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from grader.questions import NumberKey
 
+CERTAINLY = 3.0
+"""Uncertainties by which a derived value must miss the tolerance before it refutes a key."""
+
 UNCERTAINTY_SHARE = 0.2
 """Largest numerical uncertainty of a certified key, as a share of the tolerance."""
+
+Verdict = Literal["certified", "refuted", "cannot tell"]
 
 
 @dataclass(frozen=True)
@@ -31,11 +36,20 @@ class Certificate:
     tolerance: float | None = None
     cost_ms: float = 0.0
     key: str = "answer"
+    undecided: bool = False
+    regime: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """`certified`, `refuted` (the simulation gives another answer), or `cannot tell`, which `why` explains."""
+        return "certified" if self.ok else "cannot tell" if self.undecided else "refuted"
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""
         return {
             "ok": self.ok,
+            "verdict": self.verdict,
+            "regime": dict(self.regime),
             "why": self.why,
             "method": self.method,
             "answer": self.answer,
@@ -50,27 +64,39 @@ class Certificate:
 
 def refuse(method: str, expected: int | float, why: str, key: str = "verify") -> Certificate:
     """Returns a certificate for a key that could not be derived again."""
-    return Certificate(False, " ".join(why.split()), method, None, expected, key=key)
+    return Certificate(False, " ".join(why.split()), method, None, expected, key=key, undecided=True)
 
 
 def certify_number(
-    method: str, key: NumberKey, derived: float, uncertainty: float, measured: Mapping[str, Any]
+    method: str,
+    key: NumberKey,
+    derived: float,
+    uncertainty: float,
+    measured: Mapping[str, Any],
+    *,
+    cure: str = "",
 ) -> Certificate:
     """Certify a number: the derived value is within the tolerance, and its uncertainty below a fifth of it."""
     expected, tolerance = key.answer, key.tolerance
     values = f"derived {derived:.9g} with an uncertainty of {uncertainty:.2g}"
-    off = abs(derived - expected)
-    if not uncertainty <= UNCERTAINTY_SHARE * tolerance:
+    off, undecided = abs(derived - expected), False
+    if off - CERTAINLY * uncertainty > tolerance:
+        why, ok = f"{values}, but the key says {expected:g} within {tolerance:g}", False
+    elif not uncertainty <= UNCERTAINTY_SHARE * tolerance:
         why, ok = f"{values}, more than a fifth of the tolerance {tolerance:g}: the key cannot be decided", False
+        why, undecided = (f"{why}: {cure}" if cure else why), True
     elif not off + uncertainty <= tolerance:
         why, ok = f"{values}, but the key says {expected:g} within {tolerance:g}", False
+        undecided = off <= tolerance
     else:
         why, ok = f"{values}; the key {expected:g} is within {tolerance:g}", True
     why = why if ok else f"{why}; measured: {format_measurements(measured)}"
     remarks = (
         (f"The key differs by {off:.3g} from the derived value, {derived:.9g}.",) if ok and off > tolerance / 2 else ()
     )
-    return Certificate(ok, why, method, derived, expected, measured, remarks, uncertainty, tolerance)
+    return Certificate(
+        ok, why, method, derived, expected, measured, remarks, uncertainty, tolerance, undecided=undecided
+    )
 
 
 def certify_choice(

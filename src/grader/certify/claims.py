@@ -17,7 +17,23 @@ def to_claim(text: str | Claim, when: When) -> Claim:
     return text if isinstance(text, Claim) else Claim(expr=text, when=when)
 
 
-def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
+def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool | None, float | None]:
+    """Do as `check_history`, but return None where MuJoCo reset the state before the claim was decided."""
+    if not run.warnings or (claim.until is not None and claim.until < run.warnings[0].time_s):
+        return check_history(claim, run, values)
+    kept = sum(time < run.warnings[0].time_s for time in run.times)
+    before = [v for t, v in zip(run.times[:kept], values[:kept], strict=True) if t >= claim.since - TIME_SLACK_S]
+    truths = list(map(to_boolean, before)) if claim.when in ("always", "ever", "first") else []
+    if claim.when == "always" and not all(truths):
+        return False, None
+    if claim.when == "ever" and any(truths):
+        return True, None
+    if claim.when == "first" and any(truths):
+        return check_history(claim, run, values)
+    return None, None
+
+
+def check_history(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
     """Whether the claim holds in a run in which its expression had these values, a value a frame.
 
     Also returns the number that was counted or measured: None where there is none, as for the first time of what never

@@ -15,6 +15,7 @@ __all__ = [
     "DATA_FIELDS",
     "FINER",
     "NUDGED",
+    "PROBES",
     "SAME",
     "LabRun",
     "Variant",
@@ -39,6 +40,9 @@ Source: far above rounding, far below any pixel.
 """
 
 NUDGED = (Variant(nudge=NUDGE), Variant(nudge=-NUDGE))
+PROBES = 12
+"""Linearisations of the equations of motion along a run."""
+
 FINER = (Variant(finer=2), Variant(finer=4))
 
 

@@ -7,11 +7,12 @@ from math import isfinite, log
 import mujoco
 import numpy as np
 
-from grader.certify.certificate import Certificate, certify_number, refuse
+from grader.certify.certificate import UNCERTAINTY_SHARE, Certificate, certify_number, refuse
 from grader.certify.experiments import (
-    FINER,
     NUDGED,
+    PROBES,
     SAME,
+    LabRun,
     Variant,
     VerifyError,
     evaluate,
@@ -19,12 +20,13 @@ from grader.certify.experiments import (
     set_fields,
     to_number,
 )
+from grader.certify.regime import Ladder, Regime, Unresolved, compute_timestep_s, describe_reset, find_first_level
 from grader.domain.lab import LabConfig, Readout
 from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
-from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium, find_spectral_limit
+from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium_of_motion, find_spectral_limit
 from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit
 
@@ -164,21 +166,29 @@ def _find_decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -
         return f"the spectral radius does not pass 1 between {verify.low:g} and {verify.high:g} s"
     margin = MARGIN * min(tolerance_s, limit)
     low, high = limit - margin, limit + margin
-    resting = find_equilibrium(scene)
+    resting = find_equilibrium_of_motion(scene)
     assert resting is not None, "spectral_limit has found one"
+    resting_start = resting.at(qvel=np.full(scene.model.nv, SMALL), act=resting.start.act + SMALL)
+    scene = resting_start if _warns_at_once(scene, low, integrator) else scene
     growing = _count_steps(resting, high, integrator)
     steps = max(STEPS_MIN, growing)
     if _grows(scene, low, integrator, steps):
         return f"the spectral radius passes 1 at {limit:.9g} s, but the motion grows at {low:.9g} s"
     # From afar, forces that are not linear may bound the motion: growth is seen from a start near the equilibrium.
-    near = resting.at(qvel=np.full(scene.model.nv, SMALL))
-    if not (_grows(scene, high, integrator, steps) or _grows(near, high, integrator, growing)):
+    if not (_grows(scene, high, integrator, steps) or _grows(resting_start, high, integrator, growing)):
         return f"the spectral radius passes 1 at {limit:.9g} s, but no motion grows at {high:.9g} s"
     return low, high
 
 
+def _warns_at_once(scene: Scene, timestep_s: float, integrator: int) -> bool:
+    """Whether MuJoCo rejects the start itself, as where it accelerates faster than mjMAXVAL."""
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
+        mujoco.mj_step(workspace.model, workspace.data)
+        return bool(workspace.counts.any())
+
+
 def _count_steps(resting: Scene, timestep_s: float, integrator: int) -> int:
-    """Returns the steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
+    """The steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
     rate = log(max(compute_spectral_radius(resting, timestep_s=timestep_s, integrator=integrator), 1.0))
     return STEPS_MAX if rate == 0 else int(min(max(8, 2 * log(CLEAR) / rate), STEPS_MAX))
 
@@ -218,7 +228,7 @@ def _search_threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> 
 
 
 def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
-    """Measure the value at h, h/2 and h/4 and from nudged starts; its uncertainty is the largest difference."""
+    """Measure the value at ever shorter timesteps, within a regime that is checked, and from nudged starts."""
     config = LabConfig(
         model=verify.model,
         xml=verify.xml,
@@ -231,20 +241,75 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
     every = verify.when != "end"
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
 
-    def measure(variant: Variant) -> float:
+    def run_of(variant: Variant) -> tuple[LabRun, float]:
+        variant = replace(variant, every_step=every)
         run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
-        if run.warnings:
-            raise VerifyError("verify", f"MuJoCo warned of {run.warnings[0].kind} at {run.warnings[0].time_s:g} s")
-        return _summarise([to_number(v) for v in run.readouts[0]], verify.when)
+        if reset := describe_reset(run):
+            raise Unresolved(reset)
+        return run, _summarise([to_number(v) for v in run.readouts[0]], verify.when)
 
-    at = {f"h/{variant.finer}": measure(replace(variant, every_step=every)) for variant in (SAME, *FINER)}
-    nudged = [measure(replace(variant, every_step=every)) for variant in NUDGED]
-    best = at["h/4"]
-    uncertainty = max(abs(best - at["h/1"]), *(abs(at["h/1"] - v) for v in nudged))
-    measured = {**at, "nudged": nudged, "unit": key.unit}
+    given = verify.timestep == "given"
+    try:
+        own, first = run_of(SAME if given else Variant(probes=PROBES))
+        if given:
+            level, fastest = 0, 0.0
+        else:
+            level, fastest = find_first_level(own, to_the_end=verify.when == "end")
+        finest = 2.0**level
+        ladder = Ladder(lambda v: run_of(v)[1], own, level, fastest, UNCERTAINTY_SHARE * key.tolerance)
+        if not given:
+            ladder.climb(first)
+        base = first if given else ladder.values[finest]
+        nudged = [run_of(replace(v, finer=finest))[1] for v in NUDGED]
+    except Unresolved as error:
+        return replace(refuse("measurement", key.answer, str(error)), regime={"holds": False})
+    noise = max(abs(base - v) for v in nudged)
+    best = first if given else ladder.best
+    uncertainty = noise if given else max(ladder.uncertainty, noise)
+    measured = {**{f"h/{finer:.6g}": v for finer, v in sorted(ladder.values.items())}, "nudged": nudged}
+    measured = (measured or {}) | ({"h/1": first} if given else {}) | {"unit": key.unit}
+    regime = Regime(
+        compute_timestep_s(own),
+        fastest,
+        tuple(f for f in sorted(ladder.values) if f >= finest and f != ladder.incommensurate),
+        ladder.orders,
+        None if ladder.incommensurate is None else compute_timestep_s(own) / ladder.incommensurate,
+    )
     if not isfinite(best):
         return refuse("measurement", key.answer, f"the measured value is {best}", key="verify.expr")
-    return certify_number("measurement", key, best, uncertainty, measured)
+    certificate = certify_number(
+        "measurement", question, best, uncertainty, measured, cure=_cure(ladder, noise, given=given)
+    )
+    if not certificate.ok and not given and abs(first - key.answer) <= key.tolerance:
+        at_own = f"the run at the own timestep gives the key, {first:.6g}: write timestep given if it is about that run"
+        certificate = replace(certificate, why=f"{certificate.why}; {at_own}")
+    if certificate.ok and verify.timestep == "both" and not abs(first - key.answer) <= key.tolerance:
+        why = (
+            f"the motion gives the key, {best:.6g}, but the run at the own timestep, which a page shows, {first:.6g}: "
+            "give a shorter timestep, or write timestep any, or given and the other key"
+        )
+        certificate = replace(certificate, ok=False, undecided=True, why=why)
+    remarks = certificate.remarks
+    if certificate.ok and not given and level:
+        remarks += (
+            f"The own timestep, {compute_timestep_s(own):g} s, is too long for the fastest motion, {fastest:.3g} 1/s: the key was "
+            f"derived at timesteps {finest:g} times shorter, and a page shows {first:.6g}.",
+        )
+    return replace(
+        certificate, remarks=remarks, regime={"timestep": verify.timestep, **regime.to_json(), "round-off": noise}
+    )
+
+
+def _cure(ladder: Ladder, noise: float, *, given: bool) -> str:
+    """What the author may change where a number stays uncertain: the condition that failed, in a sentence."""
+    if given or noise >= ladder.uncertainty:
+        return f"a start nudged by 1e-10 changes it by {noise:.2g}: ask for something earlier, or less sensitive"
+    if ladder.missed >= 0.5 * ladder.uncertainty:
+        return (
+            "a timestep that is no simple fraction of the others disagrees, as where a force changes faster than the "
+            "timestep: give a shorter timestep or a larger tol"
+        )
+    return "it still changes with the timestep: give a larger tol or a shorter timestep, or timestep given"
 
 
 def _summarise(values: Sequence[float], when: str) -> float:

@@ -1,15 +1,15 @@
 """Certifies keys of predict questions: runs the lab under each option's setting, or once for all claims."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
-    FINER,
     NUDGED,
+    PROBES,
     SAME,
     LabRun,
     Variant,
@@ -18,9 +18,11 @@ from grader.certify.experiments import (
     remove_display,
     run_experiment,
 )
+from grader.certify.regime import Unresolved, choose_incommensurate, describe_reset, find_first_level
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
+from grader.numerics.stability.growth import measure_silent_growth
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
 from grader.numerics.stability.linear import find_spectral_limit
@@ -29,6 +31,9 @@ from grader.questions import ModelXml, OptionKey
 NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)
 ALL = re.compile(r"\b(all|both|each|every)\b", re.IGNORECASE)
 ONLY = re.compile(r"\bonly\b|\bno other\b|\balone\b", re.IGNORECASE)
+
+VISIBLE, CERTAIN = 1.5, 20.0
+"""Growth of small motions over a silent run that may be seen, and that is certain: between the two nobody can tell."""
 
 LIMIT_SPAN_S = (5e-4, 0.1)
 """Timesteps [s] between which the linear stability limit is sought."""
@@ -65,10 +70,17 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
     for i, setting in enumerate(settings):
         if setting is None:
             continue
-        outcomes = [_measure_outcome(measuring, xml, setting, verify, v) for v in _list_variants(lab, setting, verify)]
+        try:
+            outcomes = _outcomes(measuring, lab, xml, setting, verify)
+        except Unresolved as error:
+            why = f"{key.options[i]!r}: {error}"
+            return replace(refuse("options", key.answer, why), regime={"holds": False})
         measured[key.options[i]] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
             why = f"{key.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
+            return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
+        if outcomes[0][0] is None:
+            why = f"{key.options[i]!r} cannot be decided: {outcomes[0][1].get('why', 'MuJoCo reset the state')}"
             return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
         held[i] = outcomes[0][0]
     right = _find_right_options(key.options, held)
@@ -85,17 +97,29 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
     claims = [to_claim(claim, verify.when) for claim in verify.claims]
     measuring = remove_display(lab, *(claim.expr for claim in claims))
     truths, numbers = [], list[list[float | None]]()
-    for variant in (SAME, *FINER, *NUDGED):
-        run = run_experiment(
-            measuring,
-            xml,
-            verify.controls,
-            seconds=verify.seconds,
-            variant=replace(variant, every_step=any(claim.when != "end" or claim.until for claim in claims)),
-            keys={"readouts": "verify.claims"},
+    every = any(claim.when != "end" or claim.until for claim in claims)
+
+    def run_of(variant: Variant) -> LabRun:
+        variant = replace(variant, every_step=every)
+        keys = {"readouts": "verify.claims"}
+        return run_experiment(measuring, xml, verify.controls, seconds=verify.seconds, variant=variant, keys=keys)
+
+    try:
+        given = verify.timestep == "given"
+        to_the_end = all(claim.when == "end" for claim in claims)
+        variants = (
+            (SAME, *NUDGED) if given else _regime_variants(run_of, to_the_end=to_the_end, own=verify.timestep == "both")
         )
+    except Unresolved as error:
+        return replace(refuse("outcome", key.answer, str(error)), regime={"holds": False})
+    for variant in variants:
+        run = run_of(variant)
         found = [check_claim(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
-        truths.append([holds for holds, _ in found])
+        if any(holds is None for holds, _ in found):
+            return replace(
+                refuse("outcome", key.answer, str(describe_reset(run)), key="answer"), regime={"holds": False}
+            )
+        truths.append([bool(holds) for holds, _ in found])
         numbers.append([number for _, number in found])
     measured = {
         option: truths[0][i] if numbers[0][i] is None else {"true": truths[0][i], claims[i].when: numbers[0][i]}
@@ -128,22 +152,46 @@ def _find_right_options(options: Sequence[str], held: dict[int, bool]) -> list[i
     return holding
 
 
-def _list_variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
-    """Return the runs that must agree: nudged starts, and h/2 and h/4 unless the setting itself changes the numerics.
+def _outcomes(
+    measuring: LabConfig, lab: LabConfig, xml: str, setting: Setting, verify: ByOptions
+) -> list[tuple[bool | None, dict[str, Any]]]:
+    """What the runs give that must agree: nudged starts, and shorter timesteps unless the setting changes the numerics.
 
-    Stability belongs to one timestep, so it is not compared with finer ones.
+    Stability belongs to one timestep, so it is not compared with shorter ones, but with the linear growth of small
+    motions: a motion that grows may be bounded by forces that are not linear, and then MuJoCo never warns.
     """
     options_are_numerics = any(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
     )
-    finer = () if verify.criterion == "stable" or options_are_numerics else FINER
-    return (SAME, *NUDGED, *finer)
+    if verify.criterion == "stable":
+        runs = [_measure_outcome(measuring, xml, setting, verify, v) for v in (SAME, *NUDGED)]
+        return [_grown(measuring, xml, setting, runs[0])] if runs[0][0] and all(r[0] for r in runs) else runs
+    if options_are_numerics or verify.timestep == "given":
+        return [_measure_outcome(measuring, xml, setting, verify, v) for v in (SAME, *NUDGED)]
+    keys = {"readouts": "verify.criterion"}
+    variants = _regime_variants(
+        lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
+        to_the_end=to_claim(verify.criterion, verify.when).when == "end",
+        own=verify.timestep == "both",
+    )
+    return [_measure_outcome(measuring, xml, setting, verify, v) for v in variants]
+
+
+def _regime_variants(run: Callable[[Variant], LabRun], *, to_the_end: bool, own: bool) -> tuple[Variant, ...]:
+    """The variants that must agree on a claim about the motion itself. Raises Unresolved."""
+    probed = run(Variant(probes=PROBES))
+    if probed.warnings:
+        return (SAME,)
+    level, _ = find_first_level(probed, to_the_end=to_the_end)
+    finest = 2.0**level
+    finer = tuple(Variant(finer=f) for f in (finest, 2 * finest, 4 * finest, choose_incommensurate(probed, level)))
+    return (*((SAME,) if own and level else ()), *finer, *(replace(v, finer=finest) for v in NUDGED))
 
 
 def _measure_outcome(
     lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant
-) -> tuple[bool, dict[str, Any]]:
-    """Whether the criterion holds under a setting, and what was measured."""
+) -> tuple[bool | None, dict[str, Any]]:
+    """Whether the criterion holds under a setting, and what was measured; None where a reset hides it."""
     keys = {"readouts": "verify.criterion"}
     if verify.criterion == "stable":
         run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
@@ -152,9 +200,28 @@ def _measure_outcome(
     variant = replace(variant, every_step=claim.when != "end" or claim.until is not None)
     run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
     holds, number = check_claim(claim, run, run.readouts[0])
+    if holds is None:
+        return None, {"why": describe_reset(run)}
     if number is not None:
         return holds, {"holds": holds, claim.when: number}
     return holds, {"holds": holds, "final": format_readout(run.readouts[0][-1], None)}
+
+
+def _grown(
+    lab: LabConfig, xml: str, setting: Setting, outcome: tuple[bool | None, dict[str, Any]]
+) -> tuple[bool | None, dict[str, Any]]:
+    """The outcome of a silent run, with the growth of small motions: not stable where it is certain, else None."""
+    if lab.controller is not None:
+        return outcome
+    scene = build_lab_scene(lab, xml, setting)
+    h, integrator = float(scene.model.opt.timestep), int(scene.model.opt.integrator)
+    grown = measure_silent_growth(scene, timestep_s=h, integrator=integrator, steps=round(outcome[1]["seconds"] / h))
+    if grown is None or grown.factor < VISIBLE:
+        return outcome
+    why = f"MuJoCo never warns, but small motions about the equilibrium grow {grown.per_step:.4g} times a step"
+    if grown.factor < CERTAIN:
+        return None, {**outcome[1], "why": f"{why}: the timestep is too near the limit for this length; move it away"}
+    return False, {**outcome[1], "stable": False, "growth": f"{why}: large ones are bounded"}
 
 
 def _describe_stability(run: LabRun) -> dict[str, Any]:

@@ -21,6 +21,11 @@ class VerifyPart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+Timestep = Literal["both", "any", "given"]
+"""`both`: the answer is about the motion, and the run at the model's own timestep gives it too; `any`: the answer is about the motion, and must not depend on the timestep; `given`: it is about the discretisation
+at the model's own timestep, and only nudged starts and round-off are varied."""
+
+
 class Claim(VerifyPart):
     """A claim about the history of a run, read at every step from `since` to `until` [s] (both included).
 
@@ -61,6 +66,7 @@ class ByOptions(VerifyPart):
     criterion: Expression | Claim = "stable"
     when: When = "end"
     seconds: Seconds | None = None
+    timestep: Timestep = "both"
 
 
 class ByOutcome(VerifyPart):
@@ -74,6 +80,7 @@ class ByOutcome(VerifyPart):
     controls: Setting = {}
     when: When = "end"
     seconds: Seconds | None = None
+    timestep: Timestep = "both"
 
 
 class ByStage(VerifyPart):
@@ -157,6 +164,7 @@ class ByMeasurement(VerifyPart):
     expr: Expression
     when: Literal["end", "max", "min", "mean"] = "end"
     seconds: Seconds
+    timestep: Timestep = "both"
 
 
 class ByExpression(VerifyPart):

@@ -1,11 +1,12 @@
 """LabRun: the recorded frames of a run, with the geoms that a viewer draws, as the page plays them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grader.domain.lab import LabConfig, Plot, Readout
 from grader.errors import LabError
@@ -23,6 +24,15 @@ DASH = "–"
 
 Column = tuple[Value, ...]
 """What one expression gave, a value a frame; undefined where it failed."""
+
+
+class Probe(NamedTuple):
+    """The equations of motion at a time [s] of a run: eigenvalues [1/s], growth rates at a timestep, crossings [1/s]."""
+
+    time_s: float
+    rates: NDArray[np.complex128]
+    compute_decays: Callable[[float], Floats]
+    crossing: float
 
 
 @dataclass(frozen=True)
@@ -59,6 +69,7 @@ class LabRun:
     seconds: float = 0.0
     duration_s: float = 0.0
     steps: int = 0
+    probes: list[Probe] = field(default_factory=list)
     timing_ms: dict[str, float] = field(default_factory=dict)
 
     @property

@@ -4,6 +4,7 @@ its linear stability limit gravity bounds the motion, and MuJoCo never warns."""
 from dataclasses import dataclass
 from math import log
 
+import mujoco
 import numpy as np
 from mujoco import mjMAXVAL
 
@@ -67,3 +68,36 @@ def _compute_exact_growth(resting: Scene, timestep_s: float, integrator: int) ->
 
 def _compute_logs(moduli: Vector) -> Vector:
     return np.log(np.maximum(moduli, np.finfo(float).tiny))
+
+
+@dataclass(frozen=True)
+class Silent:
+    """Numerical growth of small motions per step, and over a whole run."""
+
+    per_step: float
+    factor: float
+
+
+def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: int) -> Silent | None:
+    """The growth of small motions about the equilibrium of a motion which the exact motion does not have.
+
+    None without an equilibrium, where contacts or limits act in it (they push one way only), where nothing grows, or where MuJoCo cannot linearise the model.
+    """
+    try:
+        resting = find_equilibrium_of_motion(scene)
+        if resting is None or scene.model.nv == 0 or _touches(resting):
+            return None
+        moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
+        if not moduli[0] > 1 + RADIUS_NOISE:
+            return None
+        exact = _compute_exact_growth(resting, timestep_s, integrator)
+    except mujoco.FatalError:
+        return None
+    per_step = float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
+    return Silent(per_step, float(np.exp(min(steps * log(per_step), 700.0)))) if per_step > 1 else None
+
+
+def _touches(resting: Scene) -> bool:
+    with resting.borrow() as workspace:
+        mujoco.mj_forward(workspace.model, workspace.data)
+        return int(workspace.data.nefc) > int(workspace.data.ne)

@@ -10,7 +10,7 @@ from mujoco import mjtIntegrator
 from numpy.typing import NDArray
 from scipy import optimize
 
-from grader.numerics.scene import Scene, Vector
+from grader.numerics.scene import FULL_STATE, Scene, Vector
 from grader.numerics.workspace import Workspace
 
 Matrix = NDArray[np.float64]
@@ -23,6 +23,9 @@ RADIUS_NOISE = 1e-7
 
 SPECTRAL_POINTS = 64
 """Grid of `find_spectral_limit`; the spectral radius is assumed to pass 1 at most once within a cell."""
+
+RELATIVE_WIDTH = 1e-6
+"""Width to which a limit is sought relative to its size, where that is less than what the caller allows."""
 
 REST = 1e-9
 """Accelerations below this count as rest [rad/s2, m/s2]; relative to those at qpos0 if these exceed 1."""
@@ -43,11 +46,124 @@ def find_least_accelerated(scene: Scene) -> Scene:
     return find_equilibrium(scene) or _find_rest(scene, "lm")[0]
 
 
-def _find_rest(scene: Scene, method: Literal["hybr", "lm"]) -> tuple[Scene, float]:
-    """Returns the scene at rest where SciPy's `root` ends, and the remaining acceleration, scaled as for REST."""
+UNSTABLE_RATE = 1e-3
+"""Growth rate of the exact motion, relative to the fastest rate, above which an equilibrium is unstable."""
+
+RELAXATIONS = 400
+"""Most steps of the overdamped motion to a stable equilibrium."""
+
+
+def compute_rates(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.complex128]:
+    """Eigenvalues [1/s] of the equations of motion, linearised at the state of `data`, which is written.
+
+    Forward differences of the accelerations and activation rates: 2 nv + na + 1 evaluations.
+    """
+    nv, na = int(model.nv), int(model.na)
+    qpos, qvel, act = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+
+    def rate(column: int, nudge: float) -> Vector:
+        data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
+        if column < nv:
+            step = np.zeros(nv)
+            step[column] = nudge
+            mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+        elif column < 2 * nv:
+            data.qvel[column - nv] += nudge
+        else:
+            data.act[column - 2 * nv] += nudge
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qacc, data.act_dot])
+
+    size = 2 * nv + na
+    jacobian = np.zeros((size, size))
+    jacobian[:nv, nv : 2 * nv] = np.eye(nv)
+    for column in range(size):
+        jacobian[nv:, column] = (rate(column, EPS) - rate(column, -EPS)) / (2 * EPS)
+    data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(size, np.inf, dtype=np.complex128)
+    return np.asarray(np.linalg.eigvals(jacobian), dtype=np.complex128)
+
+
+SOLID = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+
+
+def compute_crossing_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """How many times a second [1/s] the fastest geom flies through the thinnest that may collide, by half extents."""
+    colliding = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
+    thick = model.geom_aabb[colliding, 3:].min(axis=1)[~np.isin(model.geom_type[colliding], SOLID)]
+    if len(colliding) < 2 or not len(thick) or not thick.min() > 0:
+        return 0.0
+    mujoco.mj_forward(model, data)
+    velocity, fastest = np.zeros(6), 0.0
+    for geom in colliding.tolist():
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
+        fastest = max(fastest, float(np.linalg.norm(velocity[3:])))
+    return fastest / float(thick.min())
+
+
+def compute_decays(model: mujoco.MjModel, data: mujoco.MjData, state: Vector, timestep_s: float) -> Vector:
+    """Growth rates [1/s] of all modes in the discretised motion at a full state; `data` and the timestep are written."""
+    mujoco.mj_setState(model, data, state, FULL_STATE)
+    own, model.opt.timestep = float(model.opt.timestep), timestep_s
+    try:
+        if int(model.opt.integrator) == mjtIntegrator.mjINT_RK4:
+            jacobian = _differenced(model, data)
+        else:
+            size = 2 * model.nv + model.na
+            jacobian = np.zeros((size, size))
+            mujoco.mjd_transitionFD(model, data, EPS, True, jacobian, None, None, None)
+    finally:
+        model.opt.timestep = own
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(len(jacobian), np.inf)
+    moduli = np.maximum(np.abs(np.linalg.eigvals(jacobian)), np.finfo(float).tiny)
+    return np.asarray(np.log(moduli) / timestep_s)
+
+
+def _is_falling(scene: Scene) -> bool:
+    """Whether small motions about a scene at rest grow in the exact motion."""
+    with scene.borrow(integrator=int(mjtIntegrator.mjINT_EULER)) as workspace:
+        found = compute_rates(workspace.model, workspace.data)
+    return float(found.real.max(initial=0.0)) > UNSTABLE_RATE * (1 + float(np.abs(found).max(initial=0.0)))
+
+
+@lru_cache(maxsize=128)
+def find_equilibrium_of_motion(scene: Scene) -> Scene | None:
+    """The equilibrium about which a motion from the scene's start comes to rest, if anything slows it down.
+
+    That is the one from qpos0, unless it is unstable in the exact motion: then where the overdamped motion from the
+    start ends, if that is stable. None if there is no equilibrium at all.
+    """
+    found = find_equilibrium(scene)
+    if found is None or scene.model.nv == 0 or not _is_falling(found):
+        return found
     with scene.borrow() as workspace:
         model, data = workspace.model, workspace.data
-        origin, nv = np.array(model.qpos0), int(model.nv)
+        data.qvel[:] = 0
+        mujoco.mj_forward(model, data)
+        stiffness = float(np.abs(compute_rates(model, data)).max(initial=0.0)) ** 2
+        if not isfinite(stiffness):
+            return found
+        gain = 0.5 / max(stiffness, 1.0)
+        for _ in range(RELAXATIONS):
+            data.qvel[:] = 0
+            mujoco.mj_forward(model, data)
+            step = gain * data.qacc
+            largest = float(np.abs(step).max(initial=0.0))
+            if largest < 1e-6:
+                break
+            mujoco.mj_integratePos(model, data.qpos, step * min(1.0, 0.05 / largest), 1.0)
+        origin = data.qpos.copy()
+    relaxed, residual = _find_rest(scene, "hybr", origin)
+    return relaxed if residual <= REST and not _is_falling(relaxed) else found
+
+
+def _find_rest(scene: Scene, method: Literal["hybr", "lm"], origin: Vector | None = None) -> tuple[Scene, float]:
+    """The scene at rest where SciPy's `root` ends, and the remaining acceleration, scaled as for REST."""
+    with scene.borrow() as workspace:
+        model, data = workspace.model, workspace.data
+        origin, nv = np.array(model.qpos0) if origin is None else origin, int(model.nv)
 
         def compute_accelerations(unknowns: Vector) -> Vector:
             data.qpos[:] = origin
@@ -79,8 +195,11 @@ def linearise_step(scene: Scene, *, timestep_s: float | None = None, integrator:
 
 
 def difference_step(workspace: Workspace) -> Matrix:
-    """`linearise_step` by central differences of mj_step, for any integrator, at the state of the workspace."""
-    model, data = workspace.model, workspace.data
+    """`one_step_map` by central differences of mj_step, for any integrator, at the state of the workspace."""
+    return _differenced(workspace.model, workspace.data)
+
+
+def _differenced(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:
     nv, size = int(model.nv), int(2 * model.nv + model.na)
     start = (data.qpos.copy(), data.qvel.copy(), data.act.copy(), float(data.time), data.qacc_warmstart.copy())
 
@@ -124,7 +243,7 @@ def find_spectral_limit(
     ValueError if there is no equilibrium, or the range is empty."""
     if not (isfinite(high_s) and 0 < low_s < high_s and width_s > 0):
         raise ValueError(f"cannot search between {low_s} and {high_s} s to {width_s} s")
-    resting = find_equilibrium(scene)
+    resting = find_equilibrium_of_motion(scene)
     if resting is None:
         raise ValueError("no equilibrium was found to linearise at")
 
@@ -138,6 +257,7 @@ def find_spectral_limit(
     if first == 0:
         return low_s
     low_s, high_s = grid[first - 1], grid[first]
+    width_s = min(width_s, RELATIVE_WIDTH * high_s)
     while high_s - low_s > width_s:
         middle = 0.5 * (low_s + high_s)
         low_s, high_s = (low_s, middle) if is_unstable(middle) else (middle, high_s)

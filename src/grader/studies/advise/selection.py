@@ -44,11 +44,20 @@ CONFIRMATIONS = 2
 REFERENCE_SHARE = 0.1
 """The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
 
+ACCEPTED_SHARE = 0.4
+"""The same where halving has ended: the doubt between different methods is a bound, and every error has it added."""
+
+HOPE = 2.5
+"""The most by which one halving reduces the doubt of motions with contacts: without this hope halving ends early."""
+
 REFERENCE_S = (0.0002, 0.0001, 0.00005, 0.000025, 0.0000125)
 """Timesteps [s] of the reference where DOP853 cannot be used: halved until two of them agree."""
 
 RTOLS = (1e-9, 1e-11, 1e-13)
 """Tolerances of DOP853: tightened until two of them agree."""
+
+RK4_RATIO = 2
+"""The timestep of RK4 relative to that of the method beside it: both then cost about the same."""
 
 CORES = os.cpu_count() or 1
 """Runs at a time: mj_step releases Python's lock."""
@@ -104,6 +113,10 @@ class QuantityStill(ValueError):
 
 class OutOfTime(RuntimeError):
     """The budget is spent."""
+
+
+class Touched(Exception):
+    """A constraint acts, so that the equations are not smooth."""
 
 
 def select(
@@ -194,11 +207,12 @@ class _Meter:
         spent = time.thread_time() - begin
         return _Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
 
-    def reference_run(self, timestep_s: float, times_s: Vector) -> Rollout:
-        """Returns a run that is kept at the steps on both sides of every time."""
+    def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
+        """A run that is kept at the steps on both sides of every time."""
+        timestep_s = setting[1]
         steps = times_s / timestep_s
         around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
-        return self.run((PREFERENCE[0], timestep_s), np.asarray(around * timestep_s)).rollout
+        return self.run(setting, np.asarray(around * timestep_s)).rollout
 
     def error(self, one: Rollout | Reference, other: Rollout | Reference) -> float:
         """Returns the sup norm of the difference at the times of `one`; inf if it diverged."""
@@ -241,6 +255,16 @@ def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Refer
     return Reference(times, qpos, qvel, act)
 
 
+def _extrapolated(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
+    """The first-order extrapolation of two solutions at the same times, one at half the timestep of the other."""
+    qpos, qvel, act = (
+        2 * b - a for a, b in ((coarse.qpos, fine.qpos), (coarse.qvel, fine.qvel), (coarse.act, fine.act))
+    )
+    for row in qpos:
+        mujoco.mj_normalizeQuat(scene.model, row)
+    return Reference(fine.time, qpos, qvel, act)
+
+
 class _Survey:
     """Measures settings once each, within a budget of wall time. `offered` holds the timesteps [s] to choose from for
     each integrator, the largest first; `measured` what was found."""
@@ -277,9 +301,11 @@ class _Survey:
             reference = self.reference(times)
         except RuntimeError as error:
             return _cannot_tell(str(error))
-        if not self.doubt <= REFERENCE_SHARE * self.tolerance:
-            much = f"too much for a tolerance of {self.tolerance:g}"
-            return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
+        if not self.doubt <= ACCEPTED_SHARE * self.tolerance:
+            why = (
+                f"the reference itself is uncertain by {self.doubt:.2g}, too much for a tolerance of {self.tolerance:g}"
+            )
+            return _cannot_tell(why, self.doubt)
         self.take(runs, reference)
         self.refine(reference)
         return self.choose(own)
@@ -298,12 +324,30 @@ class _Survey:
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
 
     def reference(self, times_s: Vector) -> Rollout | Reference:
-        """Returns the reference solution; `doubt` becomes its distance to the second-best solution. Smooth scenes use
-        DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the difference estimates
-        the remaining error of a first-order method."""
-        solve = self.solve if find_obstacle(self.meter.scene) is None else self.step
-        best: Rollout | Reference | None = None
-        for finer in solve(times_s):
+        """The reference solution; `doubt` becomes the largest distance to solutions of another kind or timestep.
+
+        Smooth scenes, and those in which no constraint acts along the whole motion, use DOP853 at two tolerances.
+        Others use RK4, confirmed by itself at twice the timestep and by a method of first order.
+        """
+        if find_obstacle(self.meter.scene) is None or self.free():
+            try:
+                return self.tightened(times_s)
+            except Touched:
+                self.progress("a constraint acts: the reference needs steps")
+        return self.paired(times_s)
+
+    def free(self) -> bool:
+        """Whether constraints are all that hinders DOP853, and none acts at the start."""
+        scene = self.meter.scene
+        if find_obstacle(scene, constraints=False) is not None:
+            return False
+        with scene.borrow() as workspace:
+            mujoco.mj_forward(workspace.model, workspace.data)
+            return int(workspace.data.nefc) == 0
+
+    def tightened(self, times_s: Vector) -> Reference:
+        best: Reference | None = None
+        for finer in self.solve(times_s):
             if best is not None:
                 self.doubt = self.meter.error(self.kept(best, times_s), finer)
                 if self.doubt <= REFERENCE_SHARE * self.tolerance:
@@ -311,6 +355,57 @@ class _Survey:
             best = finer
         assert best is not None
         return best
+
+    def paired(self, times_s: Vector) -> Reference | Rollout:
+        """RK4 at ever smaller timesteps beside a method of first order at half of each, as long as the budget lasts.
+
+        The doubt is the largest of the distances to RK4 at twice the timestep, and to the nearer of the other method
+        and its extrapolation: errors of different methods do not cancel. Where RK4 does not run, Euler takes its place.
+        """
+        fourth = RK4 if RK4 in self.offered else EULER
+        best: Rollout | Reference | None = None
+        before: tuple[Rollout, Rollout] | None = None
+        for finest_s in REFERENCE_S:
+            coarse = RK4_RATIO * finest_s if fourth is RK4 else finest_s
+            spent = self.predicted((PREFERENCE[0], finest_s)) + self.predicted((fourth, coarse))
+            if not self.lasts(spent / min(CORES, 2)):
+                if before is None or best is None:
+                    raise OutOfTime("the budget is too small for a reference solution")
+                return best
+            self.progress(f"the reference: {fourth.name} and {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
+            settings = ((fourth, coarse), (PREFERENCE[0], finest_s))
+            high, low = self.pool.map(self.meter.reference_run, settings, [times_s] * 2)
+            if high.diverged_at_step is not None and fourth is RK4:
+                fourth, before = EULER, None  # too stiff for an explicit method: two implicit ones remain
+                high = self.meter.reference_run((EULER, finest_s), times_s)
+            if before is not None:
+                doubt = self.doubts(times_s, before, (high, low))
+                if doubt < self.doubt:
+                    self.doubt, best = doubt, high
+                if self.doubt <= REFERENCE_SHARE * self.tolerance:
+                    return high
+                left = sum(h < finest_s for h in REFERENCE_S)
+                if (
+                    isfinite(doubt)
+                    and finest_s < REFERENCE_S[1]
+                    and doubt / HOPE**left > ACCEPTED_SHARE * self.tolerance
+                ):
+                    return best if best is not None else high
+            before = (high, low)
+            best = high if best is None else best
+        assert best is not None
+        return best
+
+    def doubts(self, times_s: Vector, before: tuple[Rollout, Rollout], now: tuple[Rollout, Rollout]) -> float:
+        """The largest distance of the new RK4 run to the one before, and to the independent method."""
+        if any(run.diverged_at_step is not None for run in (*before, *now)):
+            return inf
+        high, low = (self.kept(run, times_s) for run in now)
+        coarser, lower = (self.kept(run, times_s) for run in before)
+        assert isinstance(low, Reference) and isinstance(lower, Reference)
+        extrapolated = _extrapolated(self.meter.scene, lower, low)
+        itself = self.meter.error(coarser, high)
+        return max(itself, min(self.meter.error(low, high), self.meter.error(extrapolated, high)))
 
     def kept(self, run: Rollout | Reference, times_s: Vector) -> Rollout | Reference:
         """Returns the run at `times_s` after the start, unless it diverged."""
@@ -325,28 +420,19 @@ class _Survey:
             if time.monotonic() > self.until:
                 raise OutOfTime("the budget is too small for a reference solution")
             mujoco.mj_forward(model, data)
+            if data.nefc:
+                raise Touched
 
         found = False
         for rtol in RTOLS:
             self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
             try:
-                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward)
+                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward, constraints=False)
             except OutOfTime:
                 if not found:
                     raise
                 return
             found = True
-
-    def step(self, times_s: Vector) -> Iterator[Rollout]:
-        """Runs at ever smaller timesteps, as long as the budget lasts; the first two at a time."""
-        for timesteps_s in (REFERENCE_S[:2], *((h,) for h in REFERENCE_S[2:])):
-            finest_s = timesteps_s[-1]
-            if not self.lasts(self.predicted((PREFERENCE[0], finest_s))):
-                if finest_s == REFERENCE_S[1]:
-                    raise OutOfTime("the budget is too small for a reference solution")
-                return
-            self.progress(f"the reference: {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
-            yield from self.pool.map(self.meter.reference_run, timesteps_s, [times_s] * len(timesteps_s))
 
     def predicted(self, setting: Setting) -> float:
         """Returns the expected time [s] of a run on one core."""

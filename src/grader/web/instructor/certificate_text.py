@@ -20,6 +20,8 @@ NUMBERS = {
 }
 """What the number of a claim is, by its `when`."""
 
+PLACES = {"h/2": "a half of it", "h/4": "a quarter of it"}
+
 ALL_INTEGRATORS = "all integrators"
 CURE = "Draw more numbers, from wider ranges; or raise luck in the question's file, and say why in x-luck."
 
@@ -85,8 +87,9 @@ def describe_threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, lis
 def describe_measurement(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
     """Returns a measured value at finer timesteps, and from nudged starts."""
     found = [
-        f"{format_amount(measured[h], unit)} at {'the timestep' if h == 'h/1' else f'a {place} of it'}"
-        for h, place in (("h/1", ""), ("h/2", "half"), ("h/4", "quarter"))
+        f"{format_amount(value, unit)} at {'the timestep' if h == 'h/1' else PLACES.get(h) or f'it over {h[2:]}'}"
+        for h, value in measured.items()
+        if h.startswith("h/")
     ]
     nudged = " and ".join(format_amount(value, unit) for value in measured["nudged"])
     simulated = "The run at its timestep, at finer ones, and from starts that are shifted by less than can be seen."
