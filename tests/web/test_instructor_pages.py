@@ -372,7 +372,7 @@ MEASURED: dict[str, tuple[dict[str, Any], str]] = {
 def test_every_way_to_derive_a_key_is_told_in_sentences(method: str) -> None:
     measured, sentence = MEASURED[method]
     numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
-    certificate = Certificate(True, "", method, 2.0062, 2.006, measured, tolerance=0.01)
+    certificate = Certificate("certified", "", method, 2.0062, 2.006, measured, tolerance=0.01)
     lines = [
         line for _, several in word_key(NumberQuestion.model_validate(numeric).key, certificate) for line in several
     ]

@@ -6,6 +6,7 @@ from math import inf, isfinite
 from typing import Any
 
 from grader.certify.experiments import LabRun, to_boolean, to_number
+from grader.certify.regime import Unresolved, describe_reset
 from grader.domain.verify import Claim, When
 
 TIME_SLACK_S = 1e-9
@@ -17,32 +18,21 @@ def to_claim(text: str | Claim, when: When) -> Claim:
     return text if isinstance(text, Claim) else Claim(expr=text, when=when)
 
 
-def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool | None, float | None]:
-    """Do as `check_history`, but return None where MuJoCo reset the state before the claim was decided."""
-    if not run.warnings or (claim.until is not None and claim.until < run.warnings[0].time_s):
-        return check_history(claim, run, values)
-    kept = sum(time < run.warnings[0].time_s for time in run.times)
-    before = [v for t, v in zip(run.times[:kept], values[:kept], strict=True) if t >= claim.since - TIME_SLACK_S]
-    truths = list(map(to_boolean, before)) if claim.when in ("always", "ever", "first") else []
-    if claim.when == "always" and not all(truths):
-        return False, None
-    if claim.when == "ever" and any(truths):
-        return True, None
-    if claim.when == "first" and any(truths):
-        return check_history(claim, run, values)
-    return None, None
-
-
-def check_history(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
+def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool, float | None]:
     """Whether the claim holds in a run in which its expression had these values, a value a frame.
 
     Also returns the number that was counted or measured: None where there is none, as for the first time of what never
-    happened. Such a claim is false.
+    happened. Such a claim is false. Raises Unresolved where MuJoCo reset the state before the claim was decided.
     """
     until = inf if claim.until is None else claim.until + TIME_SLACK_S
+    reset = run.warnings[0].time_s if run.warnings else inf
     inside = [
-        value for time, value in zip(run.times, values, strict=True) if claim.since - TIME_SLACK_S <= time <= until
+        value
+        for time, value in zip(run.times, values, strict=True)
+        if claim.since - TIME_SLACK_S <= time <= until and time < reset
     ]
+    if run.warnings and until >= reset and not _is_decided(claim, inside):
+        raise Unresolved("no reset", describe_reset(run))
     if not inside:
         return False, None
     if claim.when in ("end", "always", "ever"):
@@ -54,6 +44,14 @@ def check_history(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[boo
     low = -inf if claim.at_least is None else claim.at_least
     high = inf if claim.at_most is None else claim.at_most
     return low <= measured <= high, measured
+
+
+def _is_decided(claim: Claim, inside: Sequence[Any]) -> bool:
+    """Whether values up to a reset decide the claim, whatever the run would have been like after it."""
+    if claim.when not in ("always", "ever", "first"):
+        return False
+    deciding = claim.when != "always"
+    return any(to_boolean(value) is deciding for value in inside)
 
 
 def _measure(claim: Claim, run: LabRun, inside: Sequence[Any]) -> float | None:

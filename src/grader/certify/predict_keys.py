@@ -1,15 +1,15 @@
 """Certifies keys of predict questions: runs the lab under each option's setting, or once for all claims."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from math import log
 from typing import Any
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
     NUDGED,
-    PROBES,
     SAME,
     LabRun,
     Variant,
@@ -17,14 +17,14 @@ from grader.certify.experiments import (
     format_readout,
     remove_display,
     run_experiment,
-)
-from grader.certify.regime import Unresolved, choose_incommensurate, describe_reset, find_first_level
+)  # fmt: skip
+from grader.certify.regime import Unresolved, choose_variants
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
-from grader.numerics.stability.growth import measure_silent_growth
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
+from grader.numerics.stability.growth import measure_silent_growth
 from grader.numerics.stability.linear import find_spectral_limit
 from grader.questions import ModelXml, OptionKey
 
@@ -67,70 +67,61 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
     measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
+    regimes: dict[str, Any] = {}
     for i, setting in enumerate(settings):
         if setting is None:
             continue
+        option = key.options[i]
         try:
-            outcomes = _outcomes(measuring, lab, xml, setting, verify)
+            outcomes, regimes[option] = _measure_outcomes(measuring, lab, xml, setting, verify)
         except Unresolved as error:
-            why = f"{key.options[i]!r}: {error}"
-            return replace(refuse("options", key.answer, why), regime={"holds": False})
-        measured[key.options[i]] = outcomes[0][1]
+            return refuse("options", key.answer, f"{option!r}: {error}", measured=measured, failed=error.condition)
+        measured[option] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
-            why = f"{key.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
-            return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
-        if outcomes[0][0] is None:
-            why = f"{key.options[i]!r} cannot be decided: {outcomes[0][1].get('why', 'MuJoCo reset the state')}"
-            return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
+            why = f"{option!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
+            return refuse("options", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
         held[i] = outcomes[0][0]
     right = _find_right_options(key.options, held)
     certificate = certify_choice("options", right, key.answer, key.options, measured)
+    certificate = replace(certificate, regime={"failed": None, **regimes})
     if select is not None and select.set == "model.opt.integrator" and verify.criterion == "stable":
         return _compare_integrators(certificate, key, measuring, select, xml, seconds=verify.seconds)
     return certificate
 
 
 def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str) -> Certificate:
-    """Run the lab once; the right option is the one whose claim is true, at h, h/2, h/4 and from nudged starts."""
+    """Run the lab once; the right option is the one whose claim is true in every variant of the run."""
     if len(verify.claims) != len(key.options):
         return refuse("outcome", key.answer, "verify.claims needs one expression per option")
     claims = [to_claim(claim, verify.when) for claim in verify.claims]
     measuring = remove_display(lab, *(claim.expr for claim in claims))
-    truths, numbers = [], list[list[float | None]]()
-    every = any(claim.when != "end" or claim.until for claim in claims)
+    every_step = any(claim.when != "end" or claim.until for claim in claims)
 
-    def run_of(variant: Variant) -> LabRun:
-        variant = replace(variant, every_step=every)
+    def run(variant: Variant) -> LabRun:
+        variant = replace(variant, every_step=every_step)
         keys = {"readouts": "verify.claims"}
         return run_experiment(measuring, xml, verify.controls, seconds=verify.seconds, variant=variant, keys=keys)
 
+    rows: list[list[tuple[bool, float | None]]] = []
     try:
-        given = verify.timestep == "given"
-        to_the_end = all(claim.when == "end" for claim in claims)
-        variants = (
-            (SAME, *NUDGED) if given else _regime_variants(run_of, to_the_end=to_the_end, own=verify.timestep == "both")
-        )
+        variants, regime = choose_variants(run, verify, to_the_end=all(claim.when == "end" for claim in claims))
+        for variant in variants:
+            done = run(variant)
+            rows.append([check_claim(claim, done, column) for claim, column in zip(claims, done.readouts, strict=True)])
     except Unresolved as error:
-        return replace(refuse("outcome", key.answer, str(error)), regime={"holds": False})
-    for variant in variants:
-        run = run_of(variant)
-        found = [check_claim(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
-        if any(holds is None for holds, _ in found):
-            return replace(
-                refuse("outcome", key.answer, str(describe_reset(run)), key="answer"), regime={"holds": False}
-            )
-        truths.append([bool(holds) for holds, _ in found])
-        numbers.append([number for _, number in found])
+        return refuse("outcome", key.answer, str(error), key="answer", failed=error.condition)
+    truths = [[holds for holds, _ in row] for row in rows]
     measured = {
-        option: truths[0][i] if numbers[0][i] is None else {"true": truths[0][i], claims[i].when: numbers[0][i]}
-        for i, option in enumerate(key.options)
+        option: holds if number is None else {"true": holds, claim.when: number}
+        for option, claim, (holds, number) in zip(key.options, claims, rows[0], strict=True)
     }
     if any(other != truths[0] for other in truths):
+        numbers = [[number for _, number in row] for row in rows]
         shown = numbers if any(number is not None for row in numbers for number in row) else truths
         why = f"the claims depend on round-off or on the timestep: {shown}"
-        return replace(refuse("outcome", key.answer, why, key="answer"), measured=measured)
+        return refuse("outcome", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
     right = [i for i, true in enumerate(truths[0]) if true]
-    return certify_choice("outcome", right, key.answer, key.options, measured)
+    return replace(certify_choice("outcome", right, key.answer, key.options, measured), regime=regime)
 
 
 def _infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
@@ -152,46 +143,38 @@ def _find_right_options(options: Sequence[str], held: dict[int, bool]) -> list[i
     return holding
 
 
-def _outcomes(
-    measuring: LabConfig, lab: LabConfig, xml: str, setting: Setting, verify: ByOptions
-) -> list[tuple[bool | None, dict[str, Any]]]:
-    """What the runs give that must agree: nudged starts, and shorter timesteps unless the setting changes the numerics.
+Outcome = tuple[bool, dict[str, Any]]
+"""Whether the criterion holds under a setting, and what was measured."""
 
-    Stability belongs to one timestep, so it is not compared with shorter ones, but with the linear growth of small
-    motions: a motion that grows may be bounded by forces that are not linear, and then MuJoCo never warns.
+
+def _measure_outcomes(
+    measuring: LabConfig, lab: LabConfig, xml: str, setting: Setting, verify: ByOptions
+) -> tuple[list[Outcome], dict[str, Any]]:
+    """Returns the outcomes of the runs that must agree, and the regime as JSON. Raises Unresolved.
+
+    Stability belongs to one timestep, and so does what a setting of the numerics changes: only starts are nudged. A run
+    without a warning is stable only if small motions do not grow either: large ones may be bounded by nonlinear forces.
     """
-    options_are_numerics = any(
+    sets_numerics = any(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
     )
-    if verify.criterion == "stable":
-        runs = [_measure_outcome(measuring, xml, setting, verify, v) for v in (SAME, *NUDGED)]
-        return [_grown(measuring, xml, setting, runs[0])] if runs[0][0] and all(r[0] for r in runs) else runs
-    if options_are_numerics or verify.timestep == "given":
-        return [_measure_outcome(measuring, xml, setting, verify, v) for v in (SAME, *NUDGED)]
-    keys = {"readouts": "verify.criterion"}
-    variants = _regime_variants(
-        lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
-        to_the_end=to_claim(verify.criterion, verify.when).when == "end",
-        own=verify.timestep == "both",
-    )
-    return [_measure_outcome(measuring, xml, setting, verify, v) for v in variants]
+    if verify.criterion == "stable" or sets_numerics:
+        variants: tuple[Variant, ...] = (SAME, *NUDGED)
+        regime: dict[str, Any] = {"timestep": "given", "failed": None}
+    else:
+        keys = {"readouts": "verify.criterion"}
+        variants, regime = choose_variants(
+            lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
+            verify,
+            to_the_end=to_claim(verify.criterion, verify.when).when == "end",
+        )
+    outcomes = [_measure_outcome(measuring, xml, setting, verify, variant) for variant in variants]
+    if verify.criterion == "stable" and all(holds for holds, _ in outcomes) and lab.controller is None:
+        outcomes = [_check_growth(lab, xml, setting, outcomes[0])]
+    return outcomes, regime
 
 
-def _regime_variants(run: Callable[[Variant], LabRun], *, to_the_end: bool, own: bool) -> tuple[Variant, ...]:
-    """The variants that must agree on a claim about the motion itself. Raises Unresolved."""
-    probed = run(Variant(probes=PROBES))
-    if probed.warnings:
-        return (SAME,)
-    level, _ = find_first_level(probed, to_the_end=to_the_end)
-    finest = 2.0**level
-    finer = tuple(Variant(finer=f) for f in (finest, 2 * finest, 4 * finest, choose_incommensurate(probed, level)))
-    return (*((SAME,) if own and level else ()), *finer, *(replace(v, finer=finest) for v in NUDGED))
-
-
-def _measure_outcome(
-    lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant
-) -> tuple[bool | None, dict[str, Any]]:
-    """Whether the criterion holds under a setting, and what was measured; None where a reset hides it."""
+def _measure_outcome(lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant) -> Outcome:
     keys = {"readouts": "verify.criterion"}
     if verify.criterion == "stable":
         run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
@@ -200,28 +183,24 @@ def _measure_outcome(
     variant = replace(variant, every_step=claim.when != "end" or claim.until is not None)
     run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
     holds, number = check_claim(claim, run, run.readouts[0])
-    if holds is None:
-        return None, {"why": describe_reset(run)}
     if number is not None:
         return holds, {"holds": holds, claim.when: number}
     return holds, {"holds": holds, "final": format_readout(run.readouts[0][-1], None)}
 
 
-def _grown(
-    lab: LabConfig, xml: str, setting: Setting, outcome: tuple[bool | None, dict[str, Any]]
-) -> tuple[bool | None, dict[str, Any]]:
-    """The outcome of a silent run, with the growth of small motions: not stable where it is certain, else None."""
-    if lab.controller is not None:
-        return outcome
+def _check_growth(lab: LabConfig, xml: str, setting: Setting, silent: Outcome) -> Outcome:
+    """Returns the outcome of a run without a warning: not stable if small motions certainly grow. Raises Unresolved."""
     scene = build_lab_scene(lab, xml, setting)
     h, integrator = float(scene.model.opt.timestep), int(scene.model.opt.integrator)
-    grown = measure_silent_growth(scene, timestep_s=h, integrator=integrator, steps=round(outcome[1]["seconds"] / h))
-    if grown is None or grown.factor < VISIBLE:
-        return outcome
-    why = f"MuJoCo never warns, but small motions about the equilibrium grow {grown.per_step:.4g} times a step"
-    if grown.factor < CERTAIN:
-        return None, {**outcome[1], "why": f"{why}: the timestep is too near the limit for this length; move it away"}
-    return False, {**outcome[1], "stable": False, "growth": f"{why}: large ones are bounded"}
+    growth = measure_silent_growth(scene, timestep_s=h, integrator=integrator)
+    grown = 0.0 if growth is None else silent[1]["seconds"] / h * log(growth)
+    if growth is None or grown < log(VISIBLE):
+        return silent
+    why = f"MuJoCo never warns, but small motions about the equilibrium grow {growth:.6g} times a step"
+    if grown < log(CERTAIN):
+        cure = "the timestep is too near the limit for a run of this length; move it away"
+        raise Unresolved("growth about the equilibrium", f"{why}: {cure}")
+    return False, {**silent[1], "stable": False, "growth": f"{why}: large ones are bounded"}
 
 
 def _describe_stability(run: LabRun) -> dict[str, Any]:

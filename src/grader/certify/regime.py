@@ -1,19 +1,19 @@
-"""The regime in which a number or a claim is about the motion itself, not about the timestep: what is checked, and why.
+"""Checks the regime in which a derived key is about the motion itself, not about the timestep.
 
-A value that three timesteps agree on may still be false: all three may be too long for the fastest motion, or all may
-meet a periodic force in the same phase. So the motion must be resolved (the longest timestep times the fastest rate
-below RESOLVED), MuJoCo must not have reset the state, and a timestep that is no simple fraction of the others must
-agree. Where the model's own timestep is too long, shorter ones are tried within a budget of steps.
+A value on which three timesteps agree may still be false: all three may be too long for the fastest motion, may damp
+away the same mode, or may meet a periodic force in the same phase. Therefore MuJoCo must not have reset the state, the
+longest timestep must resolve the motion, and a timestep that is no simple fraction of the others must agree.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from math import ceil, inf, isfinite, log2
+from dataclasses import dataclass
+from math import ceil, isfinite, log2
 from typing import Any
 
 import numpy as np
 
-from grader.certify.experiments import LabRun, Variant
+from grader.certify.experiments import NUDGED, PROBES, SAME, LabRun, Variant
+from grader.domain.verify import Simulation
 
 RESOLVED = 1.0
 """The largest product of timestep and fastest rate: six steps a period at the longest of three timesteps, 25 at the
@@ -25,55 +25,59 @@ SHORTEST = 4.0
 OVERDAMPED = 0.1
 """Share of the imaginary part below which a decaying mode follows the others, and needs no resolution at the end."""
 
+LASTS, LOST = 4.0, 1.0
+"""A mode lasts if it decays by less than exp(-LASTS) over the run; a timestep loses it if it alone takes another factor
+exp(-LOST). Then all timesteps agree on a motion that is damped by them."""
+
+COUNTED = 4
+"""Probes at which lasting modes are counted."""
+
 STEPS_MAX = 100_000
 """Most steps of one run."""
 
 GOLDEN = 1.6180339887498949
 """The ratio that is farthest from every simple fraction."""
 
-CONTRACTS = 0.7
-"""Largest ratio of two successive differences with which halving goes on."""
-
-NEGLIGIBLE = 0.02
-GROWING = 5.0
-"""Differences that grow as the timestep shrinks, and are no rounding, say that none of the three is near the limit."""
-
-ORDERS = (1, 2, 3, 4)
-ORDER_SLACK = 0.2
-"""Distance of an observed order from a whole number at which it counts as that order."""
-
 
 class Unresolved(Exception):
-    """The regime does not hold; the argument is a sentence with its cure."""
+    """The regime does not hold: the name of the `condition` that failed, and a sentence with the cure."""
+
+    def __init__(self, condition: str, why: str) -> None:
+        self.condition = condition
+        super().__init__(why)
 
 
 @dataclass(frozen=True)
 class Regime:
-    """Conditions that were checked: the longest timestep [s], the fastest rate [1/s], observed orders, timesteps."""
+    """The run at the model's own timestep [s], the fastest rate [1/s] along it, and how often to halve the timestep."""
 
     timestep_s: float
+    steps: int
     fastest: float
-    finer: tuple[float, ...]
-    orders: tuple[float, ...] = ()
-    incommensurate_s: float | None = None
+    level: int
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON."""
+    @property
+    def first(self) -> float:
+        """By how much the longest timestep that resolves the motion is shorter than the own one."""
+        return 2.0**self.level
+
+    def choose_incommensurate(self, level: int) -> float:
+        """Returns how much shorter a timestep is that is no simple fraction of those halved `level` times and more."""
+        return (ceil(self.steps * 2.0**level * GOLDEN) | 1) / self.steps
+
+    def to_json(self, finest: float) -> dict[str, Any]:
+        """Plain JSON; `finest` is the own timestep over the shortest one."""
         return {
+            "failed": None,
             "own timestep [s]": self.timestep_s,
             "fastest rate [1/s]": self.fastest,
-            "resolved: timestep times rate": self.fastest * self.timestep_s / self.finer[0] if self.finer else None,
-            "finer": list(self.finer),
-            "observed orders": list(self.orders),
-            "incommensurate timestep [s]": self.incommensurate_s,
-            "resets": 0,
+            "longest timestep times rate": self.fastest * self.timestep_s / self.first,
+            "shortest timestep [s]": self.timestep_s / finest,
         }
 
 
-def describe_reset(run: LabRun) -> str | None:
-    """Why a run cannot be read to its end: MuJoCo reset its state. None if it did not."""
-    if not run.warnings:
-        return None
+def describe_reset(run: LabRun) -> str:
+    """Says why a run in which MuJoCo warned cannot be read to its end."""
     first = run.warnings[0]
     return (
         f"MuJoCo warned of {first.kind} at {first.time_s:g} s and reset the state, so that the rest of the run began "
@@ -81,123 +85,68 @@ def describe_reset(run: LabRun) -> str | None:
     )
 
 
-def compute_timestep_s(run: LabRun) -> float:
-    """The mean timestep [s] of a run."""
-    return run.duration_s / max(run.steps, 1)
+def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None) -> Regime:
+    """Find the timestep that resolves the motion of a run with probes at the model's own timestep.
+
+    Where only the end of the run is read (`to_the_end`), what decays without swinging needs no resolution. `fastest` is
+    the author's bound of the rate [1/s]. Raises Unresolved.
+    """
+    if run.warnings:
+        raise Unresolved("no reset", describe_reset(run))
+    timestep_s = run.duration_s / max(run.steps, 1)
+    rate = max(_find_fastest(run, to_the_end=to_the_end), fastest or 0.0)
+    if not isfinite(rate):
+        raise Unresolved("resolved", "the equations of motion could not be linearised along the run")
+    level = max(0, ceil(log2(rate * timestep_s / RESOLVED))) if rate > 0 else 0
+    while run.steps * 2 ** (level + 2) <= STEPS_MAX and _loses_mode(run, timestep_s / 2 ** (level + 2)):
+        level += 1
+    if level and run.steps * 2 ** (level + 2) > STEPS_MAX:
+        needed = f"above {RESOLVED / rate:.2g} s, and the own timestep is {timestep_s:.3g} s"
+        cure = (
+            "make the model less stiff or the run shorter, or write timestep given for a key about the discretisation"
+        )
+        raise Unresolved(
+            "resolved", f"the fastest motion, {rate:.3g} 1/s, is not resolved by timesteps {needed}: {cure}"
+        )
+    return Regime(timestep_s, run.steps, rate, level)
 
 
-def find_fastest(run: LabRun, *, to_the_end: bool) -> float:
-    """The fastest rate [1/s] along a run. What decays without swinging does not count where only the end is read."""
-    found = 0.0
+def _find_fastest(run: LabRun, *, to_the_end: bool) -> float:
+    """Returns the fastest rate [1/s] along a run."""
+    fastest = 0.0
     for probe in run.probes:
         size = np.abs(probe.rates)
-        slaved = to_the_end & (probe.rates.real < 0) & (np.abs(probe.rates.imag) <= OVERDAMPED * size)
-        found = max(found, float(size[~slaved].max(initial=0.0)), probe.crossing / SHORTEST)
-    return found
+        following = to_the_end & (probe.rates.real < 0) & (np.abs(probe.rates.imag) <= OVERDAMPED * size)
+        fastest = max(fastest, float(size[~following].max(initial=0.0)), probe.crossing / SHORTEST)
+    return fastest
 
 
-LASTS, LOST = 4.0, 1.0
-"""A mode lasts if it decays by less than exp(-LASTS) over the run; it is lost if the discretisation alone, at the
-shortest timestep, takes another factor exp(-LOST). Then all timesteps agree on a motion that is damped by them."""
-
-
-def is_damped_away(run: LabRun, timestep_s: float) -> bool:
-    """Whether a timestep damps a mode away that lasts in the exact motion, by a count of modes at each probed state."""
+def _loses_mode(run: LabRun, timestep_s: float) -> bool:
+    """Whether fewer modes last in the run at this timestep than in the exact motion, at any of COUNTED probes."""
     seconds = run.duration_s
-    for probe in run.probes[:: max(1, len(run.probes) // 3)]:
+    for probe in run.probes[:: max(1, len(run.probes) // COUNTED)]:
         lasting = int(np.sum(probe.rates.real * seconds > -LASTS))
-        if lasting and int(np.sum(probe.compute_decays(timestep_s) * seconds > -LASTS - LOST)) < lasting:
+        if lasting and int(np.sum(probe.compute_growth_rates(timestep_s) * seconds > -LASTS - LOST)) < lasting:
             return True
     return False
 
 
-def find_first_level(run: LabRun, *, to_the_end: bool) -> tuple[int, float]:
-    """How often the timestep is halved until the motion is resolved, and the fastest rate. Raises Unresolved."""
-    fastest, timestep_s = find_fastest(run, to_the_end=to_the_end), compute_timestep_s(run)
-    if not isfinite(fastest):
-        raise Unresolved("the equations of motion could not be linearised along the run")
-    level = max(0, ceil(log2(fastest * timestep_s / RESOLVED))) if fastest > 0 else 0
-    while run.steps * 2 ** (level + 2) <= STEPS_MAX and is_damped_away(run, timestep_s / 2 ** (level + 2)):
-        level += 1
-    if level and run.steps * 2 ** (level + 2) > STEPS_MAX:
-        raise Unresolved(
-            f"the fastest motion, {fastest:.3g} 1/s, is not resolved by timesteps above {RESOLVED / fastest:.2g} s, and "
-            f"the own timestep is {timestep_s:.3g} s: make the model less stiff or the run shorter, or write timestep "
-            "given if the question is about the discretisation"
-        )
-    return level, fastest
+def choose_variants(
+    run: Callable[[Variant], LabRun], verify: Simulation, *, to_the_end: bool
+) -> tuple[tuple[Variant, ...], dict[str, Any]]:
+    """Returns the variants that must agree on a claim, and the regime as JSON. Raises Unresolved.
 
-
-def choose_incommensurate(run: LabRun, level: int) -> float:
-    """By how much a timestep is finer that is no simple fraction of the others: between halving `level` times and once more."""
-    steps = run.steps * 2.0**level
-    return (ceil(steps * GOLDEN) | 1) / run.steps
-
-
-@dataclass
-class Ladder:
-    """Values of a number at ever shorter timesteps, until they are certain or the budget of steps is spent."""
-
-    value: Callable[[Variant], float]
-    own: LabRun
-    level: int
-    fastest: float
-    allowed: float
-    values: dict[float, float] = field(default_factory=dict)
-    best: float = inf
-    uncertainty: float = inf
-    orders: tuple[float, ...] = ()
-    incommensurate: float | None = None
-    missed: float = 0.0
-
-    def climb(self, own: float) -> None:
-        """Halve until the uncertainty is allowed, the differences no longer contract, or the budget ends."""
-        self.values[1] = own
-        base = self.level
-        for level in range(base, base + 3):
-            self.at(2.0**level)
-        while True:
-            top = max(k for k in range(64) if 2.0**k in self.values)
-            self.judge(top)
-            if self.uncertainty <= self.allowed or self.own.steps * 2 ** (top + 1) > STEPS_MAX:
-                return
-            first, second = self.differences(top)
-            if not (second <= CONTRACTS * first or self.missed > max(first, second)):
-                return
-            self.at(2.0 ** (top + 1))
-
-    def at(self, finer: float) -> float:
-        if finer not in self.values:
-            self.values[finer] = self.value(Variant(finer=finer))
-        return self.values[finer]
-
-    def differences(self, top: int) -> tuple[float, float]:
-        a, b, c = (self.values[2.0 ** (top - k)] for k in (2, 1, 0))
-        return abs(b - a), abs(c - b)
-
-    def judge(self, top: int) -> None:
-        """The best value with its uncertainty: the whole difference, or the extrapolation's where the order is clear."""
-        coarse, middle, fine = (self.values[2.0 ** (top - k)] for k in (2, 1, 0))
-        first, second = self.differences(top)
-        plain = max(abs(fine - coarse), second)
-        if second > first and second > NEGLIGIBLE * self.allowed:
-            plain *= GROWING
-        other = choose_incommensurate(self.own, top - 2)
-        golden = self.at(other)
-        self.incommensurate = other
-        self.best, self.uncertainty, self.missed = fine, max(plain, abs(golden - fine)), abs(golden - fine)
-        if not (first > 0 and second > 0):
-            return
-        order = log2(first / second)
-        self.orders = (*self.orders, round(order, 3))
-        whole = min(ORDERS, key=lambda p: abs(p - order))
-        if abs(whole - order) > ORDER_SLACK or (middle - coarse) * (fine - middle) < 0:
-            return
-        gain = 1 / (2**whole - 1)
-        limit = fine + (fine - middle) * gain
-        # The extrapolation from the coarser pair, and what it foretells at the incommensurate timestep, must agree.
-        before = middle + (middle - coarse) * gain
-        foretold = limit + (coarse - limit) * (2 ** (top - 2) / other) ** whole
-        doubt = max(abs(limit - before), abs(golden - foretold))
-        if doubt < self.uncertainty:
-            self.best, self.uncertainty, self.missed = limit, doubt, abs(golden - foretold)
+    A run that MuJoCo reset is read up to there, as it is.
+    """
+    checked: dict[str, Any] = {"timestep": verify.timestep, "failed": None}
+    if verify.timestep == "given":
+        return (SAME, *NUDGED), checked
+    probed = run(Variant(probes=PROBES))
+    if probed.warnings:
+        return (SAME, *NUDGED), checked
+    regime = check_regime(probed, to_the_end=to_the_end, fastest=verify.fastest)
+    other = regime.choose_incommensurate(regime.level)
+    finer = (regime.first, 2 * regime.first, 4 * regime.first, other)
+    own = (SAME,) if verify.timestep == "both" and regime.level else ()
+    nudged = (Variant(finer=regime.first, nudge=each.nudge) for each in NUDGED)
+    return (*own, *(Variant(finer=each) for each in finer), *nudged), checked | regime.to_json(4 * regime.first)

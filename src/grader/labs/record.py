@@ -1,16 +1,16 @@
 """LabRun: the recorded frames of a run, with the geoms that a viewer draws, as the page plays them."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grader.domain.lab import LabConfig, Plot, Readout
 from grader.errors import LabError
 from grader.expressions import UNDEFINED, RunError, Value, texts, values
+from grader.labs.probes import Probe
 from grader.numerics.drawing import Floats, to_quaternions
 from grader.numerics.stepping import MujocoWarning
 
@@ -24,15 +24,6 @@ DASH = "–"
 
 Column = tuple[Value, ...]
 """What one expression gave, a value a frame; undefined where it failed."""
-
-
-class Probe(NamedTuple):
-    """The equations of motion at a time [s] of a run: eigenvalues [1/s], growth rates at a timestep, crossings [1/s]."""
-
-    time_s: float
-    rates: NDArray[np.complex128]
-    compute_decays: Callable[[float], Floats]
-    crossing: float
 
 
 @dataclass(frozen=True)

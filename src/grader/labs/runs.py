@@ -4,7 +4,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import count
 from math import ceil, isfinite
 
@@ -15,10 +14,10 @@ from grader.domain.lab import SECONDS_MAX, LabConfig, OptionValue, Select, Slide
 from grader.errors import LabError, LabRefused
 from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Wish, choose_values, to_value
+from grader.labs.probes import probe_motion
 from grader.labs.programs import LabPrograms, compile_lab
-from grader.labs.record import LabRun, Probe
+from grader.labs.record import LabRun
 from grader.numerics.drawing import list_drawn_geoms, list_overlays
-from grader.numerics.stability.linear import compute_crossing_rate, compute_decays, compute_rates
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import take_warnings
 from grader.numerics.workspace import Workspace
@@ -42,7 +41,8 @@ Event = tuple[float, str]
 class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
     position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
-    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step."""
+    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step.
+    The motion is linearised at `probes` moments."""
 
     integrator: int | None = None
     finer: float = 1
@@ -71,8 +71,7 @@ class LabSimulation:
         self.presses: deque[tuple[float, Program]] = deque()
         self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
         self.overlays = list_overlays(config.over_the_scene)
-        self.probe: mujoco.MjData | None = None
-        self.probe_at: deque[float] = deque()
+        self.probe_times: list[float] = []
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
         self._set(values, lambda _: True)
         programs.setup.run(self.machine)
@@ -96,19 +95,6 @@ class LabSimulation:
             step = np.full(self.model.nv, variant.nudge)
             mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
             self._forward()
-
-    def _probe(self) -> None:
-        """Note the eigenvalues [1/s] of the equations of motion at this state."""
-        if self.probe is None:
-            self.probe = mujoco.MjData(self.model)
-        mujoco.mj_getState(self.model, self.data, self.saved, FULL_STATE)
-        mujoco.mj_setState(self.model, self.probe, self.saved, FULL_STATE)
-        integrator, self.model.opt.integrator = self.model.opt.integrator, int(mujoco.mjtIntegrator.mjINT_EULER)
-        found = compute_rates(self.model, self.probe)
-        self.model.opt.integrator = integrator
-        crossing = compute_crossing_rate(self.model, self.probe)
-        decay = partial(compute_decays, self.model, self.probe, self.saved.copy())
-        self.record.probes.append(Probe(self.elapsed, found, decay, crossing))
 
     def _forward(self) -> None:
         self._call(mujoco.mj_forward)
@@ -191,10 +177,9 @@ class LabSimulation:
 
     def _keep_frame(self) -> None:
         self.record.duration_s = self.elapsed
-        if self.probe_at and self.probe_at[0] <= self.elapsed + 1e-9:
-            while self.probe_at and self.probe_at[0] <= self.elapsed + 1e-9:
-                self.probe_at.popleft()
-            self._probe()
+        if due := [moment for moment in self.probe_times if moment <= self.elapsed + 1e-9]:
+            del self.probe_times[: len(due)]
+            self.record.probes.append(probe_motion(self.model, self.data))
         self.record.times.append(self.elapsed)
         if not self.every_step:  # a certificate shows nobody where the geoms are
             self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
@@ -257,7 +242,7 @@ def run_lab(
     running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
     running.vary(variant)
-    running.probe_at = deque(duration * i / variant.probes for i in range(variant.probes))
+    running.probe_times = [duration * i / variant.probes for i in range(variant.probes)]
     prepared = time.perf_counter()
     running.go(duration)
     ran = time.perf_counter()

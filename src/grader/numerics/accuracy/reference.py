@@ -52,10 +52,10 @@ def solve_dop853(
     forward: Forward = mujoco.mj_forward,
     constraints: bool = True,
 ) -> Reference:
-    """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`, which
-    must itself make sure that none acts without `constraints`.
-    Raises ValueError for times that do not ascend, and for a scene with an obstacle that `find_obstacle` names;
-    RuntimeError if the solver gives up."""
+    """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
+    Without `constraints` the scene may have some, and `forward` must make sure that none acts. Raises ValueError for
+    times that do not ascend, and for a scene with an obstacle that `find_obstacle` names; RuntimeError if the solver
+    gives up."""
     obstacle = find_obstacle(scene, constraints=constraints)
     if obstacle is not None:
         raise ValueError(f"a reference solution needs a scene without {obstacle}")

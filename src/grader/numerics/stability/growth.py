@@ -9,7 +9,8 @@ import numpy as np
 from mujoco import mjMAXVAL
 
 from grader.numerics.scene import Scene, Vector
-from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum, find_least_accelerated
+from grader.numerics.stability.equilibrium import find_equilibrium_of_motion, find_least_accelerated
+from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum
 
 CLEAR_GROWTH = 1.05
 """Spectral radius above which a run without a warning may be called unstable. Source: the lesson's servo between its
@@ -70,22 +71,15 @@ def _compute_logs(moduli: Vector) -> Vector:
     return np.log(np.maximum(moduli, np.finfo(float).tiny))
 
 
-@dataclass(frozen=True)
-class Silent:
-    """Numerical growth of small motions per step, and over a whole run."""
+def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int) -> float | None:
+    """Returns the growth per step of small motions about the equilibrium of the motion that the exact motion lacks.
 
-    per_step: float
-    factor: float
-
-
-def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int, steps: int) -> Silent | None:
-    """The growth of small motions about the equilibrium of a motion which the exact motion does not have.
-
-    None without an equilibrium, where contacts or limits act in it (they push one way only), where nothing grows, or where MuJoCo cannot linearise the model.
+    None without an equilibrium, where nothing grows, where contacts or limits act in the equilibrium, as these push one
+    way only, or where MuJoCo cannot linearise the model.
     """
     try:
         resting = find_equilibrium_of_motion(scene)
-        if resting is None or scene.model.nv == 0 or _touches(resting):
+        if resting is None or scene.model.nv == 0 or _is_touching(resting):
             return None
         moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
         if not moduli[0] > 1 + RADIUS_NOISE:
@@ -93,11 +87,12 @@ def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int, s
         exact = _compute_exact_growth(resting, timestep_s, integrator)
     except mujoco.FatalError:
         return None
-    per_step = float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
-    return Silent(per_step, float(np.exp(min(steps * log(per_step), 700.0)))) if per_step > 1 else None
+    numerical = float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
+    return numerical if numerical > 1 else None
 
 
-def _touches(resting: Scene) -> bool:
+def _is_touching(resting: Scene) -> bool:
+    """Whether a contact, a limit or friction acts."""
     with resting.borrow() as workspace:
         mujoco.mj_forward(workspace.model, workspace.data)
         return int(workspace.data.nefc) > int(workspace.data.ne)

@@ -1,32 +1,19 @@
-"""Certifies numbers: a largest stable timestep, a measurement, or a closed form."""
+"""Certifies largest stable timesteps."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, log
+from math import log
 
 import mujoco
 import numpy as np
 
-from grader.certify.certificate import UNCERTAINTY_SHARE, Certificate, certify_number, refuse
-from grader.certify.experiments import (
-    NUDGED,
-    PROBES,
-    SAME,
-    LabRun,
-    Variant,
-    VerifyError,
-    evaluate,
-    run_experiment,
-    set_fields,
-    to_number,
-)
-from grader.certify.regime import Ladder, Regime, Unresolved, compute_timestep_s, describe_reset, find_first_level
-from grader.domain.lab import LabConfig, Readout
-from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
+from grader.certify.certificate import Certificate, certify_number, refuse
+from grader.certify.experiments import VerifyError, read_xml, set_fields
+from grader.domain.verify import ByThreshold, ServoJoint
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
-from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium_of_motion, find_spectral_limit
+from grader.numerics.stability.equilibrium import find_equilibrium_of_motion
+from grader.numerics.stability.linear import compute_spectral_radius, find_spectral_limit
 from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit
 
@@ -53,8 +40,6 @@ MARGIN = 0.1
 """Distance from the limit at which stepping is tried: this share of the tolerance or of the limit, if smaller."""
 
 LINEAR = "the linear stability limit"
-
-EMPTY = "<mujoco/>"
 
 
 def certify_threshold(key: NumberKey, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
@@ -129,15 +114,6 @@ def _build_scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
         return scene.at(key=verify.key, qpos=verify.qpos, qvel=verify.qvel)
     except KeyError as error:
         raise VerifyError("verify.key", str(error.args[0])) from error
-
-
-def read_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
-    """Returns the MJCF that a `verify` names. Raises VerifyError if it names none."""
-    if xml is not None:
-        return xml
-    if model is None:
-        raise VerifyError("verify", "verify needs a model or an xml")
-    return model_xml(model)
 
 
 def write_servo_xml(servo: ServoJoint) -> str:
@@ -225,107 +201,3 @@ def _search_threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> 
         integrator=BY_NAME[verify.integrator].code,
         width_s=MARGIN * tolerance_s,
     )
-
-
-def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
-    """Measure the value at ever shorter timesteps, within a regime that is checked, and from nudged starts."""
-    config = LabConfig(
-        model=verify.model,
-        xml=verify.xml,
-        key=verify.key,
-        setup=verify.setup,
-        controller=verify.controller,
-        readouts=(Readout(label="value", expr=verify.expr),),
-    )
-    xml = read_xml(verify.model, verify.xml, model_xml)
-    every = verify.when != "end"
-    keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
-
-    def run_of(variant: Variant) -> tuple[LabRun, float]:
-        variant = replace(variant, every_step=every)
-        run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
-        if reset := describe_reset(run):
-            raise Unresolved(reset)
-        return run, _summarise([to_number(v) for v in run.readouts[0]], verify.when)
-
-    given = verify.timestep == "given"
-    try:
-        own, first = run_of(SAME if given else Variant(probes=PROBES))
-        if given:
-            level, fastest = 0, 0.0
-        else:
-            level, fastest = find_first_level(own, to_the_end=verify.when == "end")
-        finest = 2.0**level
-        ladder = Ladder(lambda v: run_of(v)[1], own, level, fastest, UNCERTAINTY_SHARE * key.tolerance)
-        if not given:
-            ladder.climb(first)
-        base = first if given else ladder.values[finest]
-        nudged = [run_of(replace(v, finer=finest))[1] for v in NUDGED]
-    except Unresolved as error:
-        return replace(refuse("measurement", key.answer, str(error)), regime={"holds": False})
-    noise = max(abs(base - v) for v in nudged)
-    best = first if given else ladder.best
-    uncertainty = noise if given else max(ladder.uncertainty, noise)
-    measured = {**{f"h/{finer:.6g}": v for finer, v in sorted(ladder.values.items())}, "nudged": nudged}
-    measured = (measured or {}) | ({"h/1": first} if given else {}) | {"unit": key.unit}
-    regime = Regime(
-        compute_timestep_s(own),
-        fastest,
-        tuple(f for f in sorted(ladder.values) if f >= finest and f != ladder.incommensurate),
-        ladder.orders,
-        None if ladder.incommensurate is None else compute_timestep_s(own) / ladder.incommensurate,
-    )
-    if not isfinite(best):
-        return refuse("measurement", key.answer, f"the measured value is {best}", key="verify.expr")
-    certificate = certify_number(
-        "measurement", question, best, uncertainty, measured, cure=_cure(ladder, noise, given=given)
-    )
-    if not certificate.ok and not given and abs(first - key.answer) <= key.tolerance:
-        at_own = f"the run at the own timestep gives the key, {first:.6g}: write timestep given if it is about that run"
-        certificate = replace(certificate, why=f"{certificate.why}; {at_own}")
-    if certificate.ok and verify.timestep == "both" and not abs(first - key.answer) <= key.tolerance:
-        why = (
-            f"the motion gives the key, {best:.6g}, but the run at the own timestep, which a page shows, {first:.6g}: "
-            "give a shorter timestep, or write timestep any, or given and the other key"
-        )
-        certificate = replace(certificate, ok=False, undecided=True, why=why)
-    remarks = certificate.remarks
-    if certificate.ok and not given and level:
-        remarks += (
-            f"The own timestep, {compute_timestep_s(own):g} s, is too long for the fastest motion, {fastest:.3g} 1/s: the key was "
-            f"derived at timesteps {finest:g} times shorter, and a page shows {first:.6g}.",
-        )
-    return replace(
-        certificate, remarks=remarks, regime={"timestep": verify.timestep, **regime.to_json(), "round-off": noise}
-    )
-
-
-def _cure(ladder: Ladder, noise: float, *, given: bool) -> str:
-    """What the author may change where a number stays uncertain: the condition that failed, in a sentence."""
-    if given or noise >= ladder.uncertainty:
-        return f"a start nudged by 1e-10 changes it by {noise:.2g}: ask for something earlier, or less sensitive"
-    if ladder.missed >= 0.5 * ladder.uncertainty:
-        return (
-            "a timestep that is no simple fraction of the others disagrees, as where a force changes faster than the "
-            "timestep: give a shorter timestep or a larger tol"
-        )
-    return "it still changes with the timestep: give a larger tol or a shorter timestep, or timestep given"
-
-
-def _summarise(values: Sequence[float], when: str) -> float:
-    if when == "end":
-        return values[-1]
-    return max(values) if when == "max" else min(values) if when == "min" else sum(values) / len(values)
-
-
-def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml) -> Certificate:
-    """Evaluate a closed form."""
-    named = verify.model or verify.xml
-    xml = read_xml(verify.model, verify.xml, model_xml) if named else EMPTY
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    value = evaluate(verify.expr, model, data, "verify.expr")
-    if not isfinite(value):
-        return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
-    return certify_number("expression", key, value, 0.0, {"value": value})
