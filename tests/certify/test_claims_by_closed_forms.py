@@ -106,15 +106,16 @@ MEASURED: dict[str, tuple[float, str, dict[str, Any]]] = {
         {"xml": rail(), "controller": "data.qfrc_applied[0] = 5", "expr": X, "seconds": 2}),
     "mean energy": (
         0.5 * SPRING * START**2, "J",
-        {"xml": rail(spring=SPRING, integrator="RK4"), "setup": PULLED, "expr": "data.energy[0] + data.energy[1]", "when": "mean",
-         "seconds": 1}),
+        {"xml": rail(spring=SPRING, integrator="RK4"), "setup": PULLED, "when": "mean",
+         "expr": "data.energy[0] + data.energy[1]", "seconds": 1}),
     "fastest at the bottom": (
         math.sqrt(2 * G / LENGTH * (1 - math.cos(TILT))), "rad/s",
         {"xml": pendulum(), "setup": f"data.qpos[0] = {TILT}", "expr": "Math.abs(data.qvel[0])", "when": "max",
          "seconds": 2}),
     "angle of a large swing": (
         0.0, "rad",
-        {"xml": pendulum(h=quarter_period() / 500), "setup": f"data.qpos[0] = {TILT}", "expr": X, "seconds": quarter_period()}),
+        {"xml": pendulum(h=quarter_period() / 500), "setup": f"data.qpos[0] = {TILT}", "expr": X,
+         "seconds": quarter_period()}),
     "activation": (
         1 - math.exp(-0.5 / 0.3), "",
         {"xml": rail(more=FILTER).replace("<joint ", '<joint name="j" '), "setup": "data.ctrl[0] = 1",

@@ -45,10 +45,10 @@ REFERENCE_SHARE = 0.1
 """The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
 
 ACCEPTED_SHARE = 0.4
-"""The same where halving has ended: the doubt between different methods is a bound, and every error has it added."""
+"""The same where halving has ended: every error then has the distance between different methods added."""
 
-HOPE = 2.5
-"""The most by which one halving reduces the doubt of motions with contacts: without this hope halving ends early."""
+REDUCTION = 2.5
+"""The factor by which a halving may reduce the uncertainty; where even that would not do, halving ends early."""
 
 REFERENCE_S = (0.0002, 0.0001, 0.00005, 0.000025, 0.0000125)
 """Timesteps [s] of the reference where DOP853 cannot be used: halved until two of them agree."""
@@ -208,7 +208,7 @@ class _Meter:
         return _Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
 
     def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
-        """A run that is kept at the steps on both sides of every time."""
+        """Returns a run that is kept at the steps on both sides of every time."""
         timestep_s = setting[1]
         steps = times_s / timestep_s
         around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
@@ -255,8 +255,8 @@ def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Refer
     return Reference(times, qpos, qvel, act)
 
 
-def _extrapolated(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
-    """The first-order extrapolation of two solutions at the same times, one at half the timestep of the other."""
+def _extrapolate(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
+    """Returns the first-order extrapolation of two solutions at the same times, one at half the other's timestep."""
     qpos, qvel, act = (
         2 * b - a for a, b in ((coarse.qpos, fine.qpos), (coarse.qvel, fine.qvel), (coarse.act, fine.act))
     )
@@ -302,10 +302,8 @@ class _Survey:
         except RuntimeError as error:
             return _cannot_tell(str(error))
         if not self.doubt <= ACCEPTED_SHARE * self.tolerance:
-            why = (
-                f"the reference itself is uncertain by {self.doubt:.2g}, too much for a tolerance of {self.tolerance:g}"
-            )
-            return _cannot_tell(why, self.doubt)
+            much = f"too much for a tolerance of {self.tolerance:g}"
+            return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
         self.take(runs, reference)
         self.refine(reference)
         return self.choose(own)
@@ -324,19 +322,19 @@ class _Survey:
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
 
     def reference(self, times_s: Vector) -> Rollout | Reference:
-        """The reference solution; `doubt` becomes the largest distance to solutions of another kind or timestep.
+        """Returns the reference solution; `doubt` becomes its distance to solutions of another method or timestep.
 
-        Smooth scenes, and those in which no constraint acts along the whole motion, use DOP853 at two tolerances.
-        Others use RK4, confirmed by itself at twice the timestep and by a method of first order.
+        Uses DOP853 at two tolerances where no constraint acts along the whole motion, else RK4, confirmed by itself at
+        twice the timestep and by a method of first order.
         """
-        if find_obstacle(self.meter.scene) is None or self.free():
+        if find_obstacle(self.meter.scene) is None or self.starts_free():
             try:
-                return self.tightened(times_s)
+                return self.solve_smooth(times_s)
             except Touched:
                 self.progress("a constraint acts: the reference needs steps")
-        return self.paired(times_s)
+        return self.step_pairs(times_s)
 
-    def free(self) -> bool:
+    def starts_free(self) -> bool:
         """Whether constraints are all that hinders DOP853, and none acts at the start."""
         scene = self.meter.scene
         if find_obstacle(scene, constraints=False) is not None:
@@ -345,72 +343,65 @@ class _Survey:
             mujoco.mj_forward(workspace.model, workspace.data)
             return int(workspace.data.nefc) == 0
 
-    def tightened(self, times_s: Vector) -> Reference:
+    def solve_smooth(self, times_s: Vector) -> Reference:
+        """Returns the first solution by DOP853 with which the one before agrees, or the last. Raises Touched."""
         best: Reference | None = None
         for finer in self.solve(times_s):
             if best is not None:
-                self.doubt = self.meter.error(self.kept(best, times_s), finer)
+                self.doubt = self.meter.error(self.keep(best, times_s), finer)
                 if self.doubt <= REFERENCE_SHARE * self.tolerance:
                     return finer
             best = finer
         assert best is not None
         return best
 
-    def paired(self, times_s: Vector) -> Reference | Rollout:
-        """RK4 at ever smaller timesteps beside a method of first order at half of each, as long as the budget lasts.
+    def step_pairs(self, times_s: Vector) -> Reference | Rollout:
+        """Returns a run of RK4 at ever smaller timesteps, beside one of a first-order method at half of each.
 
-        The doubt is the largest of the distances to RK4 at twice the timestep, and to the nearer of the other method
-        and its extrapolation: errors of different methods do not cancel. Where RK4 does not run, Euler takes its place.
+        Euler takes the place of RK4 where that does not run. Ends where the uncertainty is small enough, where no
+        further halving can make it so, or before the budget does.
         """
-        fourth = RK4 if RK4 in self.offered else EULER
-        best: Rollout | Reference | None = None
+        self.doubt, fourth = inf, RK4 if RK4 in self.offered else EULER
+        best: Rollout | None = None
         before: tuple[Rollout, Rollout] | None = None
         for finest_s in REFERENCE_S:
-            coarse = RK4_RATIO * finest_s if fourth is RK4 else finest_s
-            spent = self.predicted((PREFERENCE[0], finest_s)) + self.predicted((fourth, coarse))
-            if not self.lasts(spent / min(CORES, 2)):
-                if before is None or best is None:
-                    raise OutOfTime("the budget is too small for a reference solution")
-                return best
+            settings = ((fourth, RK4_RATIO * finest_s if fourth is RK4 else finest_s), (PREFERENCE[0], finest_s))
+            if not self.lasts(sum(map(self.predicted, settings)) / min(CORES, 2)):
+                break
             self.progress(f"the reference: {fourth.name} and {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
-            settings = ((fourth, coarse), (PREFERENCE[0], finest_s))
             high, low = self.pool.map(self.meter.reference_run, settings, [times_s] * 2)
-            if high.diverged_at_step is not None and fourth is RK4:
-                fourth, before = EULER, None  # too stiff for an explicit method: two implicit ones remain
+            if high.diverged_at_step is not None and fourth is RK4:  # too stiff for an explicit method
+                fourth, before = EULER, None
                 high = self.meter.reference_run((EULER, finest_s), times_s)
-            if before is not None:
-                doubt = self.doubts(times_s, before, (high, low))
-                if doubt < self.doubt:
-                    self.doubt, best = doubt, high
-                if self.doubt <= REFERENCE_SHARE * self.tolerance:
-                    return high
-                left = sum(h < finest_s for h in REFERENCE_S)
-                if (
-                    isfinite(doubt)
-                    and finest_s < REFERENCE_S[1]
-                    and doubt / HOPE**left > ACCEPTED_SHARE * self.tolerance
-                ):
-                    return best if best is not None else high
-            before = (high, low)
-            best = high if best is None else best
-        assert best is not None
+            doubt = inf if before is None else self.measure_doubt(times_s, before, (high, low))
+            if best is None or doubt < self.doubt:
+                self.doubt, best = doubt, high
+            if self.doubt <= REFERENCE_SHARE * self.tolerance or self.is_hopeless(doubt, finest_s):
+                break
+            before = high, low
+        if best is None or before is None:
+            raise OutOfTime("the budget is too small for a reference solution")
         return best
 
-    def doubts(self, times_s: Vector, before: tuple[Rollout, Rollout], now: tuple[Rollout, Rollout]) -> float:
-        """The largest distance of the new RK4 run to the one before, and to the independent method."""
+    def is_hopeless(self, doubt: float, finest_s: float) -> bool:
+        """Whether the halvings that are left cannot reduce the uncertainty enough, judged from the third pair on."""
+        left = sum(h < finest_s for h in REFERENCE_S)
+        least = doubt / REDUCTION**left
+        return isfinite(doubt) and finest_s < REFERENCE_S[1] and least > ACCEPTED_SHARE * self.tolerance
+
+    def measure_doubt(self, times_s: Vector, before: tuple[Rollout, Rollout], now: tuple[Rollout, Rollout]) -> float:
+        """Returns the largest distance of the RK4 run to the one before, and to the method of first order or, where
+        that is nearer, its extrapolation: errors of different methods do not cancel."""
         if any(run.diverged_at_step is not None for run in (*before, *now)):
             return inf
-        high, low = (self.kept(run, times_s) for run in now)
-        coarser, lower = (self.kept(run, times_s) for run in before)
-        assert isinstance(low, Reference) and isinstance(lower, Reference)
-        extrapolated = _extrapolated(self.meter.scene, lower, low)
+        high, low = (self.keep(run, times_s) for run in now)
+        coarser, lower = (self.keep(run, times_s) for run in before)
+        extrapolated = _extrapolate(self.meter.scene, lower, low)
         itself = self.meter.error(coarser, high)
         return max(itself, min(self.meter.error(low, high), self.meter.error(extrapolated, high)))
 
-    def kept(self, run: Rollout | Reference, times_s: Vector) -> Rollout | Reference:
-        """Returns the run at `times_s` after the start, unless it diverged."""
-        if isinstance(run, Rollout) and run.diverged_at_step is not None:
-            return run
+    def keep(self, run: Rollout | Reference, times_s: Vector) -> Reference:
+        """Returns the states of a run at `times_s` after the start."""
         return _interpolate(self.meter.scene, run, times_s + self.meter.scene.start.time_s)
 
     def solve(self, times_s: Vector) -> Iterator[Reference]:
