@@ -105,7 +105,7 @@ def word_certificate(key: AnswerKey, certificate: Certificate | None) -> dict[st
     if certificate is None:
         remarks = (UNVERIFIED,) if is_decidable(key) else ()
         return {"state": "not derivable by simulation", "tone": "", "why": "", "told": [], "remarks": remarks}
-    accepted = f"Accepted: {certificate.accepted} " if certificate.accepted else ""
+    accepted = f"Accepted: {certificate.accepted} Simulation cannot tell: " if certificate.accepted else ""
     return {
         "state": certificate.verdict,
         "tone": {"certified": "ok", "refuted": "no", "cannot tell": ""}[certificate.verdict],
