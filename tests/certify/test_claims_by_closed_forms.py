@@ -267,14 +267,18 @@ def test_what_timesteps_agree_on_by_accident_is_never_certified(name: str) -> No
         assert (certificate.verdict, certificate.regime["failed"]) == ("cannot tell", failed), certificate.why
 
 
-@pytest.mark.parametrize(("claims", "answer"), [
-    ([{"expr": "Math.abs(data.qpos[0]) > 0.15", "when": "ever"},
-      {"expr": "Math.abs(data.qpos[0]) <= 0.15", "when": "always"}], 0),
-])  # fmt: skip
-def test_what_was_decided_before_a_reset_stays_decided(claims: list[Any], answer: int) -> None:
-    sim = {"xml": BLOWS_UP, "setup": PULLED}
-    certificate = certify(outcome(sim, claims, answer, seconds=60, timestep="given"))
-    assert certificate.verdict == "certified", certificate.why
+@pytest.mark.parametrize(
+    ("timestep", "verdicts"),
+    [("given", ["certified", "refuted"]), ("any", ["refuted", "certified"]), ("both", ["cannot tell"] * 2)],
+)
+def test_what_was_decided_before_a_reset_is_true_of_the_run_and_not_of_the_motion(
+    timestep: str, verdicts: list[str]
+) -> None:
+    # Source: the spring bounds the motion by START = 0.1; the run at h w = 2.5 has grown beyond 0.15 before the reset.
+    claims = [{"expr": "Math.abs(data.qpos[0]) > 0.15", "when": "ever"},
+              {"expr": "Math.abs(data.qpos[0]) <= 0.15", "when": "always"}]  # fmt: skip
+    found = [certify(outcome(EXPLODES, claims, answer, seconds=60, timestep=timestep)) for answer in (0, 1)]
+    assert [certificate.verdict for certificate in found] == verdicts
 
 
 @pytest.mark.parametrize("timestep", ["both", "any", "given"])

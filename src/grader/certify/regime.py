@@ -91,8 +91,6 @@ def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None)
     Where only the end of the run is read (`to_the_end`), what decays without swinging needs no resolution. `fastest` is
     the author's bound of the rate [1/s]. Raises Unresolved.
     """
-    if run.warnings:
-        raise Unresolved("no reset", describe_reset(run))
     timestep_s = run.duration_s / max(run.steps, 1)
     rate = max(_find_fastest(run, to_the_end=to_the_end), fastest or 0.0)
     if not isfinite(rate):
@@ -134,17 +132,11 @@ def _loses_mode(run: LabRun, timestep_s: float) -> bool:
 def choose_variants(
     run: Callable[[Variant], LabRun], verify: Simulation, *, to_the_end: bool
 ) -> tuple[tuple[Variant, ...], dict[str, Any]]:
-    """Returns the variants that must agree on a claim, and the regime as JSON. Raises Unresolved.
-
-    A run that MuJoCo reset is read up to there, as it is.
-    """
+    """Returns the variants that must agree on a claim, and the regime as JSON. Raises Unresolved."""
     checked: dict[str, Any] = {"timestep": verify.timestep, "failed": None}
     if verify.timestep == "given":
         return (SAME, *NUDGED), checked
-    probed = run(Variant(probes=PROBES))
-    if probed.warnings:
-        return (SAME, *NUDGED), checked
-    regime = check_regime(probed, to_the_end=to_the_end, fastest=verify.fastest)
+    regime = check_regime(run(Variant(probes=PROBES)), to_the_end=to_the_end, fastest=verify.fastest)
     other = regime.choose_incommensurate(regime.level)
     finer = (regime.first, 2 * regime.first, 4 * regime.first, other)
     own = (SAME,) if verify.timestep == "both" and regime.level else ()

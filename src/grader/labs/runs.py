@@ -42,7 +42,7 @@ class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
     position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
     `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step.
-    The motion is linearised at `probes` moments."""
+    The motion is linearised at `probes` moments, until MuJoCo resets it."""
 
     integrator: int | None = None
     finer: float = 1
@@ -179,7 +179,8 @@ class LabSimulation:
         self.record.duration_s = self.elapsed
         if due := [moment for moment in self.probe_times if moment <= self.elapsed + 1e-9]:
             del self.probe_times[: len(due)]
-            self.record.probes.append(probe_motion(self.model, self.data))
+            if not self.record.warnings:
+                self.record.probes.append(probe_motion(self.model, self.data))
         self.record.times.append(self.elapsed)
         if not self.every_step:  # a certificate shows nobody where the geoms are
             self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
