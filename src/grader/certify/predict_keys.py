@@ -9,16 +9,9 @@ from typing import Any
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
-    NUDGED,
-    SAME,
-    LabRun,
-    Variant,
-    build_lab_scene,
-    format_readout,
-    remove_display,
-    run_experiment,
+    LabRun, Variant, build_lab_scene, format_readout, remove_display, run_experiment,
 )  # fmt: skip
-from grader.certify.regime import Unresolved, choose_variants
+from grader.certify.regime import Reading, Unresolved, compare_runs
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
@@ -102,21 +95,21 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
         keys = {"readouts": "verify.claims"}
         return run_experiment(measuring, xml, verify.controls, seconds=verify.seconds, variant=variant, keys=keys)
 
-    rows: list[list[tuple[bool, float | None]]] = []
+    def read(variant: Variant) -> Reading:
+        done = run(variant)
+        found = [check_claim(claim, done, values) for claim, values in zip(claims, done.readouts, strict=True)]
+        return [holds for holds, _ in found], [number for _, number in found]
+
     try:
-        variants, regime = choose_variants(run, verify, to_the_end=all(claim.when == "end" for claim in claims))
-        for variant in variants:
-            done = run(variant)
-            rows.append([check_claim(claim, done, column) for claim, column in zip(claims, done.readouts, strict=True)])
+        readings, regime = compare_runs(read, run, verify, to_the_end=all(claim.when == "end" for claim in claims))
     except Unresolved as error:
         return refuse("outcome", key.answer, str(error), key="answer", failed=error.condition)
-    truths = [[holds for holds, _ in row] for row in rows]
+    truths, numbers = (list(column) for column in zip(*readings, strict=True))
     measured = {
         option: holds if number is None else {"true": holds, claim.when: number}
-        for option, claim, (holds, number) in zip(key.options, claims, rows[0], strict=True)
+        for option, claim, holds, number in zip(key.options, claims, truths[0], numbers[0], strict=True)
     }
     if any(other != truths[0] for other in truths):
-        numbers = [[number for _, number in row] for row in rows]
         shown = numbers if any(number is not None for row in numbers for number in row) else truths
         why = f"the claims depend on round-off or on the timestep: {shown}"
         return refuse("outcome", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
@@ -159,16 +152,14 @@ def _measure_outcomes(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
     )
     if verify.criterion == "stable" or sets_numerics:
-        variants: tuple[Variant, ...] = (SAME, *NUDGED)
-        regime: dict[str, Any] = {"timestep": "given", "failed": None}
-    else:
-        keys = {"readouts": "verify.criterion"}
-        variants, regime = choose_variants(
-            lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
-            verify,
-            to_the_end=to_claim(verify.criterion, verify.when).when == "end",
-        )
-    outcomes = [_measure_outcome(measuring, xml, setting, verify, variant) for variant in variants]
+        verify = verify.model_copy(update={"timestep": "given"})
+    keys = {"readouts": "verify.criterion"}
+    outcomes, regime = compare_runs(
+        lambda v: _measure_outcome(measuring, xml, setting, verify, v),
+        lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
+        verify,
+        to_the_end=to_claim(verify.criterion, verify.when).when == "end",
+    )
     if verify.criterion == "stable" and all(holds for holds, _ in outcomes) and lab.controller is None:
         outcomes = [_check_growth(lab, xml, setting, outcomes[0])]
     return outcomes, regime

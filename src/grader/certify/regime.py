@@ -7,6 +7,7 @@ longest timestep must resolve the motion, and a timestep that is no simple fract
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import ceil, isfinite, log2
 from typing import Any
 
@@ -37,6 +38,13 @@ STEPS_MAX = 100_000
 
 GOLDEN = 1.6180339887498949
 """The ratio that is farthest from every simple fraction."""
+
+
+CLIMBS = 3
+"""Most further halvings for a claim that depends on the timestep."""
+
+Reading = tuple[Any, Any]
+"""What a run says of a claim, True or False or one for each claim, and what was measured."""
 
 
 class Unresolved(Exception):
@@ -129,16 +137,28 @@ def _loses_mode(run: LabRun, timestep_s: float) -> bool:
     return False
 
 
-def choose_variants(
-    run: Callable[[Variant], LabRun], verify: Simulation, *, to_the_end: bool
-) -> tuple[tuple[Variant, ...], dict[str, Any]]:
-    """Returns the variants that must agree on a claim, and the regime as JSON. Raises Unresolved."""
+def compare_runs(
+    read: Callable[[Variant], Reading], probe: Callable[[Variant], LabRun], verify: Simulation, *, to_the_end: bool
+) -> tuple[list[Reading], dict[str, Any]]:
+    """Returns what the runs that must agree give, and the regime as JSON. Raises Unresolved.
+
+    Where they do not agree because of the timestep alone, it is halved further, CLIMBS times at most.
+    """
     checked: dict[str, Any] = {"timestep": verify.timestep, "failed": None}
     if verify.timestep == "given":
-        return (SAME, *NUDGED), checked
-    regime = check_regime(run(Variant(probes=PROBES)), to_the_end=to_the_end, fastest=verify.fastest)
-    other = regime.choose_incommensurate(regime.level)
-    finer = (regime.first, 2 * regime.first, 4 * regime.first, other)
-    own = (SAME,) if verify.timestep == "both" and regime.level else ()
-    nudged = (Variant(finer=regime.first, nudge=each.nudge) for each in NUDGED)
-    return (*own, *(Variant(finer=each) for each in finer), *nudged), checked | regime.to_json(4 * regime.first)
+        return [read(variant) for variant in (SAME, *NUDGED)], checked
+    regime = check_regime(probe(Variant(probes=PROBES)), to_the_end=to_the_end, fastest=verify.fastest)
+    read = cache(read)
+    own = [SAME] if verify.timestep == "both" else []
+    for level in range(regime.level, regime.level + CLIMBS + 1):
+        first = 2.0**level
+        timesteps = [Variant(finer=each) for each in (first, 2 * first, 4 * first, regime.choose_incommensurate(level))]
+        nudged = [Variant(finer=first, nudge=each.nudge) for each in NUDGED]
+        readings = [read(variant) for variant in (*own, *timesteps, *nudged)]
+        ends = [read(variant)[0] for variant in (timesteps[2], *own)]
+        starts = [read(variant)[0] for variant in (timesteps[0], *nudged)]
+        is_decided = all(truth == readings[0][0] for truth, _ in readings)
+        is_hopeless = any(one != ends[0] for one in ends) or any(one != starts[0] for one in starts)
+        if is_decided or is_hopeless or regime.steps * 2 ** (level + 3) > STEPS_MAX:
+            break
+    return readings, checked | regime.to_json(4 * first)
