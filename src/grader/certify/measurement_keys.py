@@ -18,7 +18,7 @@ from grader.certify.experiments import (
     read_xml,
     run_experiment,
     to_number,
-)  # fmt: skip
+)
 from grader.certify.ladder import Ladder
 from grader.certify.regime import Regime, Unresolved, check_regime, describe_reset
 from grader.domain.lab import LabConfig, Readout

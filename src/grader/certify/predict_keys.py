@@ -9,8 +9,13 @@ from typing import Any
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
-    LabRun, Variant, build_lab_scene, format_readout, remove_display, run_experiment,
-)  # fmt: skip
+    LabRun,
+    Variant,
+    build_lab_scene,
+    format_readout,
+    remove_display,
+    run_experiment,
+)
 from grader.certify.regime import Reading, Unresolved, compare_runs
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
