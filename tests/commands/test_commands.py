@@ -162,6 +162,42 @@ def test_reference_programs_that_cannot_be_read_are_faults_with_their_names(tmp_
     assert grader("check", content=tmp_path).stdout.count("reference_solutions/one/q1/") == 5
 
 
+@pytest.mark.parametrize(
+    ("answer", "accept", "code", "told_under"),
+    [
+        (9.81, None, 0, None),
+        (19.62, None, 2, "faults"),
+        (0.25, None, 1, "undecided"),
+        (0.25, "Measured on the rig, see the lab book", 0, "warnings"),
+    ],
+)
+def test_check_tells_certified_refuted_and_undecided_keys_apart(
+    answer: float, accept: str | None, code: int, told_under: str | None, tmp_path: Path
+) -> None:
+    # Source: v = g t; and a force whose period is h/64, which every halving of h meets in the same phase.
+    fall = 'gravity="9.81 0 0"'
+    force = {"controller": "data.qfrc_applied[0] = Math.cos(2 * Math.PI * data.time / (1e-3 / 64))"}
+    is_known = answer > 1
+    xml = f"""<mujoco><option timestep="0.001" {fall if is_known else 'gravity="0 0 0"'}/><worldbody><body>
+      <joint type="slide" axis="1 0 0"/><geom size=".1" mass="2"/></body></worldbody></mujoco>"""
+    verify = {"by": "measurement", "xml": xml, "expr": f"data.{'qvel' if is_known else 'qpos'}[0]", "seconds": 1}
+    verify |= ({} if is_known else force) | ({} if accept is None else {"accept": accept})
+    question = {"id": "q1", "kind": "numeric", "q": "?", "answer": answer, "tol": 0.01, "verify": verify}
+    for folder in ("models", "quizzes"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "quizzes/one.json").write_text(json.dumps({"id": "one", "title": "One", "questions": [question]}))
+    done = grader("check", "--json", content=tmp_path)
+    report = json.loads(done.stdout)
+    assert (done.returncode, report["ok"]) == (code, code == 0)
+    for name in ("faults", "undecided", "warnings"):
+        assert [fault["file"] for fault in report[name]] == ["quizzes/one.json"] * (name == told_under)
+    verdict = {2: "refuted", 1: "cannot tell"}.get(code, "cannot tell" if accept else "certified")
+    assert report["certificates"][0]["verdict"] == verdict
+    if code == 1:
+        assert "cannot tell: " in report["undecided"][0]["why"]
+        assert report["undecided"][0]["why"].endswith("or write why the key holds as verify.accept")
+
+
 @pytest.fixture
 def broken_content(tmp_path: Path) -> Path:
     """A copy of the content with five faults planted."""

@@ -6,7 +6,8 @@ import pytest
 
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, find_threshold
-from grader.numerics.stability.linear import difference_step, find_equilibrium, find_spectral_limit, linearise_step
+from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.linear import difference_step, find_spectral_limit, linearise_step
 from grader.numerics.stability.servo import Servo
 from grader.numerics.stability.trials import Criterion, Stability, check_bracket, try_timestep
 from numerics.models import ALL, DELAY, LESSON
@@ -124,7 +125,7 @@ def test_differences_agree_with_mujocos_own_linearisation() -> None:
     scene = SERVO.at(qpos=[0.3], qvel=[0.5])
     for integrator in (EULER, IMPLICIT, IMPLICITFAST, DISCRETE):
         with scene.borrow(timestep_s=0.004, integrator=integrator) as workspace:
-            differenced = difference_step(workspace)
+            differenced = difference_step(workspace.model, workspace.data)
         own = linearise_step(scene, timestep_s=0.004, integrator=integrator)
         assert np.abs(differenced - own).max() < 1e-6
 

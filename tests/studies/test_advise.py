@@ -15,7 +15,7 @@ from grader.numerics.accuracy.reference import list_sample_times
 from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4
 from grader.numerics.rollout import simulate
 from grader.studies.advise.report import Advice, Start, advise, build_scene, find_binding_stiffness, find_energy_loss
-from grader.studies.advise.selection import SAMPLE_S, START, Candidate
+from grader.studies.advise.selection import SAMPLE_S, START, Candidate, select
 from grader.studies.bench.scenes import find_scene, read_scene
 from numerics.models import DELAY, RUNAWAY, TWO_FREE_BODIES, hinge
 
@@ -47,6 +47,26 @@ def test_rk4_wins_too_where_energy_is_lost() -> None:
     assert advice.choice is not None
     assert advice.choice.integrator == RK4
     assert "damping" in advice.steps[1]
+
+
+FLOOR = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="5 5 .1" pos="0 0 {floor}"/>
+  <body pos="0 0 1"><joint type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("floor", "touches"), [(-9, False), (0.7, True)])
+def test_the_reference_is_of_high_order_until_a_constraint_acts(floor: float, touches: bool) -> None:
+    said: list[str] = []
+    selection = select(
+        build_scene(FLOOR.format(floor=floor), Start()), tolerance=1e-2, seconds=0.4, progress=said.append
+    )
+    assert any("a constraint acts" in line for line in said) is touches
+    assert any("RK4 and implicitfast" in line for line in said) is touches
+    assert selection.best is not None
+    if not touches:
+        # Source: z = -g t^2 / 2. Semi-implicit Euler at h is g t h / 2 off, which the reference must see.
+        assert selection.reference_error < 1e-9
+        errors = {c.timestep_s: c.error for c in selection.candidates if c.integrator == IMPLICITFAST}
+        assert errors[START[1]] == pytest.approx(9.81 * 0.4 * START[1] / 2, rel=1e-6)
 
 
 def test_stiffness_binds_and_warnings_are_told() -> None:

@@ -372,12 +372,31 @@ MEASURED: dict[str, tuple[dict[str, Any], str]] = {
 def test_every_way_to_derive_a_key_is_told_in_sentences(method: str) -> None:
     measured, sentence = MEASURED[method]
     numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
-    certificate = Certificate(True, "", method, 2.0062, 2.006, measured, tolerance=0.01)
+    certificate = Certificate("certified", "", method, 2.0062, 2.006, measured, tolerance=0.01)
     lines = [
         line for _, several in word_key(NumberQuestion.model_validate(numeric).key, certificate) for line in several
     ]
     assert sentence in unspaced(" ".join(lines))
     assert "2.006 s, with a tolerance of 0.01 s. What came out is 2·10⁻⁴ s away, 2 % of the" in unspaced(lines[-1])
+
+
+def test_a_key_that_cannot_be_told_says_why_it_was_accepted_and_how_short_the_timesteps_were() -> None:
+    numeric: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "T?", "answer": 2.006, "tol": 0.01, "unit": "s"}
+    regime = {"failed": None, "own timestep [s]": 2e-3, "fastest rate [1/s]": 12.5, "shortest timestep [s]": 5e-4}
+    measured = MEASURED["measurement"][0]
+    key = NumberQuestion.model_validate(numeric).key
+    certificate = Certificate(
+        "cannot tell", "it still changes", "measurement", 2.0062, 2.006, measured, tolerance=0.01, regime=regime,
+        accepted="Timed on the rig.",
+    )  # fmt: skip
+    row = certificates.word_certificate(key, certificate)
+    assert (row["state"], row["tone"]) == ("cannot tell", "")
+    assert row["why"] == "Accepted: Timed on the rig. Simulation cannot tell: it still changes"
+    checked = unspaced(dict(row["told"])["Checked"][0])
+    assert "rate of 12.5 1/s. The timesteps went from 2 ms to 0.5 ms: what is faster stays unseen." in checked
+    states = {verdict: certificates.word_certificate(key, replace(certificate, verdict=verdict))["tone"]
+              for verdict in ("certified", "refuted")}  # fmt: skip
+    assert states == {"certified": "ok", "refuted": "no"}
 
 
 def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: httpx.Client) -> None:

@@ -9,9 +9,10 @@ from dataclasses import replace
 from grader.certify.certificate import Certificate, refuse
 from grader.certify.experiments import VerifyError
 from grader.certify.inference import infer_verify
-from grader.certify.numeric_keys import certify_expression, certify_measurement, certify_threshold
+from grader.certify.measurement_keys import certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
 from grader.certify.stage_keys import certify_stage
+from grader.certify.threshold_keys import certify_threshold
 from grader.domain.lab import LabConfig
 from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutcome, ByStage, ByThreshold, Verify
 from grader.errors import CallerError, LabRefused
@@ -34,11 +35,22 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
     except (VerifyError, CallerError, LabRefused, ValueError) as error:
         at = error.key if isinstance(error, VerifyError) else "verify"
         certificate = refuse("verify", key.answer, f"it cannot be re-derived: {error}", key=at)
+    else:
+        if verify.accept is not None:
+            certificate = _accept(certificate, verify.accept)
     if key.verify is None and _are_all_stable(certificate):
         return None
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
+
+
+def _accept(certificate: Certificate, reason: str) -> Certificate:
+    """Accept a key that simulation cannot tell, for the author's reason; a remark where it can be told."""
+    if certificate.ok:
+        remark = "Simulation certifies this key: verify.accept is no longer needed."
+        return replace(certificate, remarks=(*certificate.remarks, remark))
+    return replace(certificate, accepted=reason) if certificate.verdict == "cannot tell" else certificate
 
 
 def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:

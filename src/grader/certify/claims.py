@@ -6,6 +6,7 @@ from math import inf, isfinite
 from typing import Any
 
 from grader.certify.experiments import LabRun, to_boolean, to_number
+from grader.certify.regime import Unresolved, describe_reset
 from grader.domain.verify import Claim, When
 
 TIME_SLACK_S = 1e-9
@@ -21,12 +22,17 @@ def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool,
     """Whether the claim holds in a run in which its expression had these values, a value a frame.
 
     Also returns the number that was counted or measured: None where there is none, as for the first time of what never
-    happened. Such a claim is false.
+    happened. Such a claim is false. Raises Unresolved where MuJoCo reset the state before the claim was decided.
     """
     until = inf if claim.until is None else claim.until + TIME_SLACK_S
+    reset = run.warnings[0].time_s if run.warnings else inf
     inside = [
-        value for time, value in zip(run.times, values, strict=True) if claim.since - TIME_SLACK_S <= time <= until
+        value
+        for time, value in zip(run.times, values, strict=True)
+        if claim.since - TIME_SLACK_S <= time <= until and time < reset
     ]
+    if run.warnings and until >= reset and not _is_decided(claim, inside):
+        raise Unresolved("no reset", describe_reset(run))
     if not inside:
         return False, None
     if claim.when in ("end", "always", "ever"):
@@ -38,6 +44,14 @@ def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool,
     low = -inf if claim.at_least is None else claim.at_least
     high = inf if claim.at_most is None else claim.at_most
     return low <= measured <= high, measured
+
+
+def _is_decided(claim: Claim, inside: Sequence[Any]) -> bool:
+    """Whether values up to a reset decide the claim, whatever the run would have been like after it."""
+    if claim.when not in ("always", "ever", "first"):
+        return False
+    deciding = claim.when != "always"
+    return any(to_boolean(value) is deciding for value in inside)
 
 
 def _measure(claim: Claim, run: LabRun, inside: Sequence[Any]) -> float | None:

@@ -10,11 +10,12 @@ from grader.domain.verify import Setting
 from grader.errors import ContentError, GraderError, LabError
 from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number
 from grader.labs import SAME, LabRun, Variant, build_lab_scene, choose_length_s, format_readout, run_lab
+from grader.questions import ModelXml
 
 __all__ = [
     "DATA_FIELDS",
-    "FINER",
     "NUDGED",
+    "PROBES",
     "SAME",
     "LabRun",
     "Variant",
@@ -22,6 +23,7 @@ __all__ = [
     "build_lab_scene",
     "evaluate",
     "format_readout",
+    "read_xml",
     "remove_display",
     "run_experiment",
     "set_fields",
@@ -39,7 +41,9 @@ Source: far above rounding, far below any pixel.
 """
 
 NUDGED = (Variant(nudge=NUDGE), Variant(nudge=-NUDGE))
-FINER = (Variant(finer=2), Variant(finer=4))
+
+PROBES = 12
+"""Linearisations of the equations of motion along a run."""
 
 
 class VerifyError(GraderError):
@@ -48,6 +52,15 @@ class VerifyError(GraderError):
     def __init__(self, key: str, why: str) -> None:
         self.key = key
         super().__init__(why)
+
+
+def read_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
+    """Returns the MJCF that a `verify` names. Raises VerifyError if it names none."""
+    if xml is not None:
+        return xml
+    if model is None:
+        raise VerifyError("verify", "verify needs a model or an xml")
+    return model_xml(model)
 
 
 def run_experiment(

@@ -8,6 +8,8 @@ from grader.errors import Fault
 from grader.library import Library
 from grader.questions import AnswerKey, Question, kind_of
 
+ACCEPT = "or write why the key holds as verify.accept"
+
 
 @dataclass(frozen=True)
 class Certified:
@@ -28,12 +30,14 @@ def certify_quizzes(library: Library, quizzes: Iterable[str]) -> Iterator[Certif
 
 
 def find_refused_keys(library: Library, quizzes: Iterable[str]) -> Iterator[Fault]:
-    """Yields a fault for each key of these quizzes that simulation refuses."""
+    """Yields a fault for each key that simulation refutes, or cannot tell and the author has not accepted."""
     for one in certify_quizzes(library, quizzes):
-        if one.certificate is not None and not one.certificate.ok:
+        if one.certificate is not None and not one.certificate.is_publishable:
             yield build_fault(library, one.quiz, one.question, one.certificate)
 
 
 def build_fault(library: Library, quiz: str, question: Question, certificate: Certificate) -> Fault:
-    """Returns the fault of a refused key: file, field and why."""
-    return Fault(library.file(quiz), f"{question.id}.{certificate.key}", certificate.why)
+    """Returns the fault of a key that may not be published: file, field and why, with a cure."""
+    cure = "" if certificate.verdict == "refuted" or certificate.method == "verify" else f"; {ACCEPT}"
+    why = f"{certificate.verdict}: {certificate.why}{cure}"
+    return Fault(library.file(quiz), f"{question.id}.{certificate.key}", why)

@@ -3,14 +3,12 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from math import log
 from typing import Any
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.certify.experiments import (
-    FINER,
-    NUDGED,
-    SAME,
     LabRun,
     Variant,
     build_lab_scene,
@@ -18,17 +16,22 @@ from grader.certify.experiments import (
     remove_display,
     run_experiment,
 )
+from grader.certify.regime import Reading, Unresolved, compare_runs
 from grader.domain.lab import LabConfig, Select
 from grader.domain.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
+from grader.numerics.stability.growth import measure_silent_growth
 from grader.numerics.stability.linear import find_spectral_limit
 from grader.questions import ModelXml, OptionKey
 
 NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)
 ALL = re.compile(r"\b(all|both|each|every)\b", re.IGNORECASE)
 ONLY = re.compile(r"\bonly\b|\bno other\b|\balone\b", re.IGNORECASE)
+
+VISIBLE, CERTAIN = 1.5, 20.0
+"""Growth of small motions over a silent run that may be seen, and that is certain: between the two nobody can tell."""
 
 LIMIT_SPAN_S = (5e-4, 0.1)
 """Timesteps [s] between which the linear stability limit is sought."""
@@ -62,51 +65,61 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
     measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
+    regimes: dict[str, Any] = {}
     for i, setting in enumerate(settings):
         if setting is None:
             continue
-        outcomes = [_measure_outcome(measuring, xml, setting, verify, v) for v in _list_variants(lab, setting, verify)]
-        measured[key.options[i]] = outcomes[0][1]
+        option = key.options[i]
+        try:
+            outcomes, regimes[option] = _measure_outcomes(measuring, lab, xml, setting, verify)
+        except Unresolved as error:
+            return refuse("options", key.answer, f"{option!r}: {error}", measured=measured, failed=error.condition)
+        measured[option] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
-            why = f"{key.options[i]!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
-            return replace(refuse("options", key.answer, why, key="answer"), measured=measured)
+            why = f"{option!r} depends on round-off or on the timestep: {[o for _, o in outcomes]}"
+            return refuse("options", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
         held[i] = outcomes[0][0]
     right = _find_right_options(key.options, held)
     certificate = certify_choice("options", right, key.answer, key.options, measured)
+    certificate = replace(certificate, regime={"failed": None, **regimes})
     if select is not None and select.set == "model.opt.integrator" and verify.criterion == "stable":
         return _compare_integrators(certificate, key, measuring, select, xml, seconds=verify.seconds)
     return certificate
 
 
 def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str) -> Certificate:
-    """Run the lab once; the right option is the one whose claim is true, at h, h/2, h/4 and from nudged starts."""
+    """Run the lab once; the right option is the one whose claim is true in every variant of the run."""
     if len(verify.claims) != len(key.options):
         return refuse("outcome", key.answer, "verify.claims needs one expression per option")
     claims = [to_claim(claim, verify.when) for claim in verify.claims]
     measuring = remove_display(lab, *(claim.expr for claim in claims))
-    truths, numbers = [], list[list[float | None]]()
-    for variant in (SAME, *FINER, *NUDGED):
-        run = run_experiment(
-            measuring,
-            xml,
-            verify.controls,
-            seconds=verify.seconds,
-            variant=replace(variant, every_step=any(claim.when != "end" or claim.until for claim in claims)),
-            keys={"readouts": "verify.claims"},
-        )
-        found = [check_claim(claim, run, values) for claim, values in zip(claims, run.readouts, strict=True)]
-        truths.append([holds for holds, _ in found])
-        numbers.append([number for _, number in found])
+    every_step = any(claim.when != "end" or claim.until for claim in claims)
+
+    def run(variant: Variant) -> LabRun:
+        variant = replace(variant, every_step=every_step)
+        keys = {"readouts": "verify.claims"}
+        return run_experiment(measuring, xml, verify.controls, seconds=verify.seconds, variant=variant, keys=keys)
+
+    def read(variant: Variant) -> Reading:
+        done = run(variant)
+        found = [check_claim(claim, done, values) for claim, values in zip(claims, done.readouts, strict=True)]
+        return [holds for holds, _ in found], [number for _, number in found]
+
+    try:
+        readings, regime = compare_runs(read, run, verify, to_the_end=all(claim.when == "end" for claim in claims))
+    except Unresolved as error:
+        return refuse("outcome", key.answer, str(error), key="answer", failed=error.condition)
+    truths, numbers = (list(column) for column in zip(*readings, strict=True))
     measured = {
-        option: truths[0][i] if numbers[0][i] is None else {"true": truths[0][i], claims[i].when: numbers[0][i]}
-        for i, option in enumerate(key.options)
+        option: holds if number is None else {"true": holds, claim.when: number}
+        for option, claim, holds, number in zip(key.options, claims, truths[0], numbers[0], strict=True)
     }
     if any(other != truths[0] for other in truths):
         shown = numbers if any(number is not None for row in numbers for number in row) else truths
         why = f"the claims depend on round-off or on the timestep: {shown}"
-        return replace(refuse("outcome", key.answer, why, key="answer"), measured=measured)
+        return refuse("outcome", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
     right = [i for i, true in enumerate(truths[0]) if true]
-    return certify_choice("outcome", right, key.answer, key.options, measured)
+    return replace(certify_choice("outcome", right, key.answer, key.options, measured), regime=regime)
 
 
 def _infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
@@ -128,22 +141,36 @@ def _find_right_options(options: Sequence[str], held: dict[int, bool]) -> list[i
     return holding
 
 
-def _list_variants(lab: LabConfig, setting: Setting, verify: ByOptions) -> tuple[Variant, ...]:
-    """Return the runs that must agree: nudged starts, and h/2 and h/4 unless the setting itself changes the numerics.
+Outcome = tuple[bool, dict[str, Any]]
+"""Whether the criterion holds under a setting, and what was measured."""
 
-    Stability belongs to one timestep, so it is not compared with finer ones.
+
+def _measure_outcomes(
+    measuring: LabConfig, lab: LabConfig, xml: str, setting: Setting, verify: ByOptions
+) -> tuple[list[Outcome], dict[str, Any]]:
+    """Returns the outcomes of the runs that must agree, and the regime as JSON. Raises Unresolved.
+
+    Stability belongs to one timestep, and so does what a setting of the numerics changes: only starts are nudged. A run
+    without a warning is stable only if small motions do not grow either: large ones may be bounded by nonlinear forces.
     """
-    options_are_numerics = any(
+    sets_numerics = any(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
     )
-    finer = () if verify.criterion == "stable" or options_are_numerics else FINER
-    return (SAME, *NUDGED, *finer)
+    if verify.criterion == "stable" or sets_numerics:
+        verify = verify.model_copy(update={"timestep": "given"})
+    keys = {"readouts": "verify.criterion"}
+    outcomes, regime = compare_runs(
+        lambda v: _measure_outcome(measuring, xml, setting, verify, v),
+        lambda v: run_experiment(measuring, xml, setting, seconds=verify.seconds, variant=v, keys=keys),
+        verify,
+        to_the_end=to_claim(verify.criterion, verify.when).when == "end",
+    )
+    if verify.criterion == "stable" and all(holds for holds, _ in outcomes) and lab.controller is None:
+        outcomes = [_check_growth(lab, xml, setting, outcomes[0])]
+    return outcomes, regime
 
 
-def _measure_outcome(
-    lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant
-) -> tuple[bool, dict[str, Any]]:
-    """Whether the criterion holds under a setting, and what was measured."""
+def _measure_outcome(lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant) -> Outcome:
     keys = {"readouts": "verify.criterion"}
     if verify.criterion == "stable":
         run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
@@ -155,6 +182,21 @@ def _measure_outcome(
     if number is not None:
         return holds, {"holds": holds, claim.when: number}
     return holds, {"holds": holds, "final": format_readout(run.readouts[0][-1], None)}
+
+
+def _check_growth(lab: LabConfig, xml: str, setting: Setting, silent: Outcome) -> Outcome:
+    """Returns the outcome of a run without a warning: not stable if small motions certainly grow. Raises Unresolved."""
+    scene = build_lab_scene(lab, xml, setting)
+    h, integrator = float(scene.model.opt.timestep), int(scene.model.opt.integrator)
+    growth = measure_silent_growth(scene, timestep_s=h, integrator=integrator)
+    grown = 0.0 if growth is None else silent[1]["seconds"] / h * log(growth)
+    if growth is None or grown < log(VISIBLE):
+        return silent
+    why = f"MuJoCo never warns, but small motions about the equilibrium grow {growth:.6g} times a step"
+    if grown < log(CERTAIN):
+        cure = "the timestep is too near the limit for a run of this length; move it away"
+        raise Unresolved("growth about the equilibrium", f"{why}: {cure}")
+    return False, {**silent[1], "stable": False, "growth": f"{why}: large ones are bounded"}
 
 
 def _describe_stability(run: LabRun) -> dict[str, Any]:

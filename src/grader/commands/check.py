@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from grader.commands.grade import open_pipeline
-from grader.commands.options import USAGE, Json, err, read_settings, say
+from grader.commands.options import CORRECT, OTHER_VERDICT, USAGE, Json, err, read_settings, say
 from grader.errors import ContentError
 
 cli = typer.Typer()
@@ -20,21 +20,26 @@ def check(
     as_json: Json = False,
     draws: Annotated[int, typer.Option(min=1, help="draws of the hidden cases for each reference program")] = 1,
 ) -> None:
-    """Load every quiz and model, re-derive every answer key, grade every reference solution."""
+    """Load every quiz and model, re-derive every answer key, grade every reference solution.
+
+    Exits with 2 for a fault, with 1 if only keys that simulation cannot tell stand in the way.
+    """
     from grader.grading.checking import check_content
 
     reports = [check_content(path, open_pipeline, say, draws) for path in paths or [read_settings().content]]
     faults = [fault for report in reports for fault in report.faults]
+    undecided = [fault for report in reports for fault in report.undecided]
     if as_json:
         documents = [report.to_json() for report in reports]
         print(json.dumps(documents if len(documents) > 1 else documents[0], indent=2))
     else:
         for warning in [warning for report in reports for warning in report.warnings]:
             err.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
-        for fault in faults:
+        for fault in (*faults, *undecided):
             print(fault)
-        say(f"{len(faults)} fault(s)" if faults else "all holds")
-    sys.exit(USAGE if faults else 0)
+        counts = [f"{len(faults)} fault(s)"] * bool(faults) + [f"{len(undecided)} undecided key(s)"] * bool(undecided)
+        say(", ".join(counts) or "all holds")
+    sys.exit(USAGE if faults else OTHER_VERDICT if undecided else CORRECT)
 
 
 @cli.command("import")

@@ -21,6 +21,25 @@ class VerifyPart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class Way(VerifyPart):
+    """What every way to derive a key has: why the author publishes the key though simulation cannot tell (`accept`)."""
+
+    accept: Annotated[str, Field(min_length=10, max_length=1000)] | None = None
+
+
+class Simulation(Way):
+    """What every way that runs a simulation has.
+
+    `timestep` says what the answer is about: the motion, which the run at the model's own timestep must show too
+    (`both`); the motion alone (`any`); or the discretisation at the model's own timestep (`given`), where only
+    round-off and nudged starts are varied. `fastest` is the fastest rate [1/s] of forces that a controller switches:
+    sampling cannot find them.
+    """
+
+    timestep: Literal["both", "any", "given"] = "both"
+    fastest: Positive | None = None
+
+
 class Claim(VerifyPart):
     """A claim about the history of a run, read at every step from `since` to `until` [s] (both included). `expr` is
     true at the `end` of that window, `always` or `ever` in it; or a number that is counted or measured lies between
@@ -46,7 +65,7 @@ class Claim(VerifyPart):
         return self
 
 
-class ByOptions(VerifyPart):
+class ByOptions(Simulation):
     """Run the lab of a predict question under each option's setting; `criterion` holds for the right option only.
     `criterion` is `stable` (no warning over the run), an expression that is true at the `end`, `always` or `ever`, or a
     Claim. `settings` has one entry per option, null for an option such as "None of them"; by default the options are
@@ -59,7 +78,7 @@ class ByOptions(VerifyPart):
     seconds: Seconds | None = None
 
 
-class ByOutcome(VerifyPart):
+class ByOutcome(Simulation):
     """Run the lab of a predict question once; of the `claims`, one per option, only the right one is true. A claim is
     an expression, true at `when`, or a Claim."""
 
@@ -70,7 +89,7 @@ class ByOutcome(VerifyPart):
     seconds: Seconds | None = None
 
 
-class ByStage(VerifyPart):
+class ByStage(Way):
     """Find the stage of mj_step that first fills the field `fills` (`contact`, or an array of mjData). `stages` has the
     call of each option, such as mj_fwdPosition; by default it is inferred from the option's words."""
 
@@ -112,7 +131,7 @@ def check_seconds(seconds: float, info: ValidationInfo) -> float:
     return seconds
 
 
-class ByThreshold(VerifyPart):
+class ByThreshold(Way):
     """Derive the largest stable timestep of a numeric question between `low` and `high` [s]. The criterion `decays`
     takes the linear stability limit (spectral radius = 1), `no_warning` the largest timestep without a warning within
     `seconds`; where these are too short to decide, the linear stability limit. The scene is a `servo`, or a `model` or
@@ -134,7 +153,7 @@ class ByThreshold(VerifyPart):
     scale: Positive | None = None
 
 
-class ByMeasurement(VerifyPart):
+class ByMeasurement(Simulation):
     """Measure the value of `expr` for a numeric question: at the end of a run, or its maximum, minimum or mean."""
 
     by: Literal["measurement"]
@@ -148,7 +167,7 @@ class ByMeasurement(VerifyPart):
     seconds: Seconds
 
 
-class ByExpression(VerifyPart):
+class ByExpression(Way):
     """Evaluate a closed form for a numeric question, with the fields of `model` or `xml`, if given."""
 
     by: Literal["expression"]

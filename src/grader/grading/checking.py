@@ -34,9 +34,10 @@ Say = Callable[[str], None]
 
 @dataclass
 class Report:
-    """The results of a check; it passed if there are no `faults`."""
+    """The results of a check; it passed if there are no `faults`, and no keys that are `undecided` by simulation."""
 
     faults: list[Fault] = field(default_factory=list)
+    undecided: list[Fault] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
     certificates: list[dict[str, Any]] = field(default_factory=list)
     references: list[dict[str, Any]] = field(default_factory=list)
@@ -44,8 +45,9 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """Plain JSON, faults as {"file", "key", "why"}."""
         return {
-            "ok": not self.faults,
+            "ok": not self.faults and not self.undecided,
             "faults": [vars(fault) for fault in self.faults],
+            "undecided": [vars(fault) for fault in self.undecided],
             "warnings": [vars(fault) for fault in self.warnings],
             "certificates": self.certificates,
             "references": self.references,
@@ -94,7 +96,7 @@ def check_content(
 
 
 def certify_library(library: Library, path: Path, report: Report, say: Say) -> None:
-    """Certify every key that physics can decide; a refused key is a fault."""
+    """Certify every key that physics can decide; a refuted key is a fault, and so is a `verify` that cannot run."""
     chosen = (quiz for quiz in library.quizzes if (library.root / library.file(quiz)).is_relative_to(path))
     for one in certify_quizzes(library, chosen):
         file, named = library.file(one.quiz), ".".join(filter(None, (one.question.id, one.key.place)))
@@ -103,11 +105,16 @@ def certify_library(library: Library, path: Path, report: Report, say: Say) -> N
             if is_decidable(one.key):
                 report.warnings.append(Fault(file, f"{named}.verify", UNVERIFIED))
             continue
-        say(f"{one.quiz} {named}: key {'certified' if certificate.ok else 'REFUSED'}")
+        say(f"{one.quiz} {named}: key {certificate.verdict if certificate.ok else certificate.verdict.upper()}")
         report.certificates.append({"quiz": one.quiz, "question": one.question.id, **certificate.to_json()})
         report.warnings.extend(Fault(file, f"{named}.answer", remark) for remark in certificate.remarks)
-        if not certificate.ok:
-            report.faults.append(build_fault(library, one.quiz, one.question, certificate))
+        if certificate.accepted is not None:
+            why = f"simulation cannot tell ({certificate.why}); accepted: {certificate.accepted}"
+            report.warnings.append(Fault(file, f"{named}.verify.accept", why))
+        if not certificate.is_publishable:
+            is_fault = certificate.verdict == "refuted" or certificate.method == "verify"
+            faults = report.faults if is_fault else report.undecided
+            faults.append(build_fault(library, one.quiz, one.question, certificate))
 
 
 def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, ScriptQuestion]]:

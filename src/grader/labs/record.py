@@ -10,6 +10,7 @@ import numpy as np
 from grader.domain.lab import LabConfig, Plot, Readout
 from grader.errors import LabError
 from grader.expressions import UNDEFINED, RunError, Value, texts, values
+from grader.labs.probes import Probe
 from grader.numerics.drawing import Floats, to_quaternions
 from grader.numerics.stepping import MujocoWarning
 
@@ -59,6 +60,7 @@ class LabRun:
     seconds: float = 0.0
     duration_s: float = 0.0
     steps: int = 0
+    probes: list[Probe] = field(default_factory=list)
     timing_ms: dict[str, float] = field(default_factory=dict)
 
     @property

@@ -14,6 +14,7 @@ from grader.domain.lab import SECONDS_MAX, LabConfig, OptionValue, Select, Slide
 from grader.errors import LabError, LabRefused
 from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Wish, choose_values, to_value
+from grader.labs.probes import probe_motion
 from grader.labs.programs import LabPrograms, compile_lab
 from grader.labs.record import LabRun
 from grader.numerics.drawing import list_drawn_geoms, list_overlays
@@ -40,13 +41,15 @@ Event = tuple[float, str]
 class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
     position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
-    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step."""
+    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step.
+    The motion is linearised at `probes` moments, until MuJoCo resets it."""
 
     integrator: int | None = None
-    finer: int = 1
+    finer: float = 1
     nudge: float = 0.0
     every_step: bool = False
     close_up_s: float = 0.0
+    probes: int = 0
 
 
 SAME = Variant()
@@ -68,6 +71,7 @@ class LabSimulation:
         self.presses: deque[tuple[float, Program]] = deque()
         self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
         self.overlays = list_overlays(config.over_the_scene)
+        self.probe_times: list[float] = []
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
         self._set(values, lambda _: True)
         programs.setup.run(self.machine)
@@ -173,6 +177,10 @@ class LabSimulation:
 
     def _keep_frame(self) -> None:
         self.record.duration_s = self.elapsed
+        if due := [moment for moment in self.probe_times if moment <= self.elapsed + 1e-9]:
+            del self.probe_times[: len(due)]
+            if not self.record.warnings:
+                self.record.probes.append(probe_motion(self.model, self.data))
         self.record.times.append(self.elapsed)
         if not self.every_step:  # a certificate shows nobody where the geoms are
             self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
@@ -235,6 +243,7 @@ def run_lab(
     running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
     running.vary(variant)
+    running.probe_times = [duration * i / variant.probes for i in range(variant.probes)]
     prepared = time.perf_counter()
     running.go(duration)
     ran = time.perf_counter()

@@ -44,12 +44,19 @@ class Reference:
 
 
 def solve_dop853(
-    scene: Scene, times_s: Values, *, rtol: float = RTOL, atol: float = ATOL, forward: Forward = mujoco.mj_forward
+    scene: Scene,
+    times_s: Values,
+    *,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    forward: Forward = mujoco.mj_forward,
+    constraints: bool = True,
 ) -> Reference:
     """Solve the scene's motion at `times_s` (ascending, after the scene's start) by SciPy's DOP853 over `forward`.
-    Raises ValueError for times that do not ascend, and for a scene with an obstacle that `find_obstacle` names;
-    RuntimeError if the solver gives up."""
-    obstacle = find_obstacle(scene)
+    Without `constraints` the scene may have some, and `forward` must make sure that none acts. Raises ValueError for
+    times that do not ascend, and for a scene with an obstacle that `find_obstacle` names; RuntimeError if the solver
+    gives up."""
+    obstacle = find_obstacle(scene, constraints=constraints)
     if obstacle is not None:
         raise ValueError(f"a reference solution needs a scene without {obstacle}")
     # Under `discrete`, qacc would hold a difference quotient over one step: accelerations are read under Euler.
@@ -66,12 +73,12 @@ def solve_dop853(
     return Reference(*(freeze(part) for part in parts))
 
 
-def find_obstacle(scene: Scene) -> str | None:
+def find_obstacle(scene: Scene, *, constraints: bool = True) -> str | None:
     """Return what prevents the scene's equations from being smooth functions of its state alone, or None."""
     model, needed = scene.model, {need.part for need in scene.needs if need.needed}
     if "everything" in needed:
         return "plug-ins and sleeping bodies"
-    if "constraints" in needed:
+    if constraints and "constraints" in needed:
         return "contacts, limits, friction loss and equalities"
     if model.nhistory:
         return "delays, which act on a history outside the equations"

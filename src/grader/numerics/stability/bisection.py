@@ -12,7 +12,8 @@ import numpy as np
 from scipy import optimize
 
 from grader.numerics.scene import Scene, State, resolve_options
-from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium
+from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.linear import compute_spectral_radius
 from grader.numerics.stability.trials import Criterion, Stability, Trial, try_timestep
 
 SCAN_POINTS = 24

@@ -4,11 +4,13 @@ its linear stability limit gravity bounds the motion, and MuJoCo never warns."""
 from dataclasses import dataclass
 from math import log
 
+import mujoco
 import numpy as np
 from mujoco import mjMAXVAL
 
 from grader.numerics.scene import Scene, Vector
-from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum, find_least_accelerated
+from grader.numerics.stability.equilibrium import find_equilibrium_of_motion, find_least_accelerated
+from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectrum
 
 CLEAR_GROWTH = 1.05
 """Spectral radius above which a run without a warning may be called unstable. Source: the lesson's servo between its
@@ -67,3 +69,30 @@ def _compute_exact_growth(resting: Scene, timestep_s: float, integrator: int) ->
 
 def _compute_logs(moduli: Vector) -> Vector:
     return np.log(np.maximum(moduli, np.finfo(float).tiny))
+
+
+def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int) -> float | None:
+    """Returns the growth per step of small motions about the equilibrium of the motion that the exact motion lacks.
+
+    None without an equilibrium, where nothing grows, where contacts or limits act in the equilibrium, as these push one
+    way only, or where MuJoCo cannot linearise the model.
+    """
+    try:
+        resting = find_equilibrium_of_motion(scene)
+        if resting is None or scene.model.nv == 0 or _is_touching(resting):
+            return None
+        moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
+        if not moduli[0] > 1 + RADIUS_NOISE:
+            return None
+        exact = _compute_exact_growth(resting, timestep_s, integrator)
+    except mujoco.FatalError:
+        return None
+    numerical = float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
+    return numerical if numerical > 1 else None
+
+
+def _is_touching(resting: Scene) -> bool:
+    """Whether a contact, a limit or friction acts."""
+    with resting.borrow() as workspace:
+        mujoco.mj_forward(workspace.model, workspace.data)
+        return int(workspace.data.nefc) > int(workspace.data.ne)

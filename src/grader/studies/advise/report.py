@@ -19,7 +19,8 @@ from grader.expressions import Machine, compile_program
 from grader.numerics.integrators import IMPLICITFAST
 from grader.numerics.process import prepare
 from grader.numerics.scene import Scene, Values
-from grader.numerics.stability.linear import find_equilibrium, find_spectral_limit
+from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.linear import find_spectral_limit
 from grader.studies.advise.selection import (
     QUARTER,
     START,

@@ -44,11 +44,20 @@ CONFIRMATIONS = 2
 REFERENCE_SHARE = 0.1
 """The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
 
+ACCEPTED_SHARE = 0.4
+"""The same where halving has ended: every error then has the distance between different methods added."""
+
+REDUCTION = 2.5
+"""The factor by which a halving may reduce the uncertainty; where even that would not do, halving ends early."""
+
 REFERENCE_S = (0.0002, 0.0001, 0.00005, 0.000025, 0.0000125)
 """Timesteps [s] of the reference where DOP853 cannot be used: halved until two of them agree."""
 
 RTOLS = (1e-9, 1e-11, 1e-13)
 """Tolerances of DOP853: tightened until two of them agree."""
+
+RK4_RATIO = 2
+"""The timestep of RK4 relative to that of the method beside it: both then cost about the same."""
 
 CORES = os.cpu_count() or 1
 """Runs at a time: mj_step releases Python's lock."""
@@ -104,6 +113,10 @@ class QuantityStill(ValueError):
 
 class OutOfTime(RuntimeError):
     """The budget is spent."""
+
+
+class Touched(Exception):
+    """A constraint acts, so that the equations are not smooth."""
 
 
 def select(
@@ -194,11 +207,12 @@ class _Meter:
         spent = time.thread_time() - begin
         return _Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
 
-    def reference_run(self, timestep_s: float, times_s: Vector) -> Rollout:
+    def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
         """Returns a run that is kept at the steps on both sides of every time."""
+        timestep_s = setting[1]
         steps = times_s / timestep_s
         around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
-        return self.run((PREFERENCE[0], timestep_s), np.asarray(around * timestep_s)).rollout
+        return self.run(setting, np.asarray(around * timestep_s)).rollout
 
     def error(self, one: Rollout | Reference, other: Rollout | Reference) -> float:
         """Returns the sup norm of the difference at the times of `one`; inf if it diverged."""
@@ -241,6 +255,16 @@ def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Refer
     return Reference(times, qpos, qvel, act)
 
 
+def _extrapolate(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
+    """Returns the first-order extrapolation of two solutions at the same times, one at half the other's timestep."""
+    qpos, qvel, act = (
+        2 * b - a for a, b in ((coarse.qpos, fine.qpos), (coarse.qvel, fine.qvel), (coarse.act, fine.act))
+    )
+    for row in qpos:
+        mujoco.mj_normalizeQuat(scene.model, row)
+    return Reference(fine.time, qpos, qvel, act)
+
+
 class _Survey:
     """Measures settings once each, within a budget of wall time. `offered` holds the timesteps [s] to choose from for
     each integrator, the largest first; `measured` what was found."""
@@ -277,7 +301,7 @@ class _Survey:
             reference = self.reference(times)
         except RuntimeError as error:
             return _cannot_tell(str(error))
-        if not self.doubt <= REFERENCE_SHARE * self.tolerance:
+        if not self.doubt <= ACCEPTED_SHARE * self.tolerance:
             much = f"too much for a tolerance of {self.tolerance:g}"
             return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
         self.take(runs, reference)
@@ -298,24 +322,86 @@ class _Survey:
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
 
     def reference(self, times_s: Vector) -> Rollout | Reference:
-        """Returns the reference solution; `doubt` becomes its distance to the second-best solution. Smooth scenes use
-        DOP853 at two tolerances; others the first of PREFERENCE at two small timesteps, where the difference estimates
-        the remaining error of a first-order method."""
-        solve = self.solve if find_obstacle(self.meter.scene) is None else self.step
-        best: Rollout | Reference | None = None
-        for finer in solve(times_s):
+        """Returns the reference solution; `doubt` becomes its distance to solutions of another method or timestep.
+
+        Uses DOP853 at two tolerances where no constraint acts along the whole motion, else RK4, confirmed by itself at
+        twice the timestep and by a method of first order.
+        """
+        if find_obstacle(self.meter.scene) is None or self.starts_free():
+            try:
+                return self.solve_smooth(times_s)
+            except Touched:
+                self.progress("a constraint acts: the reference needs steps")
+        return self.step_pairs(times_s)
+
+    def starts_free(self) -> bool:
+        """Whether constraints are all that hinders DOP853, and none acts at the start."""
+        scene = self.meter.scene
+        if find_obstacle(scene, constraints=False) is not None:
+            return False
+        with scene.borrow() as workspace:
+            mujoco.mj_forward(workspace.model, workspace.data)
+            return int(workspace.data.nefc) == 0
+
+    def solve_smooth(self, times_s: Vector) -> Reference:
+        """Returns the first solution by DOP853 with which the one before agrees, or the last. Raises Touched."""
+        best: Reference | None = None
+        for finer in self.solve(times_s):
             if best is not None:
-                self.doubt = self.meter.error(self.kept(best, times_s), finer)
+                self.doubt = self.meter.error(self.keep(best, times_s), finer)
                 if self.doubt <= REFERENCE_SHARE * self.tolerance:
                     return finer
             best = finer
         assert best is not None
         return best
 
-    def kept(self, run: Rollout | Reference, times_s: Vector) -> Rollout | Reference:
-        """Returns the run at `times_s` after the start, unless it diverged."""
-        if isinstance(run, Rollout) and run.diverged_at_step is not None:
-            return run
+    def step_pairs(self, times_s: Vector) -> Reference | Rollout:
+        """Returns a run of RK4 at ever smaller timesteps, beside one of a first-order method at half of each.
+
+        Euler takes the place of RK4 where that does not run. Ends where the uncertainty is small enough, where no
+        further halving can make it so, or before the budget does.
+        """
+        self.doubt, fourth = inf, RK4 if RK4 in self.offered else EULER
+        best: Rollout | None = None
+        before: tuple[Rollout, Rollout] | None = None
+        for finest_s in REFERENCE_S:
+            settings = ((fourth, RK4_RATIO * finest_s if fourth is RK4 else finest_s), (PREFERENCE[0], finest_s))
+            if not self.lasts(sum(map(self.predicted, settings)) / min(CORES, 2)):
+                break
+            self.progress(f"the reference: {fourth.name} and {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
+            high, low = self.pool.map(self.meter.reference_run, settings, [times_s] * 2)
+            if high.diverged_at_step is not None and fourth is RK4:  # too stiff for an explicit method
+                fourth, before = EULER, None
+                high = self.meter.reference_run((EULER, finest_s), times_s)
+            doubt = inf if before is None else self.measure_doubt(times_s, before, (high, low))
+            if best is None or doubt < self.doubt:
+                self.doubt, best = doubt, high
+            if self.doubt <= REFERENCE_SHARE * self.tolerance or self.is_hopeless(doubt, finest_s):
+                break
+            before = high, low
+        if best is None or before is None:
+            raise OutOfTime("the budget is too small for a reference solution")
+        return best
+
+    def is_hopeless(self, doubt: float, finest_s: float) -> bool:
+        """Whether the halvings that are left cannot reduce the uncertainty enough, judged from the third pair on."""
+        left = sum(h < finest_s for h in REFERENCE_S)
+        least = doubt / REDUCTION**left
+        return isfinite(doubt) and finest_s < REFERENCE_S[1] and least > ACCEPTED_SHARE * self.tolerance
+
+    def measure_doubt(self, times_s: Vector, before: tuple[Rollout, Rollout], now: tuple[Rollout, Rollout]) -> float:
+        """Returns the largest distance of the RK4 run to the one before, and to the method of first order or, where
+        that is nearer, its extrapolation: errors of different methods do not cancel."""
+        if any(run.diverged_at_step is not None for run in (*before, *now)):
+            return inf
+        high, low = (self.keep(run, times_s) for run in now)
+        coarser, lower = (self.keep(run, times_s) for run in before)
+        extrapolated = _extrapolate(self.meter.scene, lower, low)
+        itself = self.meter.error(coarser, high)
+        return max(itself, min(self.meter.error(low, high), self.meter.error(extrapolated, high)))
+
+    def keep(self, run: Rollout | Reference, times_s: Vector) -> Reference:
+        """Returns the states of a run at `times_s` after the start."""
         return _interpolate(self.meter.scene, run, times_s + self.meter.scene.start.time_s)
 
     def solve(self, times_s: Vector) -> Iterator[Reference]:
@@ -325,28 +411,19 @@ class _Survey:
             if time.monotonic() > self.until:
                 raise OutOfTime("the budget is too small for a reference solution")
             mujoco.mj_forward(model, data)
+            if data.nefc:
+                raise Touched
 
         found = False
         for rtol in RTOLS:
             self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
             try:
-                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward)
+                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward, constraints=False)
             except OutOfTime:
                 if not found:
                     raise
                 return
             found = True
-
-    def step(self, times_s: Vector) -> Iterator[Rollout]:
-        """Runs at ever smaller timesteps, as long as the budget lasts; the first two at a time."""
-        for timesteps_s in (REFERENCE_S[:2], *((h,) for h in REFERENCE_S[2:])):
-            finest_s = timesteps_s[-1]
-            if not self.lasts(self.predicted((PREFERENCE[0], finest_s))):
-                if finest_s == REFERENCE_S[1]:
-                    raise OutOfTime("the budget is too small for a reference solution")
-                return
-            self.progress(f"the reference: {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
-            yield from self.pool.map(self.meter.reference_run, timesteps_s, [times_s] * len(timesteps_s))
 
     def predicted(self, setting: Setting) -> float:
         """Returns the expected time [s] of a run on one core."""

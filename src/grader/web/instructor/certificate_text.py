@@ -20,6 +20,8 @@ NUMBERS = {
 }
 """What the number of a claim is, by its `when`."""
 
+PLACES = {"h/2": "a half of it", "h/4": "a quarter of it"}
+
 ALL_INTEGRATORS = "all integrators"
 CURE = "Draw more numbers, from wider ranges; or raise luck in the question's file, and say why in x-luck."
 
@@ -34,7 +36,16 @@ def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list
     }[certificate.method]  # fmt: skip
     simulated, found = method(certificate.measured, find_unit(asked))
     headed = [("Simulated", [simulated]), ("Came out", found), ("The key", [describe_key(asked, certificate)])]
+    if "shortest timestep [s]" in certificate.regime:
+        headed.insert(1, ("Checked", [describe_regime(certificate.regime)]))
     return [(heading, [unbroken(line) for line in lines]) for heading, lines in headed]
+
+
+def describe_regime(regime: Mapping[str, Any]) -> str:
+    """Says how short the timesteps were, compared with the motion."""
+    shortest, own = (quantity(1000 * regime[name], "ms", 3) for name in ("shortest timestep [s]", "own timestep [s]"))
+    fastest = f"The fastest motion has a rate of {quantity(regime['fastest rate [1/s]'], '1/s', 3)}"
+    return f"{fastest}. The timesteps went from {own} to {shortest}: what is faster stays unseen."
 
 
 def find_unit(asked: AnswerKey) -> str:
@@ -50,8 +61,9 @@ def format_amount(value: float | None, unit: str) -> str:
 def describe_key(asked: AnswerKey, certificate: Certificate) -> str:
     """Says what the key says, and how far the simulation is from it."""
     if not isinstance(asked, NumberKey):
-        same = "the same" if certificate.answer == certificate.expected else "another answer"
-        return f"“{plain_text(asked.options[int(certificate.expected)])}”: the simulation finds {same}."
+        finds = {"certified": "finds the same", "refuted": "finds another answer", "cannot tell": "cannot tell"}
+        right = plain_text(asked.options[int(certificate.expected)])
+        return f"“{right}”: the simulation {finds[certificate.verdict]}."
     unit, tolerance = find_unit(asked), certificate.tolerance
     if certificate.answer is None or tolerance is None:
         return f"{format_amount(certificate.expected, unit)}."
@@ -85,8 +97,9 @@ def describe_threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, lis
 def describe_measurement(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
     """Returns a measured value at finer timesteps, and from nudged starts."""
     found = [
-        f"{format_amount(measured[h], unit)} at {'the timestep' if h == 'h/1' else f'a {place} of it'}"
-        for h, place in (("h/1", ""), ("h/2", "half"), ("h/4", "quarter"))
+        f"{format_amount(value, unit)} at {'the timestep' if h == 'h/1' else PLACES.get(h) or f'1/{h[2:]} of it'}"
+        for h, value in measured.items()
+        if h.startswith("h/")
     ]
     nudged = " and ".join(format_amount(value, unit) for value in measured["nudged"])
     simulated = "The run at its timestep, at finer ones, and from starts that are shifted by less than can be seen."
@@ -118,7 +131,7 @@ def describe_run(run: Mapping[str, Any]) -> str:
     if "warning" in run:
         return f"MuJoCo warned of {run['warning']} at {quantity(run['time'], 's')}"
     if "stable" in run:
-        return "stable to the end" if run["stable"] else "unstable"
+        return "stable to the end" if run["stable"] else run.get("growth", "unstable")
     return describe_truth(run["holds"], {name: value for name, value in run.items() if name != "holds"})
 
 

@@ -105,10 +105,11 @@ def word_certificate(key: AnswerKey, certificate: Certificate | None) -> dict[st
     if certificate is None:
         remarks = (UNVERIFIED,) if is_decidable(key) else ()
         return {"state": "not derivable by simulation", "tone": "", "why": "", "told": [], "remarks": remarks}
+    accepted = f"Accepted: {certificate.accepted} Simulation cannot tell: " if certificate.accepted else ""
     return {
-        "state": "certified" if certificate.ok else "refused",
-        "tone": "ok" if certificate.ok else "no",
-        "why": "" if certificate.ok else certificate.why,
+        "state": certificate.verdict,
+        "tone": {"certified": "ok", "refuted": "no", "cannot tell": ""}[certificate.verdict],
+        "why": "" if certificate.ok else f"{accepted}{certificate.why}",
         "told": word_key(key, certificate),
         "remarks": certificate.remarks,
     }

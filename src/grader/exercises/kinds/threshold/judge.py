@@ -15,7 +15,8 @@ from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameter
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import find_threshold
-from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius, find_equilibrium
+from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius
 from grader.numerics.stability.trials import Stability, try_timestep
 
 SLACK = 0.003

@@ -14,7 +14,8 @@ from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, find
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.stability.linear import EPS, compute_spectral_radius
+from grader.numerics.stability.equilibrium import EPS
+from grader.numerics.stability.linear import compute_spectral_radius
 
 POINTS_MAX = 200
 LINE_POINTS = 25

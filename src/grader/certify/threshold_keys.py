@@ -1,30 +1,19 @@
-"""Certifies numbers: a largest stable timestep, a measurement, or a closed form."""
+"""Certifies largest stable timesteps."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, log
+from math import log
 
 import mujoco
 import numpy as np
 
 from grader.certify.certificate import Certificate, certify_number, refuse
-from grader.certify.experiments import (
-    FINER,
-    NUDGED,
-    SAME,
-    Variant,
-    VerifyError,
-    evaluate,
-    run_experiment,
-    set_fields,
-    to_number,
-)
-from grader.domain.lab import LabConfig, Readout
-from grader.domain.verify import ByExpression, ByMeasurement, ByThreshold, ServoJoint
+from grader.certify.experiments import VerifyError, read_xml, set_fields
+from grader.domain.verify import ByThreshold, ServoJoint
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
-from grader.numerics.stability.linear import compute_spectral_radius, find_equilibrium, find_spectral_limit
+from grader.numerics.stability.equilibrium import find_equilibrium_of_motion
+from grader.numerics.stability.linear import compute_spectral_radius, find_spectral_limit
 from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit
 
@@ -51,8 +40,6 @@ MARGIN = 0.1
 """Distance from the limit at which stepping is tried: this share of the tolerance or of the limit, if smaller."""
 
 LINEAR = "the linear stability limit"
-
-EMPTY = "<mujoco/>"
 
 
 def certify_threshold(key: NumberKey, verify: ByThreshold, model_xml: ModelXml) -> Certificate:
@@ -129,15 +116,6 @@ def _build_scene(verify: ByThreshold, model_xml: ModelXml) -> Scene:
         raise VerifyError("verify.key", str(error.args[0])) from error
 
 
-def read_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
-    """Returns the MJCF that a `verify` names. Raises VerifyError if it names none."""
-    if xml is not None:
-        return xml
-    if model is None:
-        raise VerifyError("verify", "verify needs a model or an xml")
-    return model_xml(model)
-
-
 def write_servo_xml(servo: ServoJoint) -> str:
     """MJCF of a hinge with the inertia and servo gains given, without gravity."""
     i = servo.inertia
@@ -164,21 +142,29 @@ def _find_decay_bracket(scene: Scene, verify: ByThreshold, tolerance_s: float) -
         return f"the spectral radius does not pass 1 between {verify.low:g} and {verify.high:g} s"
     margin = MARGIN * min(tolerance_s, limit)
     low, high = limit - margin, limit + margin
-    resting = find_equilibrium(scene)
+    resting = find_equilibrium_of_motion(scene)
     assert resting is not None, "spectral_limit has found one"
+    resting_start = resting.at(qvel=np.full(scene.model.nv, SMALL), act=resting.start.act + SMALL)
+    scene = resting_start if _warns_at_once(scene, low, integrator) else scene
     growing = _count_steps(resting, high, integrator)
     steps = max(STEPS_MIN, growing)
     if _grows(scene, low, integrator, steps):
         return f"the spectral radius passes 1 at {limit:.9g} s, but the motion grows at {low:.9g} s"
     # From afar, forces that are not linear may bound the motion: growth is seen from a start near the equilibrium.
-    near = resting.at(qvel=np.full(scene.model.nv, SMALL))
-    if not (_grows(scene, high, integrator, steps) or _grows(near, high, integrator, growing)):
+    if not (_grows(scene, high, integrator, steps) or _grows(resting_start, high, integrator, growing)):
         return f"the spectral radius passes 1 at {limit:.9g} s, but no motion grows at {high:.9g} s"
     return low, high
 
 
+def _warns_at_once(scene: Scene, timestep_s: float, integrator: int) -> bool:
+    """Whether MuJoCo rejects the start itself, as where it accelerates faster than mjMAXVAL."""
+    with scene.borrow(timestep_s=timestep_s, integrator=integrator) as workspace:
+        mujoco.mj_step(workspace.model, workspace.data)
+        return bool(workspace.counts.any())
+
+
 def _count_steps(resting: Scene, timestep_s: float, integrator: int) -> int:
-    """Returns the steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
+    """The steps in which the motion grows clearly, by the spectral radius at the equilibrium."""
     rate = log(max(compute_spectral_radius(resting, timestep_s=timestep_s, integrator=integrator), 1.0))
     return STEPS_MAX if rate == 0 else int(min(max(8, 2 * log(CLEAR) / rate), STEPS_MAX))
 
@@ -215,52 +201,3 @@ def _search_threshold(scene: Scene, verify: ByThreshold, tolerance_s: float) -> 
         integrator=BY_NAME[verify.integrator].code,
         width_s=MARGIN * tolerance_s,
     )
-
-
-def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
-    """Measure the value at h, h/2 and h/4 and from nudged starts; its uncertainty is the largest difference."""
-    config = LabConfig(
-        model=verify.model,
-        xml=verify.xml,
-        key=verify.key,
-        setup=verify.setup,
-        controller=verify.controller,
-        readouts=(Readout(label="value", expr=verify.expr),),
-    )
-    xml = read_xml(verify.model, verify.xml, model_xml)
-    every = verify.when != "end"
-    keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
-
-    def measure(variant: Variant) -> float:
-        run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
-        if run.warnings:
-            raise VerifyError("verify", f"MuJoCo warned of {run.warnings[0].kind} at {run.warnings[0].time_s:g} s")
-        return _summarise([to_number(v) for v in run.readouts[0]], verify.when)
-
-    at = {f"h/{variant.finer}": measure(replace(variant, every_step=every)) for variant in (SAME, *FINER)}
-    nudged = [measure(replace(variant, every_step=every)) for variant in NUDGED]
-    best = at["h/4"]
-    uncertainty = max(abs(best - at["h/1"]), *(abs(at["h/1"] - v) for v in nudged))
-    measured = {**at, "nudged": nudged, "unit": key.unit}
-    if not isfinite(best):
-        return refuse("measurement", key.answer, f"the measured value is {best}", key="verify.expr")
-    return certify_number("measurement", key, best, uncertainty, measured)
-
-
-def _summarise(values: Sequence[float], when: str) -> float:
-    if when == "end":
-        return values[-1]
-    return max(values) if when == "max" else min(values) if when == "min" else sum(values) / len(values)
-
-
-def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml) -> Certificate:
-    """Evaluate a closed form."""
-    named = verify.model or verify.xml
-    xml = read_xml(verify.model, verify.xml, model_xml) if named else EMPTY
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    value = evaluate(verify.expr, model, data, "verify.expr")
-    if not isfinite(value):
-        return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
-    return certify_number("expression", key, value, 0.0, {"value": value})

@@ -1,0 +1,130 @@
+"""Finds equilibria: positions at rest without acceleration, and the one at which a motion comes to rest."""
+
+from functools import lru_cache
+from math import isfinite
+from typing import Literal
+
+import mujoco
+import numpy as np
+from mujoco import mjtIntegrator
+from numpy.typing import NDArray
+from scipy import optimize
+
+from grader.numerics.scene import Scene, Vector
+
+EPS = 1e-6
+"""Step of the central differences. Source: cube root of the rounding unit, balancing truncation and rounding."""
+
+REST = 1e-9
+"""Accelerations below this count as rest [rad/s2, m/s2]; relative to those at qpos0 if these exceed 1."""
+
+UNSTABLE_RATE = 1e-3
+"""Growth rate of the exact motion, relative to the fastest rate, above which an equilibrium is unstable."""
+
+RELAXATIONS = 400
+"""Most steps of the overdamped motion to a stable equilibrium."""
+
+GAIN, FARTHEST, AT_REST = 0.5, 0.05, 1e-6
+"""Step of the overdamped motion over its stability limit, its longest step, and the one at which it ends [rad, m]."""
+
+
+@lru_cache(maxsize=128)
+def find_equilibrium(scene: Scene) -> Scene | None:
+    """Find the scene's equilibrium, starting at qpos0, with the scene's controls; None if there is none. The result is
+    cached per scene."""
+    # The residual decides, not the solver's status, which is "no progress" for a root at rounding level.
+    resting, residual = _find_rest(scene, "hybr")
+    return resting if residual <= REST else None
+
+
+@lru_cache(maxsize=128)
+def find_least_accelerated(scene: Scene) -> Scene:
+    """Find the equilibrium or, if there is none, as in free fall, the position at rest with the least acceleration."""
+    return find_equilibrium(scene) or _find_rest(scene, "lm")[0]
+
+
+def compute_rates(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.complex128]:
+    """Returns the eigenvalues [1/s] of the equations of motion at the state of `data`; all inf if these are not finite.
+
+    Central differences of accelerations and activation rates, 4 nv + 2 na evaluations that write into `data`.
+    """
+    nv, na = int(model.nv), int(model.na)
+    qpos, qvel, act = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+
+    def compute_rate(nudge: Vector) -> Vector:
+        data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel + nudge[nv : 2 * nv], act + nudge[2 * nv :]
+        mujoco.mj_integratePos(model, data.qpos, nudge[:nv], 1.0)
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qacc, data.act_dot])
+
+    size = 2 * nv + na
+    jacobian = np.zeros((size, size))
+    jacobian[:nv, nv : 2 * nv] = np.eye(nv)
+    for column, nudge in enumerate(EPS * np.eye(size)):
+        jacobian[nv:, column] = (compute_rate(nudge) - compute_rate(-nudge)) / (2 * EPS)
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(size, np.inf, dtype=np.complex128)
+    return np.asarray(np.linalg.eigvals(jacobian), dtype=np.complex128)
+
+
+@lru_cache(maxsize=128)
+def find_equilibrium_of_motion(scene: Scene) -> Scene | None:
+    """Find the equilibrium at which damping would bring the motion from the scene's start to rest; None if none exists.
+
+    It is the one near qpos0 unless that is unstable in the exact motion, as of a pendulum that is defined upright.
+    """
+    upright = find_equilibrium(scene)
+    if upright is None or scene.model.nv == 0 or not _is_unstable(upright):
+        return upright
+    relaxed, residual = _find_rest(scene, "hybr", _relax(scene))
+    return relaxed if residual <= REST and not _is_unstable(relaxed) else upright
+
+
+def _is_unstable(resting: Scene) -> bool:
+    """Whether small motions about a scene at rest grow in the exact motion."""
+    with resting.borrow(integrator=int(mjtIntegrator.mjINT_EULER)) as workspace:
+        rates = compute_rates(workspace.model, workspace.data)
+    return float(rates.real.max(initial=0.0)) > UNSTABLE_RATE * (1 + float(np.abs(rates).max(initial=0.0)))
+
+
+def _relax(scene: Scene) -> Vector:
+    """Returns the position at which the overdamped motion from the scene's start ends."""
+    with scene.borrow(integrator=int(mjtIntegrator.mjINT_EULER)) as workspace:
+        model, data = workspace.model, workspace.data
+        start = data.qpos.copy()
+        data.qvel[:] = 0
+        stiffness = float(np.abs(compute_rates(model, data)).max(initial=0.0)) ** 2
+        data.qpos[:] = start
+        for _ in range(RELAXATIONS if isfinite(stiffness) else 0):
+            data.qvel[:] = 0
+            mujoco.mj_forward(model, data)
+            step = GAIN / max(stiffness, 1.0) * data.qacc
+            largest = float(np.abs(step).max(initial=0.0))
+            if largest < AT_REST:
+                break
+            mujoco.mj_integratePos(model, data.qpos, step * min(1.0, FARTHEST / largest), 1.0)
+        return np.array(data.qpos)
+
+
+def _find_rest(scene: Scene, method: Literal["hybr", "lm"], origin: Vector | None = None) -> tuple[Scene, float]:
+    """Returns the scene at rest where SciPy's `root` ends, from `origin` or else qpos0, and the remaining acceleration,
+    scaled as for REST."""
+    with scene.borrow() as workspace:
+        model, data = workspace.model, workspace.data
+        origin, nv = np.array(model.qpos0) if origin is None else origin, int(model.nv)
+
+        def compute_accelerations(unknowns: Vector) -> Vector:
+            data.qpos[:] = origin
+            mujoco.mj_integratePos(model, data.qpos, unknowns[:nv], 1.0)
+            data.qvel[:] = 0
+            data.act[:] = unknowns[nv:]
+            mujoco.mj_forward(model, data)
+            return np.concatenate([data.qacc, data.act_dot])
+
+        unknowns = np.concatenate([np.zeros(nv), data.act])
+        first = residual = float(np.abs(compute_accelerations(unknowns)).max(initial=0.0))
+        if first != 0:
+            unknowns = optimize.root(compute_accelerations, unknowns, method=method, tol=1e-12).x
+            residual = float(np.abs(compute_accelerations(unknowns)).max())
+        qpos, act = data.qpos.copy(), data.act.copy()
+    return scene.at(qpos=qpos, qvel=np.zeros(nv), act=act), residual / max(1.0, first)
