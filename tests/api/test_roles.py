@@ -12,9 +12,10 @@ import pytest
 from sqlalchemy import select, update
 
 import grader
-from grader.courses.people import members, sign_in
+from grader.courses.people import invitations, members, sign_in
 from grader.courses.people.identity import Identity, Kind, Role, Scope, identity_of, issue
 from grader.courses.people.tokens import create_token
+from grader.courses.sending import webhooks
 from grader.errors import Unauthorized
 from grader.gate.admission import PREFIX as API
 from grader.platforms import roster
@@ -288,6 +289,10 @@ def test_a_request_under_way_changes_nothing_once_its_credential_has_ended(site:
     with pytest.raises(Unauthorized), database_of(site).write() as session:  # its platform took seconds to answer
         context = Context(id=1, platform=1, deployment_id="d", context_id="c", title="", course=site.course)
         roster.enter(session, ended, context, [])
+    with pytest.raises(Unauthorized), database_of(site).write() as session:
+        invitations.rotate_link(session, ended)
+    with pytest.raises(Unauthorized), database_of(site).write() as session:
+        webhooks.create(database_of(site), session, ended, "https://example.org/results", ())
     assert "spy" not in people(site.client("tina", "instructor"))
 
 

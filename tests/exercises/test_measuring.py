@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from grader.domain.run import Job, RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
+from grader.errors import ScriptStopped
 from grader.exercises import (
     Case,
     DrawnCase,
@@ -146,6 +148,18 @@ def test_a_script_has_no_more_time_with_more_cases() -> None:
     run = limit_cpu(lambda job: RunReport(RunStatus.RETURNED, cpu_s=CPU_S_MAX / 2))
     statuses = [run(Job("", "", {})).status for _ in range(3)]
     assert statuses == [RunStatus.RETURNED, RunStatus.RETURNED, RunStatus.TIMED_OUT]
+
+
+def test_stopping_while_what_a_script_made_is_measured_uses_an_attempt(
+    jail: Jail, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had its hidden inputs, and may have made of them what takes long to measure, or not."""
+    monkeypatch.setattr(runner, "load_kinds", lambda: {"falling": Falling()})
+    source = build_script(options=SLOW)
+    pipeline = Pipeline(library, lambda job: jail.run(replace(job, is_stopped=lambda: job.source != source)))
+    with pytest.raises(ScriptStopped) as stopped:
+        pipeline.grade("q", "f", {"source": source})
+    assert stopped.value.has_seen_hidden
 
 
 def test_one_trial_that_cannot_be_measured_fails_alone(grade: Callable[[str], Verdict]) -> None:

@@ -26,6 +26,7 @@ from grader.gate.rate import RateLimit, address_of
 from grader.service.accounts import revoke_tokens, sign_in_url
 from grader.settings import Settings
 from grader.store.engine.database import Database
+from support.sites import Site
 from support.tokens import issue_token
 
 API = "/api/v1"
@@ -140,6 +141,25 @@ def test_the_wrong_role_is_403(site: Any, ann: httpx.Client, teacher: httpx.Clie
 )
 def test_an_unknown_path_is_404(ann: httpx.Client, path: str) -> None:
     assert problem(ann.get(path))["status"] == 404
+
+
+@pytest.mark.parametrize("path", ["/join?code=a%00b", "/instructor/learners/%00", f"{API}/members/a%00b"])
+def test_an_address_with_nul_is_refused_on_both_databases(either_site: Site, path: str) -> None:
+    for client in (either_site.client("tina", "instructor"), either_site.anonymous()):
+        for method in ("GET", "DELETE"):
+            assert client.request(method, path).status_code in {401, 422}
+
+
+def test_a_form_and_a_body_with_nul_are_no_fault_of_ours(either_site: Site) -> None:
+    form = {"Content-Type": "application/x-www-form-urlencoded", "Sec-Fetch-Site": "same-origin"}
+    assert either_site.anonymous(form).post("/join", content="code=a%00b&name=Eve").status_code == 403
+    teacher = either_site.client("tina", "instructor")
+    assert problem(teacher.post(f"{API}/invitations", json={"member": "a\0b"}))["status"] == 422
+
+
+def test_a_refusal_is_short_however_long_the_unknown_key_is(ann: httpx.Client) -> None:
+    refused = ann.post(f"{API}/submissions", json={"k" * 100_000: 1, **ANSWER})
+    assert (problem(refused)["status"], len(refused.content) < 1000) == (422, True)
 
 
 def test_an_unknown_method_is_405_and_lists_the_allowed_ones(ann: httpx.Client) -> None:

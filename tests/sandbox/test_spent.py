@@ -94,6 +94,16 @@ def test_with_hidden_inputs_no_number_but_the_line_is_told() -> None:
     assert told(sample(), hidden=True) == told(sample(rates={"mj_step": 7e7}, times=8), hidden=True)
 
 
+def test_with_hidden_inputs_no_second_line_and_none_beyond_the_last_of_exceptions_is_told() -> None:
+    loops = "def a():\n" + "    while b(): pass\n" * 3 + "def b():\n    while True:\n        pass\n"
+    said = {explain_time_out(sample(line=7, stays=at), loops, waits=False, hidden=True) for at in (2, 3, 4, None)}
+    assert len(said) == 1
+    assert explain_time_out(sample(line=7, stays=2), loops, waits=False, hidden=False) not in said
+    long = "x = 1\n" * 10_001
+    told_at = [bool(explain_time_out(sample(line=at), long, waits=False, hidden=True)) for at in (10_000, 10_001)]
+    assert told_at == [True, False]
+
+
 def test_the_last_sample_counts_and_one_that_was_cut_short_does_not() -> None:
     assert "in line 11 " in told(sample(5) + sample(11, name="where1"))
     assert "in line 5 " in told(sample(5) + sample(11, name="where1")[:-3])

@@ -8,6 +8,9 @@ from pydantic_core import PydanticCustomError
 ENTRIES_MAX = 1000
 """Entries of a list or an object in a body."""
 
+KEY_CHARACTERS = 64
+"""How much is told of an unknown key; every known one is shorter."""
+
 
 class RequestBody(BaseModel):
     """A JSON object with known keys and finite numbers. What is wrong with it is told in a few words however long it
@@ -28,4 +31,4 @@ class RequestBody(BaseModel):
         if len(known) == len(data):
             return data
         first = next(name for name in data if name not in known)
-        return known | {first: data[first]}
+        return known | {first[:KEY_CHARACTERS]: data[first]}

@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.courses.people.identity import FAILED, Identity, Recalled, Role, authenticate
 from grader.courses.people.identity import Scope as TokenScope
-from grader.errors import CallerError, Forbidden, Unauthorized
+from grader.errors import CallerError, Forbidden, Unauthorized, Unprocessable
 from grader.gate.compression import CompressionMiddleware
 from grader.gate.conditional import ConditionalMiddleware
 from grader.gate.problems import problem, problem_of
@@ -99,7 +99,7 @@ class AdmissionMiddleware:
         return hostname_of(headers.get("host", "")) in self.rules.hosts
 
     async def _admit(self, scope: Scope, headers: Headers) -> None:
-        """Sets the identity of a request. Raises Unauthorized, Forbidden, TooManyRequests."""
+        """Sets the identity of a request. Raises Unauthorized, Forbidden, TooManyRequests, Unprocessable."""
         identity: Identity | None
         try:
             identity = await self._identify(scope, headers)
@@ -115,6 +115,8 @@ class AdmissionMiddleware:
             raise Forbidden("A browser may send this from the service's own pages only.")
         if identity is not None and identity.scopes is not None and is_api(scope):
             identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
+        if "\0" in scope["path"] or b"%00" in scope["query_string"]:  # PostgreSQL keeps no NUL, and looks for none
+            raise Unprocessable("An address has no character NUL.")
         scope.setdefault("state", {})["identity"] = identity
 
     async def _identify(self, scope: Scope, headers: Headers) -> Identity:

@@ -224,6 +224,8 @@ class Pipeline:
         fault, started = prepared.exception(), time.thread_time()
         try:
             verdict = judge_exercise(question, plan, report, self.run)
+        except ScriptStopped as stopped:  # while what it made is measured: it has had its hidden inputs by then
+            raise ScriptStopped(bool(plan.hidden_inputs)) from stopped
         except MemoryError:
             if fault is not None:
                 raise

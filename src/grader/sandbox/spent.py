@@ -14,6 +14,8 @@ NAME = b"where"
 CLEAR_SHARE = 0.5
 """The share of the samples that one line must have to be named."""
 CODE_CHARS_MAX = 60
+HIDDEN_LINES_MAX = 10_000
+"""The last line that is told of a claim that was made with hidden inputs, as of exceptions: more would tell more."""
 COUNTED = ("mj_step", "mj_forward")
 RATE_MAX = 1e9
 WHICH_ENDS = "Check when each of them ends."
@@ -27,9 +29,10 @@ def explain_time_out(results: bytes, source: str, *, waits: bool, hidden: bool) 
         told = json.loads(texts[-1])
         (line, times), samples, rates = told["lines"][0], told["samples"], told["rates"]
         lines = source.splitlines()
-        if type(line) is not int or not 1 <= line <= len(lines) or not times / samples >= CLEAR_SHARE:
+        last = min(len(lines), HIDDEN_LINES_MAX) if hidden else len(lines)
+        if type(line) is not int or not 1 <= line <= last or not times / samples >= CLEAR_SHARE:
             return ""
-        place = describe_line(source, line, told.get("stays"), waits=waits)
+        place = describe_line(source, line, None if hidden else told.get("stays"), waits=waits)
         rate, busiest = max((compute_rate(rates, name), name) for name in COUNTED)
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, MemoryError):
         return ""

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import CursorQuery, Page, page_of
+from grader.api.paging import NO_NUL, CursorQuery, Page, page_of
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses.people import invitations, members, tokens
 from grader.courses.people.external import known_as
@@ -49,7 +49,7 @@ class InvitationBody(RequestBody):
 
     names: list[str] = Field(default_factory=list, max_length=invitations.NAMES_AT_ONCE)
     role: Role = Role.STUDENT
-    member: str | None = None
+    member: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
 
 
 class TokenBody(RequestBody):

@@ -82,7 +82,8 @@ def revoke(session: Session, by: Identity, invitation_id: str) -> None:
 
 
 def rotate_link(session: Session, by: Identity) -> str:
-    """Opens the course to all who have the new code, which is returned; an earlier code ends."""
+    """Opens the course to all who have the new code, which is returned; an earlier code ends. Raises Unauthorized."""
+    members.require_credential(session, by)
     code = secrets.token_urlsafe(16)
     courses.set_link(session, by.course, code)
     record(session, by, by.course, Action.LINK_ROTATED)

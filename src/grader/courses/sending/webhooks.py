@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
+from grader.courses.people.members import require_credential
 from grader.domain.addresses import RefusedURL, endpoint_of
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store import outbox
@@ -33,14 +34,15 @@ def new_secret() -> str:
 def create(
     database: Database, session: Session, who: Identity, url: str, private_hosts: Collection[str]
 ) -> Destination:
-    """Adds a webhook; its secret is shown this once. Raises Unprocessable for a URL that is not allowed, and Conflict
-    if there are too many."""
+    """Adds a webhook; its secret is shown this once. Raises Unprocessable for a URL that is not allowed, Conflict if
+    there are too many, and Unauthorized."""
     if find_spec("httpx2") is None:
         raise Unprocessable("Webhooks need a client for HTTP: pip install mujoco-grader[lti]")
     try:
         endpoint_of(url, private_hosts)
     except RefusedURL as refused:
         raise Unprocessable(f"url: {refused}") from refused
+    require_credential(session, who)
     database.lock(session, f"webhooks\n{who.course}")
     if len(outbox.webhooks(session, who.course)) >= WEBHOOKS_MAX:
         raise Conflict(f"A course has at most {WEBHOOKS_MAX} webhooks: delete one first.")
@@ -58,7 +60,8 @@ def get(session: Session, webhook_id: str, course: str) -> Destination:
 
 
 def rotate(session: Session, who: Identity, webhook_id: str) -> Destination:
-    """Gives a webhook a new secret; the old one signs for one more day. Raises NotFound."""
+    """Gives a webhook a new secret; the old one signs for one more day. Raises NotFound, Unauthorized."""
+    require_credential(session, who)
     found = get(session, webhook_id, who.course)
     found.old_secret, found.old_until = found.secret, now() + ROTATION
     found.secret = new_secret()

@@ -43,11 +43,12 @@ async def read_form_fields(request: Request) -> dict[str, list[str]]:
 
 
 def parse_form(body: bytes) -> dict[str, list[str]]:
-    """Parses the fields of a form. Raises Unprocessable for more fields than a page has."""
+    """Parses the fields of a form, without NUL, which PostgreSQL does not keep. Raises Unprocessable for too many."""
     try:
-        return parse_qs(body.decode(errors="replace"), keep_blank_values=True, max_num_fields=FIELDS_MAX)
+        sent = parse_qs(body.decode(errors="replace"), keep_blank_values=True, max_num_fields=FIELDS_MAX)
     except ValueError as error:
         raise Unprocessable(f"A form has at most {FIELDS_MAX} fields.") from error
+    return {name: [value.replace("\0", "") for value in values] for name, values in sent.items()}
 
 
 FormFields = Annotated[dict[str, list[str]], Depends(read_form_fields)]

@@ -87,7 +87,7 @@ def gradebook(
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
     chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
-    shown = {"find": find.replace("\0", ""), "show": show if show in SHOWS else SHOWS[0]}
+    shown = {"find": find, "show": show if show in SHOWS else SHOWS[0]}
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
     rows = list_rows(services, who, chosen, start, **shown, **order)
     with services.database.read() as session:

@@ -227,7 +227,7 @@ def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> T
 def parse_typed(form: dict[str, str]) -> Typed:
     """Says what a form holds."""
     ticked = frozenset(name.removeprefix("item-") for name in form if name.startswith("item-"))
-    comment = form.get("comment", "").replace("\r\n", "\n").replace("\0", "")
+    comment = form.get("comment", "").replace("\r\n", "\n")
     return Typed(ticked, form.get("points", "").strip(), comment, form.get("saved", ""))
 
 

@@ -81,8 +81,8 @@ async def parse_choice(
     user: Annotated[str, Query(max_length=200)] = "",
 ) -> Chosen:
     """Returns the list that an address names; `what` is a quiz, or a quiz and its question."""
-    quiz, _, question = what.replace("\0", "").partition("/")
-    return Chosen(which if which in LISTS else FIRST, quiz, question, user.replace("\0", "").strip())
+    quiz, _, question = what.partition("/")
+    return Chosen(which if which in LISTS else FIRST, quiz, question, user.strip())
 
 
 Choice = Annotated[Chosen, Depends(parse_choice)]
@@ -117,7 +117,7 @@ def show(
         return show_sign_in(request, services, who)
     desk = services.desk_of(who.course)
     with services.database.read() as session:
-        rows, looked_up = list_rows(desk, session, who, chosen, after.replace("\0", "") or None)
+        rows, looked_up = list_rows(desk, session, who, chosen, after or None)
     if looked_up:
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, chosen.user)
