@@ -1,7 +1,7 @@
 """Logs: one line per event on stderr, since stdout is for documents; as JSON, or as text for a person.
 
 Answers, tokens, sources and queries are never logged: a request is named by the template of its route, tracebacks do
-not show the values of variables, and of an error that quotes its input only the type is told.
+not show the values of variables, and only the type of an error that quotes its input.
 """
 
 import json

@@ -31,7 +31,7 @@ ALL = re.compile(r"\b(all|both|each|every)\b", re.IGNORECASE)
 ONLY = re.compile(r"\bonly\b|\bno other\b|\balone\b", re.IGNORECASE)
 
 VISIBLE, CERTAIN = 1.5, 20.0
-"""Growth of small motions over a silent run that may be seen, and that is certain: between the two nobody can tell."""
+"""Growth of small motions over a silent run that may be seen, and that is certain: undecided between the two."""
 
 LIMIT_SPAN_S = (5e-4, 0.1)
 """Timesteps [s] between which the linear stability limit is sought."""

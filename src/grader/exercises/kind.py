@@ -21,7 +21,7 @@ Results = Mapping[str, NDArray[np.generic]]
 """The arrays that a driver submitted in one trial, by name. They are claims of the student's process."""
 
 Intervals = Sequence[tuple[float, float]]
-"""Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) stands for None."""
+"""Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) means None."""
 
 P = TypeVar("P", bound=ExerciseParameters)
 C = TypeVar("C", bound=Case)

@@ -422,7 +422,7 @@ def diagnose(
     kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]
 ) -> tuple[str | None, str | None]:
     """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding. The
-    second sentence stands in for the first where only the direction of an error may be told. `whole` are the trials
+    second sentence replaces the first where only the direction of an error may be told. `whole` are the trials
     that did not raise. Details are left out, so that the diagnosis does not depend on the seed."""
     wrong = next((index for index, one in enumerate(judged) if not one.counts), None)
     if wrong is None:

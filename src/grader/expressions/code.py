@@ -59,7 +59,7 @@ def join_kinds(one: Kind, other: Kind) -> Kind:
 
 
 def build_statements(template: str, **parts: Part) -> list[ast.stmt]:
-    """Returns the statements of a template. Where a list fills a place, its nodes stand there side by side."""
+    """Returns the statements of a template. A list that fills a place is inserted node by node."""
     filled: list[ast.stmt] = _fill(_parsed(template).body, parts)
     return filled
 

@@ -75,7 +75,7 @@ def _contact_pairs(m: Machine) -> Value:
 
 
 def _mass_matrix(m: Machine) -> Value:
-    """Derives what depends on qpos again, but no acceleration: the run goes on as if nobody had asked."""
+    """Derives what depends on qpos again, but no acceleration: the run goes on unchanged."""
     for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_makeM):
         stage(m.model, m.data)
     _pay_for(m, m.model.nv)

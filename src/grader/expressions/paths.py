@@ -114,7 +114,7 @@ def _bind_positions(m: Machine, path: str) -> dict[float, int]:
 
 
 def _bind_writer(m: Machine, path: str) -> Callable[[Value, Value], Value]:
-    """Writes an element of a field; what is no float, or not in range, takes the general way."""
+    """Writes an element of a field; a value that is no float, or out of range, takes the general way."""
     vector, positions = _bind_vector(m, path), _bind_positions(m, path) if holds_floats(path) else {}
     view = vector.view
 

@@ -11,7 +11,7 @@ LEVEL = 5
 class CompressionMiddleware(GZipMiddleware):
     """ASGI middleware for GET. Compresses answers, but for streams of events and pages whose address holds a code. The
     length of a compressed text tells how much of it repeats (BREACH). So whatever holds a new secret is sent as it is:
-    links and tokens come in answers to POST, codes stand in addresses. No other page holds a secret: sessions are in
+    links and tokens come in answers to POST, codes are in addresses. No other page holds a secret: sessions are in
     cookies alone, and forms need no token."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -289,5 +289,5 @@ def compute_digest(quiz_id: str, question_id: str, text: str) -> str:
 
 def compute_seed(secret: bytes, digest: str) -> int:
     """Returns the seed of a submission: the first 53 bits of HMAC-SHA256(secret, digest). The same submission gets the
-    same hidden cases again. Without the secret, nobody can change a comment until the cases suit the script."""
+    same hidden cases again. Without the secret a comment cannot be varied until the cases suit the script."""
     return int.from_bytes(hmac.digest(secret, digest.encode(), "sha256")[:8], "big") >> (64 - SEED_BITS)

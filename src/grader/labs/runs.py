@@ -182,7 +182,7 @@ class LabSimulation:
             if not self.record.warnings:
                 self.record.probes.append(probe_motion(self.model, self.data))
         self.record.times.append(self.elapsed)
-        if not self.every_step:  # a certificate shows nobody where the geoms are
+        if not self.every_step:  # a certificate draws no geoms
             self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
             for name, drawn in self.overlays:
                 self.record.overlays.setdefault(name, []).append(drawn(self.model, self.data))

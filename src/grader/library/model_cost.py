@@ -38,7 +38,7 @@ if model.nbody + model.ngeom + model.nsite > {ELEMENTS_MAX}:
 data = mujoco.MjData(model)
 mujoco.mj_step(model, data)
 """
-"""What the process runs. A model that does not compile is left to whoever compiles it here, and has the words."""
+"""What the process runs. A model that does not compile is reported where it is compiled again."""
 
 CURE = "make it smaller: fewer copies, coarser meshes, height fields and textures"
 

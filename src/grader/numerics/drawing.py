@@ -47,7 +47,7 @@ Draw = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]
 
 
 def list_overlays(names: Iterable[str]) -> list[tuple[str, Draw]]:
-    """What draws each overlay of these names, without those that nobody draws; contacts and forces are one."""
+    """What draws each overlay of these names, without those that are never drawn; contacts and forces are one."""
     known = dict.fromkeys("contacts" if name == "forces" else name for name in names)
     return [(name, OVERLAYS[name]) for name in known if name in OVERLAYS]
 

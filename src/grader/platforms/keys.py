@@ -28,7 +28,7 @@ class ToolKeys:
     clock: Callable[[], datetime] = now
 
     def sign(self, claims: dict[str, Any]) -> str:
-        """Signs a JWT with the newest key, whose `kid` stands in the header."""
+        """Signs a JWT with the newest key, whose `kid` is in the header."""
         from joserfc import jwt
         from joserfc.jwk import RSAKey
 

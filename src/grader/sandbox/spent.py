@@ -1,5 +1,5 @@
 """Says where a script that ran out of time spent it, from the samples that its process sent. The samples are a claim,
-which only explains. Of a claim that was made with hidden inputs nothing but a line is told."""
+which only explains. Of a claim that was made with hidden inputs only a line is shown."""
 
 import ast
 import json
@@ -15,7 +15,7 @@ CLEAR_SHARE = 0.5
 """The share of the samples that one line must have to be named."""
 CODE_CHARS_MAX = 60
 HIDDEN_LINES_MAX = 10_000
-"""The last line that is told of a claim that was made with hidden inputs, as of exceptions: more would tell more."""
+"""The last line that is shown of a claim that was made with hidden inputs, as of exceptions: more would tell more."""
 COUNTED = ("mj_step", "mj_forward")
 RATE_MAX = 1e9
 WHICH_ENDS = "Check when each of them ends."

@@ -26,7 +26,7 @@ CHILD_S_MAX = 20.0
 
 @dataclass(eq=False)
 class Child:
-    """A single-use child, locked down and waiting for its job; -1 stands for a closed descriptor."""
+    """A single-use child, locked down and waiting for its job; -1 is a closed descriptor."""
 
     zygote: "Zygote"
     job: int

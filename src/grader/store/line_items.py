@@ -1,5 +1,5 @@
 """The line items of learning platforms that this installation has found or created: the table and its queries. A row is
-made once for each line items service and resource. Whoever holds its lease looks the line item up; all others wait for
+made once for each line items service and resource. The holder of its lease looks the line item up; all others wait for
 what it finds, so that no line item is created twice."""
 
 import hashlib
@@ -49,7 +49,7 @@ class Lease(NamedTuple):
 
 
 def lease(session: Session, place: Place, lasting: timedelta) -> Lease:
-    """The URL of a line item, or the right to look it up and create it for a while, if nobody else has it."""
+    """The URL of a line item, or the right to look it up and create it for a while, if it is free."""
     dialect = {"sqlite": sqlite, "postgresql": postgresql}[session.get_bind().dialect.name]
     row = {"id": place.id, "container": place.container, "resource": place.resource}
     session.execute(dialect.insert(LineItem).values(row).on_conflict_do_nothing())

@@ -200,7 +200,7 @@ _SCORES = select(Destination.id).where(Destination.kind == SCORES)
 
 
 def locked(session: Session, row_id: int) -> Delivery | None:
-    """A row, which nobody else changes until the transaction ends."""
+    """A row, locked until the transaction ends."""
     row = select(Delivery).where(Delivery.id == row_id).with_for_update().execution_options(populate_existing=True)
     return session.scalars(row).one_or_none()
 

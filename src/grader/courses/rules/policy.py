@@ -281,7 +281,7 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
 def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
     """The feedback of a verdict, without the solution, as far as `reveal` goes. With "direction", the `direction` of
     findings and verdict takes the place of messages and diagnosis, and measured distances are left out. A reviewer's
-    finding is told as it was written."""
+    finding is shown as it was written."""
     if reveal == "direction":
         findings = tuple(directed(finding) for finding in verdict.findings)
         tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS

@@ -24,7 +24,7 @@ def parsed(url: object) -> SplitResult | None:
 
 
 def origin_of(url: object) -> str:
-    """`scheme://host[:port]` in lower case without a default port; empty for what is no address."""
+    """`scheme://host[:port]` in lower case without a default port; empty for any other text."""
     parts = parsed(url)
     if parts is None or parts.hostname is None:
         return ""

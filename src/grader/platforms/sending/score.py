@@ -34,7 +34,7 @@ class Score:
         return self.grading == FULLY_GRADED
 
     def body(self, user: str, timestamp: datetime) -> bytes:
-        """Returns the JSON document of the score service. Canvas is told not to count it as one more submission."""
+        """Returns the JSON document of the score service. To Canvas it is no new submission."""
         points = {} if self.given is None else {"scoreGiven": self.given, "scoreMaximum": self.maximum}
         document = {
             "userId": user,

@@ -244,7 +244,7 @@ def overridden(found: PlatformResult) -> str:
 
 
 def is_no_student(session: Session, row: Delivery) -> bool:
-    """Says whether a row is of somebody who tries questions as an instructor, or of nobody any more."""
+    """Says whether a row is of somebody who tries questions as an instructor, or of a removed member."""
     member = session.get(Member, row.learner)
     return member is None or member.role != Role.STUDENT
 

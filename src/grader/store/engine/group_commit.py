@@ -42,7 +42,7 @@ class PendingItem(Generic[Item]):
         """Lets the request go on with the outcome, or raises it there. For any thread; the request may have gone."""
         try:
             self.future.get_loop().call_soon_threadsafe(self._set, outcome)
-        except RuntimeError:  # the event loop is closed: nobody waits
+        except RuntimeError:  # the event loop is closed, and the request has ended
             return
 
     def _set(self, outcome: Any) -> None:

@@ -53,7 +53,7 @@ def ungraded(session: Session, member: Member) -> int:
 
 
 def erase(session: Session, member: Member) -> str:
-    """Erases the member, whose submissions are all graded. Returns the name that stands in place of theirs."""
+    """Erases the member, whose submissions are all graded. Returns the name that replaces theirs."""
     pseudonym = f"{PREFIX}{member.id[:8]}"
     if session.get_bind().dialect.name == "sqlite":
         session.execute(text("PRAGMA secure_delete = ON"))  # overwrites what is deleted, in the file too

@@ -1,4 +1,4 @@
-"""Deletes what nobody needs any more: one function a table, in small transactions, so that no request waits long."""
+"""Deletes expired and superseded rows: one function a table, in small transactions, so that no request waits long."""
 
 from collections.abc import Sequence
 from datetime import datetime, timedelta

@@ -33,7 +33,7 @@ PREFERENCE = (IMPLICITFAST, EULER, DISCRETE, IMPLICIT, RK4)
 """Preferred order at equal cost; the first is the one from which the lesson starts."""
 
 START = (IMPLICITFAST, 0.002)
-"""The setting from which the lesson starts; costs are told relative to it."""
+"""The setting from which the lesson starts; costs are relative to it."""
 
 QUARTER = (RK4, 0.0005)
 """What the lesson tries next where energy is conserved."""

@@ -54,7 +54,7 @@ def exercise_as(
     learner: str, quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Instructor,
     attempt: str | None = None,
 ) -> Response:  # fmt: skip
-    """An exercise as a learner sees it; any other question stands in its lesson. Raises Unauthorized, Forbidden,
+    """An exercise as a learner sees it; any other question is part of its lesson. Raises Unauthorized, Forbidden,
     NotFound, and Conflict before the quiz opens."""
     desk = services.desk_of(who.course)
     question, quiz = desk.library.question(quiz_id, question_id), desk.library.quiz(quiz_id)

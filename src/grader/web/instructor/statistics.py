@@ -21,7 +21,7 @@ from grader.web.verdict.plots import draw_both
 PAGE = "/instructor/statistics"
 OF_POINTS, AT_ONCE, TELLS = "Share of the points", "Right at the first attempt", "Discrimination"
 ALL_OPTIONS_MAX = 10
-"""Up to so many options are all shown, also those that nobody chose."""
+"""Up to so many options are all shown, also those without an answer."""
 HALF_WIDTH = 520.0
 """Width of a plot that stands beside another."""
 
@@ -93,8 +93,8 @@ def describe_question(one: QuestionStatistics, question: Question, title: str) -
 
 
 def count_options(one: QuestionStatistics, question: Question) -> tuple[Bar, ...]:
-    """Says how many learners chose each option first; none where nobody chose anything. Of many options, wrong ones
-    that nobody chose are left out."""
+    """Says how many learners chose each option first; none without any answer. Of many options, wrong ones
+    without an answer are left out."""
     if not one.options:
         return ()
     of = one.difficulty.n

@@ -108,7 +108,7 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
 
 
 def parse_choice(library: Library, value: str) -> Choice:
-    """Returns the quiz, or the question after a slash, that a box of the form stands for. Raises NotFound."""
+    """Returns the quiz, or the question after a slash, that a box of the form selects. Raises NotFound."""
     quiz_id, _, question_id = value.partition("/")
     quiz = library.quiz(quiz_id)
     return Choice(quiz, library.question(quiz_id, question_id) if question_id else None)

@@ -55,7 +55,7 @@ class PlainWords(APIRoute):
             try:
                 return await handle(request)
             except REFUSALS as error:
-                if str(error) == MISSING:  # as programs are told it
+                if str(error) == MISSING:  # the same text as in the API
                     raise
                 return show_refusal(request, error)
 

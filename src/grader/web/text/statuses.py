@@ -43,13 +43,13 @@ WAITS = Told("waits", "waiting", "wait")
 
 
 def describe_status(status: str, *, withheld: bool = False) -> Told:
-    """Says how the status of a verdict is told. A withheld one was only received."""
+    """Returns how the status of a verdict is shown. A withheld one was only received."""
     known = Status(status)
     return RECEIVED if withheld and known is Status.NEEDS_REVIEW else STATUSES[known]
 
 
 def describe_outcome(passed: bool | None, points: float) -> Told:
-    """Says how the outcome of a finding is told."""
+    """Returns how the outcome of a finding is shown."""
     if passed is None:
         return PARTLY if points > 0 else UNDECIDED
     return PASSED if passed else FAILED

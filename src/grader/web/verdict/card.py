@@ -28,7 +28,7 @@ TIMES = {"script_wall": "your script", "script_cpu": "of it on the processor", "
 
 @dataclass(frozen=True)
 class Cell:
-    """One finding: how it ended, and for a failed one what was measured and expected, as far as it is told."""
+    """One finding: how it ended, and for a failed one what was measured and expected, as far as it is shown."""
 
     told: Told
     title: str

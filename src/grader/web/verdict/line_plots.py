@@ -13,7 +13,7 @@ RIGHT = 12.0
 MARGIN = 0.06
 LINES_MAX = 8
 OFF_BY = 0.3
-"""An order that differs by this much is told as another one."""
+"""An order that differs by this much counts as another one."""
 INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
 STYLES = ("implicitfast", "Euler", "discrete", "implicit", "RK4")
 """Colours and dashes of lines that are not an integrator's."""

@@ -67,7 +67,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a learner stands at one question."""
+    """What a learner has reached at one question."""
 
     given: Given | None
     points: float | None
@@ -136,7 +136,7 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
 def describe_place(
     access: LearnerAccess, quiz: Quiz, question: Question, given: Given | None, result: Result | None
 ) -> Place:
-    """Says where a learner stands at one question, by the policy."""
+    """Describes what a learner has reached at one question, by the policy."""
     progress = describe_progress_at(access, quiz, question, result)
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]

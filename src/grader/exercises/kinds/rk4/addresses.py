@@ -1,6 +1,6 @@
 """Tells which velocity moves which number of data.qpos: the addresses and axes of free, ball and other joints. Each
 rule predicts numbers of data.qpos from the velocities of the calls, by the tableau of the velocities. For a body at
-rest or upright a wrong rule may predict the same numbers: it is told only where the right one fails."""
+rest or upright a wrong rule may predict the same numbers: it is named only where the right one fails."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -192,4 +192,4 @@ RULES: tuple[Callable[[Moves], str | None], ...] = (
     explain_linear_axes, explain_swapped_halves, explain_added_velocities, explain_quaternion_first,
     explain_still_quaternion, explain_wrong_address,
 )  # fmt: skip
-"""Velocities that move other numbers of data.qpos than theirs; the first rule that applies is told."""
+"""Velocities that move other numbers of data.qpos than theirs; the first rule that applies is named."""

@@ -21,7 +21,7 @@ note: Callable[..., bool] = globals().get("note", lambda *_: False)
 RUNS_MAX = 300
 """Runs that are noted in a trial, the first ones."""
 RUNS_HIDDEN_MAX = 3
-"""The same for a hidden trial, of whose numbers nothing is told; only its first model is compared."""
+"""The same for a hidden trial, whose numbers stay secret; only its first model is compared."""
 MODELS_MAX = 8
 """Different models whose differences from the given one are noted."""
 FIELDS = (

@@ -138,14 +138,14 @@ CERTAIN_RULES: tuple[Rule, ...] = (
     restrict_to_no_limit(explain_rollout), restrict_to_no_limit(explain_linearisation),
     restrict_to_no_limit(explain_overlooked_warning), restrict_to_no_limit(explain_narrow_search),
 )  # fmt: skip
-"""What the runs show without doubt; the first that explains every wrong claim is told."""
+"""What the runs show without doubt; the first that explains every wrong claim is the diagnosis."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (
     explain_uncertainty, explain_list_indices, explain_upward_search, explain_narrow_search, explain_coarse_search,
     explain_overlooked_warning, explain_old_warnings, explain_other_model, explain_sticky_flag, explain_own_criterion,
     explain_no_simulation, explain_untried_ends,
 )  # fmt: skip
-"""What is told where no wrong method is recognised by its claims."""
+"""Diagnoses where no wrong method is recognised by its claims."""
 
 
 def explain_searches(

@@ -395,4 +395,4 @@ WRONG_MODELS: Mapping[str, Callable[[mujoco.MjModel], None]] = {
 RULES: tuple[Callable[[Sequence[StudentCall]], str | None], ...] = (
     explain_by_programs, explain_by_results, explain_by_state, explain_by_inputs, explain_by_trace, explain_by_pattern,
 )  # fmt: skip
-"""What may explain every wrong call of a function; the first rule that does is told."""
+"""Rules that may explain every wrong call of a function; the first one that does gives the diagnosis."""
