@@ -6,6 +6,8 @@ It derives each key again by simulation, or refuses it with the measurements.
 import time
 from dataclasses import replace
 
+from mujoco import FatalError
+
 from grader.certify.certificate import Certificate, refuse
 from grader.certify.experiments import VerifyError
 from grader.certify.inference import infer_verify
@@ -32,7 +34,7 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
         if verify is None:
             return None
         certificate = _certify(key, verify, model_xml)
-    except (VerifyError, CallerError, LabRefused, ValueError) as error:
+    except (VerifyError, CallerError, LabRefused, ValueError, FatalError) as error:
         at = error.key if isinstance(error, VerifyError) else "verify"
         certificate = refuse("verify", key.answer, f"it cannot be re-derived: {error}", key=at)
     else:

@@ -53,8 +53,8 @@ def _one_for_each_option(whys: tuple[str, ...], info: ValidationInfo) -> tuple[s
     return whys
 
 
-Options = Annotated[tuple[str, ...], Field(min_length=2)]
-"""What a learner chooses from."""
+Options = Annotated[tuple[str, ...], Field(min_length=2, max_length=100)]
+"""What a learner chooses from; each option of a certified question costs simulations."""
 
 OptionIndex = Annotated[int, Field(ge=0, strict=True), AfterValidator(_index_of_option)]
 """The 0-based index of one of the `options`, a field that must be declared before it."""
