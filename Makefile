@@ -68,7 +68,7 @@ check: install ## every answer key re-derived, every reference solution graded
 verdicts: install ## every reference solution under sixty draws of the hidden cases (half an hour)
 	$(BIN)/grader check --draws 60
 
-fuzz-content: $(DEVELOPING) ## every value of all content replaced: each is refused, or checked to the end (two hours)
+fuzz-content: $(DEVELOPING) ## every value of all content replaced: each is refused, or checked to the end (a quarter of an hour)
 	$(BIN)/python tests/library/mutations.py
 
 lint: $(DEVELOPING) ## ruff, mypy and the layers alone
