@@ -22,7 +22,7 @@ def check(
 ) -> None:
     """Load every quiz and model, re-derive every answer key, grade every reference solution.
 
-    Exits with 2 for a fault, with 1 if only keys that simulation cannot tell stand in the way.
+    Exits with 2 for a fault, with 1 if only undecided keys are left.
     """
     from grader.grading.checking import check_content
 
