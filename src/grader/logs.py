@@ -72,13 +72,13 @@ def as_json_line(_logger: Any, _method: str, line: Mapping[str, Any]) -> str:
 
 def exception_text(exc_info: Any) -> str:
     """The tracebacks of an exception and of its causes, the first cause first."""
-    told: list[str] = []
+    parts: list[str] = []
     seen: set[int] = set()
     error: BaseException | None = exc_info[1]
     while error is not None and id(error) not in seen:
         seen.add(id(error))
         # The messages of validation errors, pydantic's and others', hold what was validated: an answer, perhaps.
         message = "(its input is not shown)" if hasattr(error, "errors") else str(error)
-        told.append("".join(traceback.format_tb(error.__traceback__)) + f"{type(error).__name__}: {message}")
+        parts.append("".join(traceback.format_tb(error.__traceback__)) + f"{type(error).__name__}: {message}")
         error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
-    return "\n\nled to\n\n".join(reversed(told))
+    return "\n\nled to\n\n".join(reversed(parts))

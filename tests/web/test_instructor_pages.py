@@ -347,7 +347,7 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
 
 
 def test_certificates_say_what_was_simulated_what_came_out_and_how_far_from_the_key() -> None:
-    rows = {row["question"]: row["told"] for row in certificates.list_certificates(load(ROOT))}
+    rows = {row["question"]: row["facts"] for row in certificates.list_certificates(load(ROOT))}
     told = {name: unspaced(" ".join(line for _, lines in rows[name] for line in lines)) for name in ("q1", "q2", "q3")}
     assert "mj_fwdPosition changes it first: from 0 contacts to 1 contact." in told["q1"]
     assert "Stable at 4.995 ms, unstable at 5.005 ms. 5 ms, with a tolerance of 0.05 ms." in told["q2"]
@@ -392,7 +392,7 @@ def test_a_key_that_cannot_be_told_says_why_it_was_accepted_and_how_short_the_ti
     row = certificates.word_certificate(key, certificate)
     assert (row["state"], row["tone"]) == ("cannot tell", "")
     assert row["why"] == "Accepted: Timed on the rig. Simulation cannot tell: it still changes"
-    checked = unspaced(dict(row["told"])["Checked"][0])
+    checked = unspaced(dict(row["facts"])["Checked"][0])
     assert "rate of 12.5 1/s. The timesteps went from 2 ms to 0.5 ms: what is faster stays unseen." in checked
     states = {verdict: certificates.word_certificate(key, replace(certificate, verdict=verdict))["tone"]
               for verdict in ("certified", "refuted")}  # fmt: skip

@@ -43,7 +43,7 @@ def test_cases_by_integrators_are_a_matrix_and_failed_rows_stand_open() -> None:
     assert shown.columns == ("Euler", "implicitfast", "discrete")
     assert shown.rows[0].title == "kp = 2000, kv = 5"
     euler = shown.rows[0].cells[0]
-    assert (euler.told.word, euler.measured) == ("too high", "22.05 to 22.44\u202fms")
+    assert (euler.badge.word, euler.measured) == ("too high", "22.05 to 22.44\u202fms")
     assert "a limit from 19.98\u202fms" in euler.expected
     assert shown.rows[1].title == "Hidden case 1"
     assert shown.rows[1].cells[0].measured == ""
@@ -77,7 +77,7 @@ def test_what_passed_is_folded() -> None:
     assert [row.title for row in shown.rows] == ["Two"]
     assert [row.title for row in shown.passed_rows] == ["One"]
     assert shown.passed_rows[0].cells[1].measured == ""
-    assert (shown.rows[0].cells[0].told.word, shown.rows[0].cells[0].message) == ("too low", "By far.")
+    assert (shown.rows[0].cells[0].badge.word, shown.rows[0].cells[0].message) == ("too low", "By far.")
 
 
 def test_findings_that_are_no_matrix_are_a_list() -> None:

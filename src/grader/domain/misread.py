@@ -25,7 +25,7 @@ def misread(
     """Yields the place of every refused value in the JSON value `raw`, and one reason for each place. `choices`: the
     values of each key that selects the class of a part. Leaves out what only follows from a fault inside a part."""
     details = error.errors(include_url=False)
-    told = set[tuple[str | int, ...]]()
+    reported = set[tuple[str | int, ...]]()
     for detail in details:
         loc = detail["loc"]
         if detail["type"] == "default_factory_not_called":
@@ -33,8 +33,8 @@ def misread(
         if detail["type"] == "too_short" and any(loc == one["loc"][: len(loc)] != one["loc"] for one in details):
             continue
         place = tuple(place_in(raw, detail))
-        if place not in told:
-            told.add(place)
+        if place not in reported:
+            reported.add(place)
             yield place, reason_of(detail, known_keys, choices)
 
 

@@ -48,7 +48,7 @@ class Term:
     kind: Kind = Kind.ANY
 
     @property
-    def kept(self) -> Kind:
+    def stored_kind(self) -> Kind:
         """What is known of the value once it is stored or chosen."""
         return Kind.ANY if self.kind is Kind.ELEMENT else self.kind
 

@@ -187,7 +187,7 @@ class Terms(ABC):
         first, value = self.held(left.code)
         truth = self.truth(Term(first, left.kind))
         made = build_expression(LOGICAL[operator], FIRST=first, TRUE=truth, LEFT=value, RIGHT=right.code)
-        return Term(made, join_kinds(left.kept, right.kept))
+        return Term(made, join_kinds(left.stored_kind, right.stored_kind))
 
     def _term_binary_expression(self, scope: Scope, node: Node) -> Term:
         operator = read_operator(node, BINARY)
@@ -203,11 +203,11 @@ class Terms(ABC):
         test, yes, no = (
             self.term(scope, get_field(node, part)) for part in ("condition", "consequence", "alternative")
         )
-        return Term(ast.IfExp(self.truth(test), yes.code, no.code), join_kinds(yes.kept, no.kept))
+        return Term(ast.IfExp(self.truth(test), yes.code, no.code), join_kinds(yes.stored_kind, no.stored_kind))
 
     def _term_sequence_expression(self, scope: Scope, node: Node) -> Term:
         terms = [self.term(scope, part) for part in list_parts(node)]
-        return Term(build_sequence(*[term.code for term in terms]), terms[-1].kept)
+        return Term(build_sequence(*[term.code for term in terms]), terms[-1].stored_kind)
 
     # Variables, literals and names
 
@@ -219,7 +219,9 @@ class Terms(ABC):
 
     def stored(self, scope: Scope, binding: Binding, term: Term) -> None:
         """Note what is known of a value that a variable gets."""
-        self.variable_kinds[binding.name] = join_kinds(self.variable_kinds.get(binding.name, term.kept), term.kept)
+        self.variable_kinds[binding.name] = join_kinds(
+            self.variable_kinds.get(binding.name, term.stored_kind), term.stored_kind
+        )
         if scope.frame is not binding.frame:
             scope.frame.outer.add(binding.name)
 
@@ -522,7 +524,7 @@ class Terms(ABC):
             if not isinstance(term.code, ast.Constant) and (path is None or term is index):
                 first, kept = self.held(term.code, lasts=True)
                 begin.append(first)
-                term.kind, term.code = term.kept, build_name(kept)
+                term.kind, term.code = term.stored_kind, build_name(kept)
 
         def write(new: Term) -> ast.expr:
             if path == "ctx":
@@ -540,7 +542,7 @@ class Terms(ABC):
 
     def written(self, node: Node, place: Place, new: Term) -> Term:
         """Returns the assignment of a value, which is the value of the assignment."""
-        made = Term(place.write(new), new.kept)
+        made = Term(place.write(new), new.stored_kind)
         self.at(node, made.code)
         return made
 

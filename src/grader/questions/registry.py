@@ -99,8 +99,8 @@ def grade_answer(question: Question, answer: Any) -> Verdict:
         given = kind.read(question, answer)
     except InvalidAnswer as error:
         return Verdict(status=Status.INVALID_ANSWER, points=0.0, max_points=question.points, diagnosis=str(error))
-    told = {"read_as": kind.describe(question, given), "explain": question.explain}
-    return kind.grade(question, given).model_copy(update=told)
+    additions = {"read_as": kind.describe(question, given), "explain": question.explain}
+    return kind.grade(question, given).model_copy(update=additions)
 
 
 def question_type() -> Any:

@@ -47,7 +47,7 @@ class Graded:
             taken.add(name)
             yield name, finding
 
-    def told(self, finding: Finding) -> str:
+    def describe(self, finding: Finding) -> str:
         """Returns the message of a finding with what was measured, and with what was expected if the learner may see
         that. The finding of a hidden case has neither."""
         names = ("measured", "expected") if self.shows_solution else ("measured",)

@@ -52,7 +52,9 @@ def document(graded: Graded) -> dict[str, Any]:
 def tests(graded: Graded) -> list[dict[str, Any]]:
     """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
-    found = [scored(name, graded.told(one), one.passed, one.points, one.max_points) for name, one in graded.findings]
+    found = [
+        scored(name, graded.describe(one), one.passed, one.points, one.max_points) for name, one in graded.findings
+    ]
     if not found:
         found = [scored(graded.title, verdict.diagnosis or "", passed(graded), verdict.points, verdict.max_points)]
     printed = {"Output of the script": verdict.stdout, "Errors of the script": verdict.stderr}

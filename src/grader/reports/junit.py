@@ -32,9 +32,9 @@ def junit_xml(graded: Graded) -> str:
     for title, finding in graded.findings:
         one = add_case(suite, name, f"{graded.title}: {title}", "0.000")
         if finding.passed is None:
-            tell(one, "skipped", graded.told(finding) or UNDECIDED)
+            tell(one, "skipped", graded.describe(finding) or UNDECIDED)
         elif not finding.passed:
-            tell(one, "failure", graded.told(finding) or finding.title, "finding")
+            tell(one, "failure", graded.describe(finding) or finding.title, "finding")
     for tag, text in (("system-out", verdict.stdout), ("system-err", verdict.stderr)):
         if text:
             ElementTree.SubElement(suite, tag).text = legal(text)

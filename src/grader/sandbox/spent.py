@@ -26,13 +26,13 @@ def explain_time_out(results: bytes, source: str, *, waits: bool, hidden: bool) 
     `waits`: the script slept or waited for something. Whatever `results` holds, this does not raise."""
     texts = [payload for name, payload in read_arrays(results) if name.startswith(NAME)]
     try:
-        told = json.loads(texts[-1])
-        (line, times), samples, rates = told["lines"][0], told["samples"], told["rates"]
+        summary = json.loads(texts[-1])
+        (line, times), samples, rates = summary["lines"][0], summary["samples"], summary["rates"]
         lines = source.splitlines()
         last = min(len(lines), HIDDEN_LINES_MAX) if hidden else len(lines)
         if type(line) is not int or not 1 <= line <= last or not times / samples >= CLEAR_SHARE:
             return ""
-        place = describe_line(source, line, None if hidden else told.get("stays"), waits=waits)
+        place = describe_line(source, line, None if hidden else summary.get("stays"), waits=waits)
         rate, busiest = max((compute_rate(rates, name), name) for name in COUNTED)
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, MemoryError):
         return ""

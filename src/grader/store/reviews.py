@@ -18,7 +18,7 @@ NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs"
 Waiting = tuple[Submission, ReviewClaim | None]
 
 
-class Waits(NamedTuple):
+class WaitingQuestion(NamedTuple):
     """How many answers to a question wait for a person, and since when the oldest does."""
 
     quiz: str
@@ -137,13 +137,13 @@ def disagreements(
     return [(row[0], row[1]) for row in session.execute(differ.order_by(Review.submission_id).limit(limit))]
 
 
-def waits(session: Session, queue: Queue, limit: int) -> list[Waits]:
+def count_waiting(session: Session, queue: Queue, limit: int) -> list[WaitingQuestion]:
     """What waits in a queue, by question; of the oldest `limit` submissions. The question that waits longest first."""
     return _by_question(session, select(*_WAITS).where(*queue.conditions()), limit)
 
 
-def differing(session: Session, course: str, limit: int) -> list[Waits]:
-    """As `waits`: the submissions whose two marks differ."""
+def count_differing(session: Session, course: str, limit: int) -> list[WaitingQuestion]:
+    """As `count_waiting`: the submissions whose two marks differ."""
     differ = select(*_WAITS).join(Review, Review.submission_id == Submission.id)
     return _by_question(session, differ.where(Review.course == course, Review.second == DIFFERS), limit)
 
@@ -151,11 +151,11 @@ def differing(session: Session, course: str, limit: int) -> list[Waits]:
 _WAITS = (Submission.quiz, Submission.question, Submission.created_at)
 
 
-def _by_question(session: Session, waiting: Select[str, str, datetime], limit: int) -> list[Waits]:
+def _by_question(session: Session, waiting: Select[str, str, datetime], limit: int) -> list[WaitingQuestion]:
     oldest = waiting.order_by(Submission.id).limit(limit).subquery()
     since = func.min(oldest.c.created_at)
     rows = select(oldest.c.quiz, oldest.c.question, func.count(), since).group_by(oldest.c.quiz, oldest.c.question)
-    return [Waits(*row) for row in session.execute(rows.order_by(since))]
+    return [WaitingQuestion(*row) for row in session.execute(rows.order_by(since))]
 
 
 def graders_verdicts(session: Session, submissions: Iterable[str]) -> dict[str, Any]:

@@ -131,8 +131,10 @@ def read_entry(row: Line, namespace: str, roles: dict[str, tuple[Role, Line]], n
     if user not in roles or not is_active(row) or row.get("enabledUser").lower() not in ("", "true"):
         return None
     parts = [row.get(f"preferred{part}") or row.get(part[0].lower() + part[1:]) for part in ("GivenName", "FamilyName")]
-    told = [part for part in parts if part and part != MISSING] or parts[1:]  # of somebody whose name is MISSING itself
-    name = read_name(" ".join(told), note)
+    known = [part for part in parts if part and part != MISSING] or parts[
+        1:
+    ]  # of somebody whose name is MISSING itself
+    name = read_name(" ".join(known), note)
     external = read_external(namespace, user, note)
     email = read_email(row.get("email"), note) if "email" in row.cells else None
     return None if external is None else Entry(row.number, name, roles[user][0], email, external)

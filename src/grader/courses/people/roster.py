@@ -102,8 +102,8 @@ def require_columns(
     faults += [Fault(file, f"line 1, {name}", "the column is there twice") for name in find_repeated(columns)]
     if known is not None:
         listed = tuple(known)
-        told = f"there is no such column: they are {', '.join(listed)}"
-        faults += [Fault(file, f"line 1, {name}", told) for name in columns if name not in listed]
+        cure = f"there is no such column: they are {', '.join(listed)}"
+        faults += [Fault(file, f"line 1, {name}", cure) for name in columns if name not in listed]
     if faults:
         raise FaultyRows(faults[:FAULTS_MAX])
 

@@ -254,5 +254,5 @@ def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status,
 
 def is_same(old: Mapping[str, Any] | None, new: Verdict) -> bool:
     """Says whether a stored verdict says what the new one says: status, points, findings, evidence and explanation."""
-    told = new.model_dump(mode="json")
-    return old is not None and all(old.get(name) == value for name, value in told.items() if name not in VOLATILE)
+    fields = new.model_dump(mode="json")
+    return old is not None and all(old.get(name) == value for name, value in fields.items() if name not in VOLATILE)

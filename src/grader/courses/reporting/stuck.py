@@ -68,8 +68,8 @@ def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> 
     """Returns the runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
     found = []
     for run in runs:
-        told = {verdicts[one.submission]["diagnosis"] for one in run[-ATTEMPTS_MIN:]}
-        if len(told) == 1 and (diagnosis := told.pop()):
+        diagnoses = {verdicts[one.submission]["diagnosis"] for one in run[-ATTEMPTS_MIN:]}
+        if len(diagnoses) == 1 and (diagnosis := diagnoses.pop()):
             newest = run[-1]
             at = (newest.learner, newest.name, newest.quiz, newest.question)
             found.append(Stuck(*at, len(run), diagnosis, newest.created_at))

@@ -11,7 +11,7 @@ from grader.courses.reviewing.desk import Desk
 from grader.store import outbox
 from grader.store import reviews as stored
 from grader.store.outbox import DEAD, Delivery
-from grader.store.reviews import Waits
+from grader.store.reviews import WaitingQuestion
 from grader.store.submissions import SubmissionFilter
 
 COUNTED_MAX = 1000
@@ -24,9 +24,9 @@ DEAD_SHOWN = 20
 class Today:
     """What waits for a person, by question; `second` for a second mark by this instructor, `dead` to be sent again."""
 
-    first: Sequence[Waits]
-    second: Sequence[Waits]
-    differing: Sequence[Waits]
+    first: Sequence[WaitingQuestion]
+    second: Sequence[WaitingQuestion]
+    differing: Sequence[WaitingQuestion]
     dead: Sequence[tuple[Delivery, str]]
     """At most `DEAD_SHOWN` deliveries, each with the kind of its destination."""
     more_dead: bool
@@ -38,9 +38,9 @@ def read_today(desk: Desk, session: Session, who: Identity) -> Today:
     here = (Delivery.course == who.course, Delivery.state == DEAD)
     dead = outbox.page(session, here, 0, DEAD_SHOWN + 1)
     return Today(
-        stored.waits(session, reviews.queue_of(desk, wanted), COUNTED_MAX),
-        stored.waits(session, reviews.queue_of(desk, wanted, who.id), COUNTED_MAX),
-        stored.differing(session, who.course, COUNTED_MAX),
+        stored.count_waiting(session, reviews.queue_of(desk, wanted), COUNTED_MAX),
+        stored.count_waiting(session, reviews.queue_of(desk, wanted, who.id), COUNTED_MAX),
+        stored.count_differing(session, who.course, COUNTED_MAX),
         dead[:DEAD_SHOWN],
         len(dead) > DEAD_SHOWN,
     )

@@ -299,8 +299,8 @@ def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
 def directed(finding: Finding) -> Finding:
     """A finding that tells the direction of an error alone."""
     measured = finding.measured if finding.id == REVIEW else None
-    told = fields_of(finding, DIRECTION_FINDING_FIELDS)
-    return Finding(**told, message=finding.direction or "", measured=measured)
+    fields = fields_of(finding, DIRECTION_FINDING_FIELDS)
+    return Finding(**fields, message=finding.direction or "", measured=measured)
 
 
 def redact_json(verdict: Any | None, decision: Decision) -> Any | None:

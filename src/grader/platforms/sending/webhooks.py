@@ -72,14 +72,14 @@ class Webhooks:
 
 def message(row: Delivery, result: Result) -> bytes:
     """Returns the body: what changed, by ids alone. The receiver asks for the rest."""
-    told: dict[str, Any] = {
+    data: dict[str, Any] = {
         "course": row.course,
         "quiz": row.quiz,
         "question": row.question,
         "submission_id": result.submission_id,
         "revision": result.revision,
     }
-    return json.dumps({"type": CHANGED, "timestamp": row.noted_at.isoformat(), "data": told}).encode()
+    return json.dumps({"type": CHANGED, "timestamp": row.noted_at.isoformat(), "data": data}).encode()
 
 
 def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:

@@ -93,8 +93,8 @@ class Sampler:
 
     def tell(self) -> None:
         """Sends what was seen so far."""
-        told = {"lines": self.lines.most_common(TOLD_MAX), "samples": self.lines.total(), "rates": self.rates}
-        self.send(f"where{self.sent}", json.dumps(told | {"stays": self.stays}).encode())
+        summary = {"lines": self.lines.most_common(TOLD_MAX), "samples": self.lines.total(), "rates": self.rates}
+        self.send(f"where{self.sent}", json.dumps(summary | {"stays": self.stays}).encode())
         self.sent += 1
 
 

@@ -99,13 +99,13 @@ def _verdicts(session: Session, member: Member) -> None:
 
 def _mistakes(session: Session, member: Member) -> None:
     """Leaves of the mistakes that results list those that the reduced verdicts still tell."""
-    told: dict[tuple[str, str], set[str | None]] = {}
+    diagnoses: dict[tuple[str, str], set[str | None]] = {}
     rows = select(Submission.quiz, Submission.question, VerdictRow.body)
     rows = rows.join(VerdictRow, VerdictRow.submission_id == Submission.id).where(*_theirs(member))
     for quiz, question, body in session.execute(rows):
-        told.setdefault((quiz, question), set()).add(json.loads(body)["diagnosis"])
+        diagnoses.setdefault((quiz, question), set()).add(json.loads(body)["diagnosis"])
     for result in session.scalars(select(Result).where(Result.course == member.course, Result.learner == member.id)):
-        known = told.get((result.quiz, result.question), set())
+        known = diagnoses.get((result.quiz, result.question), set())
         result.diagnoses = json.dumps([one for one in json.loads(result.diagnoses) if one in known])
 
 
@@ -123,9 +123,9 @@ def _results(session: Session, member: Member) -> None:
     theirs = (Result.course == member.course, Result.learner == member.id)
     again = update(Result).where(*theirs).values(revision=Result.revision + 1, changes=Result.changes + 1)
     session.execute(again, execution_options=UNCHANGED)
-    told = [getattr(Result, name) for name in (*LearnerAt._fields, *COUNTED, "revision")]
-    new = select(*told).where(*theirs).order_by(Result.quiz, Result.question)
-    session.execute(insert(ResultRevision).from_select([column.key for column in told], new))
+    columns = [getattr(Result, name) for name in (*LearnerAt._fields, *COUNTED, "revision")]
+    new = select(*columns).where(*theirs).order_by(Result.quiz, Result.question)
+    session.execute(insert(ResultRevision).from_select([column.key for column in columns], new))
 
 
 def _audit(session: Session, member: Member, pseudonym: str) -> None:

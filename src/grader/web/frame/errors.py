@@ -29,11 +29,11 @@ def error_page(scope: Scope, problem: Response) -> Response | None:
     accepted = Headers(scope=scope).get("accept", "")
     if scope["path"].startswith(NOT_PAGES) or "text/html" not in accepted:
         return None
-    told = json.loads(bytes(problem.body))
+    body = json.loads(bytes(problem.body))
     title, advice = WORDS.get(problem.status_code, OURS)
     page = templates.get_template("error.html").render(
         who=None, status=problem.status_code, title=title, advice=advice,
-        detail=told["detail"], request_id=told.get("request_id", ""),
+        detail=body["detail"], request_id=body.get("request_id", ""),
     )  # fmt: skip
     kept = {name: value for name, value in problem.headers.items() if not name.startswith("content-")}
     return HTMLResponse(page, problem.status_code, {**kept, **HEADERS, "Cache-Control": "no-store"})

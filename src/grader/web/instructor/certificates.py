@@ -92,24 +92,24 @@ def choose_title(question: Question) -> str:
 def word_luck(luck: Luck | None) -> dict[str, Any]:
     """Returns a chance of luck as cells of the table."""
     if luck is None:
-        return {"state": "guessing not computed", "tone": "", "why": "", "told": [], "remarks": ()}
+        return {"state": "guessing not computed", "tone": "", "why": "", "facts": [], "remarks": ()}
     why, remarks = describe_luck(luck)
     state = (
         {"state": "cannot be guessed", "tone": "ok"} if luck.why is None else {"state": "can be guessed", "tone": "no"}
     )
-    return {**state, "why": why, "told": [], "remarks": remarks}
+    return {**state, "why": why, "facts": [], "remarks": remarks}
 
 
 def word_certificate(key: AnswerKey, certificate: Certificate | None) -> dict[str, Any]:
     """Returns a certificate as cells of the table; without one, whether there could be one."""
     if certificate is None:
         remarks = (UNVERIFIED,) if is_decidable(key) else ()
-        return {"state": "not derivable by simulation", "tone": "", "why": "", "told": [], "remarks": remarks}
+        return {"state": "not derivable by simulation", "tone": "", "why": "", "facts": [], "remarks": remarks}
     accepted = f"Accepted: {certificate.accepted} Simulation cannot tell: " if certificate.accepted else ""
     return {
         "state": certificate.verdict,
         "tone": {"certified": "ok", "refuted": "no", "cannot tell": ""}[certificate.verdict],
         "why": "" if certificate.ok else f"{accepted}{certificate.why}",
-        "told": word_key(key, certificate),
+        "facts": word_key(key, certificate),
         "remarks": certificate.remarks,
     }

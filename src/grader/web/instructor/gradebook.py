@@ -28,7 +28,7 @@ from grader.web.instructor.people import describe_origin
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
-from grader.web.text.statuses import NOT_ANSWERED, REPLACED, STATUSES, WAITS, Told
+from grader.web.text.statuses import NOT_ANSWERED, REPLACED, STATUSES, WAITS, Badge
 from grader.web.verdict.work import Given, read_in_full
 
 PAGE = "/instructor/gradebook"
@@ -51,7 +51,7 @@ router = APIRouter(include_in_schema=False)
 class Cell(NamedTuple):
     """A result in words. Without points it is not late either."""
 
-    told: Told
+    badge: Badge
     points: float | None = None
     max_points: float = 0.0
     is_late: bool = False
@@ -136,12 +136,12 @@ def make_cell(result: Any, unseen: Collection[LearnerAt]) -> Cell:
     if is_in(unseen, result) or not (result.is_final or result.points):
         return Cell(WAITS)
     if not result.is_final:
-        told = WAITS
+        badge = WAITS
     elif result.points >= result.max_points - POINTS_EQUAL:
-        told = STATUSES[Status.CORRECT]
+        badge = STATUSES[Status.CORRECT]
     else:
-        told = STATUSES[Status.PARTIAL] if result.points > 0 else STATUSES[Status.INCORRECT]
-    return Cell(told, result.points, result.max_points, result.is_late)
+        badge = STATUSES[Status.PARTIAL] if result.points > 0 else STATUSES[Status.INCORRECT]
+    return Cell(badge, result.points, result.max_points, result.is_late)
 
 
 def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
@@ -220,8 +220,8 @@ def show_answer(question: Question | None, given: Given) -> str:
     return given.text if question is None else kind_of(question).show(question, given.answer)
 
 
-def describe_state(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Told:
+def describe_state(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Badge:
     """Returns the state of an answer: an earlier one no longer waits for a person, unless all attempts count."""
     found = library.quizzes.get(quiz)
     waits = is_newest or given.is_decided or given.verdict is None or (found and found.policy.counts == "average")
-    return given.told if waits else REPLACED
+    return given.badge if waits else REPLACED

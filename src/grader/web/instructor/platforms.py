@@ -113,5 +113,5 @@ async def roster(
         pulled = await administration.pull_roster(services.database, tool.authorized, who, context_id)
     except CallerError as error:
         return await run_in_threadpool(render, request, services, who, 409, trouble=str(error))
-    told = f"{pulled.members} members; {pulled.removed} others whom an instructor had removed."
-    return await run_in_threadpool(render, request, services, who, told=told)
+    notice = f"{pulled.members} members; {pulled.removed} others whom an instructor had removed."
+    return await run_in_threadpool(render, request, services, who, notice=notice)

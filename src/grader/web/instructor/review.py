@@ -24,7 +24,7 @@ from grader.library import Library
 from grader.questions import Question, kind_of
 from grader.store import reviews as stored
 from grader.store import submissions
-from grader.store.reviews import AGREED, DIFFERS, Waits, comments_on
+from grader.store.reviews import AGREED, DIFFERS, WaitingQuestion, comments_on
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
@@ -74,9 +74,9 @@ class Sitting:
         """Whether the answers of the list get their second mark."""
         return self.chosen.which == SECOND
 
-    def redirect(self, path: str, **told: str) -> RedirectResponse:
+    def redirect(self, path: str, **query: str) -> RedirectResponse:
         """To a page of the desk, which tells what was `said` of the `last` answer."""
-        more = f"&{urlencode(told)}" if told else ""
+        more = f"&{urlencode(query)}" if query else ""
         return RedirectResponse(f"{path}?{self.chosen.query}{more}", 303)
 
 
@@ -132,16 +132,16 @@ def act(request: Request, submission_id: str, at: AtDesk, form: Form) -> Respons
     return render(request, at, submission_id, typed=typed)
 
 
-def claim_next(at: Sitting, **told: str) -> RedirectResponse:
+def claim_next(at: Sitting, **query: str) -> RedirectResponse:
     """To the next answer of a list, claimed; to the list once nothing waits."""
     with at.services.database.write() as session:
         at.desk.lock(session, at.who.course)
         row = find_first(at, session)
         if row is None:
-            return at.redirect(PAGE, **({"said": "none"} | told))
+            return at.redirect(PAGE, **({"said": "none"} | query))
         reviews.claim(session, at.who, row, second=at.is_second)
     waiting = replace(at, chosen=replace(at.chosen, which=FIRST)) if at.chosen.which == ALL else at
-    return waiting.redirect(f"{PAGE}/{row.id}", **told)
+    return waiting.redirect(f"{PAGE}/{row.id}", **query)
 
 
 def find_first(at: Sitting, session: Session) -> Submission | None:
@@ -285,11 +285,11 @@ def render(
     return page(request, "review_answer.html", status, who=who, **(context | more))
 
 
-def list_waiting(at: Sitting, session: Session) -> Sequence[Waits]:
+def list_waiting(at: Sitting, session: Session) -> Sequence[WaitingQuestion]:
     """Says what waits in the list, by question."""
     if at.chosen.which == DIFFER:
-        return stored.differing(session, at.who.course, COUNTED_MAX)
-    return stored.waits(session, at.chosen.queue(at.desk, at.who), COUNTED_MAX)
+        return stored.count_differing(session, at.who.course, COUNTED_MAX)
+    return stored.count_waiting(session, at.chosen.queue(at.desk, at.who), COUNTED_MAX)
 
 
 def describe_question(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from grader.web.learner.lesson import format_day
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import span
 from grader.web.text.questions import describe_quiz, list_titles
-from grader.web.text.statuses import QUEUED, RUNNING, Told, describe_status
+from grader.web.text.statuses import QUEUED, RUNNING, Badge, describe_status
 
 PAGE = "/instructor/review"
 ROWS = 50
@@ -99,7 +99,7 @@ class Row:
     excerpt: str
     at: str
     waited: str
-    told: Told
+    badge: Badge
     points: tuple[float, float] | None
     held_by: str
     is_theirs: bool
@@ -175,10 +175,10 @@ def make_row(
 ) -> Row:
     """Returns one answer in words. What waits for a person has no points yet."""
     decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
-    told = describe_status(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
+    badge = describe_status(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
     return Row(
         one.id, learner, one.quiz, titles.get((one.quiz, one.question), one.question), shorten_answer(one),
-        format_day(one.created_at), span((now() - one.created_at).total_seconds()), told,
+        format_day(one.created_at), span((now() - one.created_at).total_seconds()), badge,
         (verdict["points"], verdict["max_points"]) if decided else None, *held, one.status == NEEDS_REVIEW,
     )  # fmt: skip
 

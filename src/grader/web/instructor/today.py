@@ -18,7 +18,7 @@ from grader.library import Library
 from grader.platforms import administration
 from grader.queue import jobs
 from grader.store import people, results
-from grader.store.reviews import Waits
+from grader.store.reviews import WaitingQuestion
 from grader.store.tables import now
 from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
@@ -87,7 +87,7 @@ def list_tasks(library: Library, today: Today) -> list[Task]:
 
 
 def make_task(
-    titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence[Waits], words: str, verb: str
+    titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence[WaitingQuestion], words: str, verb: str
 ) -> Task:
     """Returns one kind of reviews, by question."""
     total, address = sum(one.answers for one in waiting), f"{REVIEW}?{Chosen(which).query}"
@@ -126,7 +126,7 @@ def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
-def describe_place(titles: Mapping[tuple[str, str], str], one: Stuck | Waits) -> str:
+def describe_place(titles: Mapping[tuple[str, str], str], one: Stuck | WaitingQuestion) -> str:
     """Names the quiz, and the question by its title."""
     return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
 

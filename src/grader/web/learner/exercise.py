@@ -81,7 +81,7 @@ def choose_source(here: Asked, typed: Typed | None) -> str:
 def describe_points(here: Asked) -> str:
     """Returns the points that count at this exercise."""
     place = here.place
-    if place.points is None or (place.waits and not place.points):
+    if place.points is None or (place.needs_review and not place.points):
         return f"none of {points(place.of)} yet"
     return f"{points(place.points)} of {points(place.of)}"
 

@@ -144,7 +144,7 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     counts = dict.fromkeys(describe_counting(quiz.policy) for quiz in with_questions)
     facts = {"points": f"{points(got)} of {points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
-    if waiting := sum(place.of for place in places if place.waits and not place.points):
+    if waiting := sum(place.of for place in places if place.needs_review and not place.points):
         facts[WITH_AN_INSTRUCTOR] = format_count(waiting, "point")
     facts["what counts"] = ", ".join(counts)
     if any(place.may_answer for place in places) and all(place.attempts_left is None for place in places):

@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
 from grader.web.text.prose import cached_prose
-from grader.web.text.statuses import FAILED, PASSED, Told, describe_outcome
+from grader.web.text.statuses import FAILED, PASSED, Badge, describe_outcome
 from grader.web.verdict import evidence as read
 from grader.web.verdict.plots import Figure, draw_figures
 from grader.web.verdict.work import Given
@@ -30,7 +30,7 @@ TIMES = {"script_wall": "your script", "script_cpu": "of it on the processor", "
 class Cell:
     """One finding: how it ended, and for a failed one what was measured and expected, as far as it is shown."""
 
-    told: Told
+    badge: Badge
     title: str
     message: str = ""
     measured: str = ""
@@ -42,7 +42,7 @@ class Cell:
     @property
     def passed(self) -> bool:
         """Whether it needs no further word."""
-        return self.told == PASSED
+        return self.badge == PASSED
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Card:
     """What the template verdict.html shows."""
 
     given: Given
-    told: Told
+    badge: Badge
     score: str
     diagnosis: str
     read_as: str
@@ -131,7 +131,7 @@ def build_card(given: Given) -> Card | None:
     said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
     score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
     return Card(
-        given, given.told, score, said,
+        given, given.badge, score, said,
         unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), tuple(list_notes(columns, rows, said)), tuple(cells),
         extract_lines(given.text, diagnosis), read.read_one(evidence, "tableau", read.Tableau),
@@ -164,13 +164,13 @@ def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...]
 def list_notes(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
     """Says what the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its
     place. Names the columns, and where other cells of a column failed otherwise, the cases too."""
-    told: dict[str, dict[str, list[str]]] = {}
+    places: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for column, cell in zip(columns, row.cells, strict=True):
-            if cell.told == FAILED and cell.message and cell.message not in diagnosis:
-                told.setdefault(cell.message, {}).setdefault(column, []).append(row.title)
+            if cell.badge == FAILED and cell.message and cell.message not in diagnosis:
+                places.setdefault(cell.message, {}).setdefault(column, []).append(row.title)
     wrong = {column: sum(not row.cells[at].passed for row in rows) for at, column in enumerate(columns)}
-    for message, where in told.items():
+    for message, where in places.items():
         held: dict[str, list[str]] = {}
         for name, titles in where.items():
             held.setdefault("" if len(titles) == wrong[name] else describe_cases(titles), []).append(name)
@@ -186,13 +186,13 @@ def describe_place(names: Sequence[str], cases: str, of: int) -> str:
 
 def describe_cases(titles: Sequence[str]) -> str:
     """Titles of cases in a row, hidden ones that follow each other as `Hidden cases 1 to 6`."""
-    told = []
+    ranges = []
     for hidden, group in groupby(titles, lambda title: bool(HIDDEN.match(title))):
         some = list(group)
         numbers = [int(title.split()[-1]) for title in some] if hidden else []
         is_whole = len(some) > 1 and numbers == [*range(numbers[0], numbers[0] + len(some))] if hidden else False
-        told += [describe_range(numbers[0], numbers[-1])] if is_whole else some
-    return ", ".join(told)
+        ranges += [describe_range(numbers[0], numbers[-1])] if is_whole else some
+    return ", ".join(ranges)
 
 
 def describe_range(first: int, last: int) -> str:
@@ -202,25 +202,25 @@ def describe_range(first: int, last: int) -> str:
 
 def build_cell(finding: Mapping[str, Any]) -> Cell:
     """Returns one finding. What passed says so and no more."""
-    told = describe_outcome(finding["passed"], finding["points"])
+    badge = describe_outcome(finding["passed"], finding["points"])
     rubric = tuple(list_rubric(finding.get("measured")))
     worth = {"got": finding["points"], "of": finding["max_points"], "rubric": rubric}
     title, message = capitalize(unbroken(finding["title"])), unbroken(finding["message"])
-    if told == PASSED:
-        return Cell(told, title, message, **worth)
-    if told == FAILED and (found := WORD.match(message)):
-        told, message = (
-            Told(found[1].lower(), told.icon, told.tone),
+    if badge == PASSED:
+        return Cell(badge, title, message, **worth)
+    if badge == FAILED and (found := WORD.match(message)):
+        badge, message = (
+            Badge(found[1].lower(), badge.icon, badge.tone),
             message[found.end() :][:1].upper() + message[found.end() + 1 :],
         )
     measured = "" if rubric else describe_value(finding.get("measured"))
-    return Cell(told, title, message, measured, describe_value(finding.get("expected")), **worth)
+    return Cell(badge, title, message, measured, describe_value(finding.get("expected")), **worth)
 
 
 def merge_cells(cells: Sequence[Cell]) -> list[Cell]:
     """The cells with failed hidden cases that follow each other and say the same made one: `Hidden cases 1 to 6`."""
     found: list[Cell] = []
-    for (hidden, *_), group in groupby(cells, lambda cell: (bool(HIDDEN.match(cell.title)), cell.told, cell.message)):
+    for (hidden, *_), group in groupby(cells, lambda cell: (bool(HIDDEN.match(cell.title)), cell.badge, cell.message)):
         some = list(group)
         if not hidden or some[0].passed or len(some) == 1:
             found.extend(some)

@@ -76,12 +76,12 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
     return picture
 
 
-def draw_end(picture: Drawing, line: Sequence[Point], told: str, *, is_below: bool) -> None:
+def draw_end(picture: Drawing, line: Sequence[Point], caption: str, *, is_below: bool) -> None:
     """The name of a rising line at its upper end: above it, or below all of it that the name spans."""
     x, y = max(line)
-    left = x - estimate_width(told)
+    left = x - estimate_width(caption)
     lowest = max(y, *(interpolate_height(a, b, left) for a, b in pairwise(sorted(line)) if b[0] > left))
-    picture.text(told, x, lowest + 20 if is_below else y - 12, "name halo", "end")
+    picture.text(caption, x, lowest + 20 if is_below else y - 12, "name halo", "end")
 
 
 def interpolate_height(start: Point, end: Point, x: float) -> float:
@@ -126,12 +126,12 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
         points = found.get(label, [])
         picture.path(f"line {style}", [(across.at(t), up.at(v)) for t, v in points])
         if points:
-            told = f"{label}: up to {number(max(v for _, v in points), 2)}"
+            caption = f"{label}: up to {number(max(v for _, v in points), 2)}"
             # Above every velocity, or below every position, that the name spans.
-            spanned = min(1.0, estimate_width(told) / (across.end - across.start))
+            spanned = min(1.0, estimate_width(caption) / (across.end - across.start))
             reach = [v for _, v in points[-math.ceil(spanned * len(points)) :]]
             y = up.at(min(reach)) + 20 if is_below else up.at(max(reach)) - 10
-            picture.text(told, width - RIGHT - 4, y, "name halo", "end")
+            picture.text(caption, width - RIGHT - 4, y, "name halo", "end")
     return picture
 
 

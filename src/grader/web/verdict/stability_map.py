@@ -65,8 +65,8 @@ def make_row(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> Row:
     """Says what is known under one integrator."""
     low, high = claim.search_ms
     ended = {run.end: run for run in runs if run.case == claim.case}
-    told = tuple(ended[end].diverged if end in ended else None for end in ("lower end", "upper end"))
-    ends = (told[0], told[1])
+    diverged = tuple(ended[end].diverged if end in ended else None for end in ("lower end", "upper end"))
+    ends = (diverged[0], diverged[1])
     if limit is not None:
         return Row(claim, limit, limit.linear_ms or high, limit.linear_ms, ends)
     stable = [run.timestep_ms for run in ended.values() if not run.diverged]
@@ -216,13 +216,13 @@ def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | 
         return
     x = axis.at(row.limit.linear_ms)
     picture.line("limit", x, y - 4, x, y + BAR)
-    told = f"limit {words}"
+    label = f"limit {words}"
     is_left = x > axis.start + 0.62 * (axis.end - axis.start)
-    if bound is not None and x < axis.at(bound) < x + estimate_width(told) + 8:
+    if bound is not None and x < axis.at(bound) < x + estimate_width(label) + 8:
         room = x - axis.start - estimate_width(row.claim.integrator) - 12
-        told = told if estimate_width(told) < room else words
-        is_left = estimate_width(told) < room
-    picture.text(told, x - 4 if is_left else x + 4, y - 4, "told halo", "end" if is_left else "start")
+        label = label if estimate_width(label) < room else words
+        is_left = estimate_width(label) < room
+    picture.text(label, x - 4 if is_left else x + 4, y - 4, "label halo", "end" if is_left else "start")
 
 
 def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:

@@ -183,18 +183,18 @@ def format_path(lines: Sequence[Sequence[Point]]) -> str:
     """Returns the data of a path through the points of each line. Each point is given relative to the one before it, in
     whole tenths, so that no rounding errors accumulate. Compressed, the plots of a page take 60 % of the bytes that
     absolute coordinates take."""
-    at, told = (0, 0), []
+    at, pieces = (0, 0), []
     for line in lines:
         distances = []
         for x, y in line:
             to = round(10 * x), round(10 * y)
             distances.append(f"{trim((to[0] - at[0]) / 10)} {trim((to[1] - at[1]) / 10)}")
             at = to
-        told.append("l".join(("m" + distances[0], " ".join(distances[1:]))).removesuffix("l"))
-    return "".join(told).replace(" -", "-")
+        pieces.append("l".join(("m" + distances[0], " ".join(distances[1:]))).removesuffix("l"))
+    return "".join(pieces).replace(" -", "-")
 
 
 def trim(value: float) -> str:
     """Returns a coordinate to a tenth of a unit."""
-    told = f"{value:.1f}".removesuffix(".0")
-    return "0" if told == "-0" else told
+    digits = f"{value:.1f}".removesuffix(".0")
+    return "0" if digits == "-0" else digits

@@ -19,7 +19,7 @@ from grader.store import results, submissions
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import points
-from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Told, describe_status
+from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
 
 ATTEMPTS_MAX = 12
 """Attempts that a page lists, the newest ones."""
@@ -47,7 +47,7 @@ class Given:
     """Says when and why it was graded again, and what changed; empty if it was not, or must not be told."""
 
     @property
-    def told(self) -> Told:
+    def badge(self) -> Badge:
         """Its state in words."""
         if self.verdict is None:
             return RUNNING if self.state == submissions.RUNNING else QUEUED
@@ -79,14 +79,14 @@ class Place:
     attempts_left: int | None
 
     @property
-    def told(self) -> Told:
+    def badge(self) -> Badge:
         """The state of the newest answer in words."""
-        return NOT_ANSWERED if self.given is None else self.given.told
+        return NOT_ANSWERED if self.given is None else self.given.badge
 
     @property
-    def waits(self) -> bool:
+    def needs_review(self) -> bool:
         """Whether a person has to decide: no points yet are no lost points."""
-        return self.told is STATUSES[Status.NEEDS_REVIEW]
+        return self.badge is STATUSES[Status.NEEDS_REVIEW]
 
     @property
     def earlier_counts(self) -> bool:
@@ -96,10 +96,10 @@ class Place:
         return self.points > float(self.given.verdict.get("points") or 0.0)
 
     @property
-    def stands(self) -> Told:
+    def counting_badge(self) -> Badge:
         """The state of what counts in words."""
         if not self.earlier_counts:
-            return self.told
+            return self.badge
         return STATUSES[Status.CORRECT if self.points == self.of else Status.PARTIAL]
 
 

@@ -153,13 +153,13 @@ def explain_searches(
 ) -> str | None:
     """Returns the sentence of the first rule that explains every wrong claim of the visible trials. If all visible
     claims are right, it must explain those of the hidden trials, of whose runs only the first are known."""
-    told = [one for one in wrong if not one.trial.hidden] or wrong
+    shown = [one for one in wrong if not one.trial.hidden] or wrong
     observed = [
         Observation(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)
-        for one in told
+        for one in shown
         if (search := read_search(one.trace)) is not None
     ]
-    if not observed or len(observed) < len(told):
+    if not observed or len(observed) < len(shown):
         return None
     if (turned := explain_inverted_test(observed)) is not None:
         return turned

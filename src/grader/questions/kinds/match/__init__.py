@@ -181,10 +181,10 @@ def _findings(question: MatchQuestion, answer: Mapping[str, str]) -> Iterator[Fi
     for left, text in question.lefts.items():
         passed = answer[left] == key[left]
         words = option_text(rights[answer[left]])
-        told = f"{quoted(option_text(text))} {'goes' if passed else 'does not go'} with {quoted(words)}."
+        message = f"{quoted(option_text(text))} {'goes' if passed else 'does not go'} with {quoted(words)}."
         yield Finding(
             id=f"pair-{left}", title=f"Line {left}", passed=passed, points=share if passed else 0.0, max_points=share,
-            message=told, direction=told, measured=words, expected=option_text(rights[key[left]])
+            message=message, direction=message, measured=words, expected=option_text(rights[key[left]])
         )  # fmt: skip
 
 

@@ -119,8 +119,8 @@ def grade_number(
     passed = is_right(given.value, key)
     message = direction = f"{given.text} is right."
     if not passed:
-        told, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
-        message, direction = f"{told}{', ' if size else ''}{size}.", f"{told}."
+        side, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
+        message, direction = f"{side}{', ' if size else ''}{size}.", f"{side}."
     return Finding(
         id=name, title=title, passed=passed, points=points if passed else 0.0, max_points=points, message=message,
         direction=direction, measured=given.value, expected=key.answer

@@ -131,12 +131,12 @@ def _findings(question: OrderQuestion, answer: tuple[str, ...]) -> Iterator[Find
     share = question.points / len(following)
     for at, (first, second) in enumerate(pairwise(answer), 1):
         passed = following.get(first) == second
-        told = (
+        message = (
             f"{quoted(words[second])} {'comes' if passed else 'does not come'} directly after {quoted(words[first])}."
         )
         yield Finding(
             id=f"after-{at}", title=f"Positions {at} and {at + 1}", passed=passed, points=share if passed else 0.0,
-            max_points=share, message=told, direction=told, measured=words[second],
+            max_points=share, message=message, direction=message, measured=words[second],
             expected=words[following[first]] if first in following else f"{quoted(words[first])} comes last"
         )  # fmt: skip
 
