@@ -15,13 +15,17 @@ TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|\+00:00)")
 CREDENTIAL = re.compile(r"\b(gr[a-z])_([0-9a-f]{16})_[\w-]{20,}")
 SECRET = re.compile(r"\bwhsec_[\w+/=-]+")
 CODE = re.compile(r"([?&](?:code|token)=)[\w-]{20,}")
+USER_CODE = re.compile(r"\b[B-Z]{4}-[B-Z]{4}\b")
 PSEUDONYM = re.compile(r"\blearner-[a-z0-9]{8}\b")
 CLIENT = re.compile(r"\bclient-[0-9a-f]{8}\b")
 HEX = re.compile(r"\b(?:[0-9a-f]{64}|[0-9a-f]{32}|[0-9a-f]{16})\b")
 
 ENVIRONMENT = {"mujoco": "3.14.0", "numpy": "2.4.6", "python": "3.12.3", "machine": "Linux x86_64"}
 JAIL = {"ok": True, "tier": "T1", "self_test": "passed", "integrators": "removable", "workers": 1}
-CONSTANTS: dict[str, Any] = {"environment": ENVIRONMENT, "jail": JAIL, "seed": 7, "next_cursor": "YXQ6MDFhMWZmMzVlMDdm"}
+CODES = {"device_code": "KU2VCraiIDY...", "user_code": "BCDF-GHJK"}
+CONSTANTS: dict[str, Any] = {
+    "environment": ENVIRONMENT, "jail": JAIL, "seed": 7, "next_cursor": "YXQ6MDFhMWZmMzVlMDdm", **CODES,
+}  # fmt: skip
 """What stands for the values of these keys, unless they are null or empty."""
 
 ITEMS_MAX = 3
@@ -71,6 +75,7 @@ class Normaliser:
         text = CREDENTIAL.sub(lambda match: f"{match[1]}_{self._number(match[2]):016x}_...", text)
         text = SECRET.sub("whsec_c2hvd24gb25jZSwgYW5kIHNvIG5vdCBoZXJlIQ==", text)
         text = CODE.sub(r"\1KU2VCraiIDY...", text)
+        text = USER_CODE.sub(CODES["user_code"], text)
         text = PSEUDONYM.sub(lambda match: f"learner-{self._number(match[0]):08d}", text)
         text = CLIENT.sub("client-1", text)
         return HEX.sub(lambda match: f"{self._number(match[0]):0{len(match[0])}x}", text)

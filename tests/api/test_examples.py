@@ -18,7 +18,9 @@ from sqlalchemy import event, update
 from api.recording import Normaliser, Recorder, as_text
 from grader.api import openapi
 from grader.courses.people import platforms as rules
-from grader.courses.people.identity import DEFAULT_COURSE
+from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, Role
+from grader.courses.people.members import named
+from grader.courses.people.sign_in import start_session
 from grader.courses.regrading.background import Regrading
 from grader.gate.admission import PREFIX as API
 from grader.grading.pipeline import Retries
@@ -197,6 +199,16 @@ def record_people(scene: Scene) -> None:
     scene.record(tina, "GET /invitations")
     scene.record(tina, "POST /tokens", 201, json={"user": "lti", "role": "service", "scopes": ["results"], "days": 30})
     scene.record(tina, "GET /tokens")
+    device = scene.joined.site.anonymous()
+    codes = scene.record(device, "POST /devices", json={"client_name": "Jupyter on my laptop"})
+    secret = {"device_code": codes["device_code"]}
+    scene.record(device, "POST /devices:token", 400, json=secret)
+    with scene.joined.site.app.state.services.database.write() as session:
+        opened = start_session(session, named(session, "ada", Role.STUDENT))
+    cookie = {"Cookie": f"{COOKIE}={opened.secret}", "Sec-Fetch-Site": "same-origin"}
+    allowed = {"code": codes["user_code"], "decision": "allow"}
+    assert scene.joined.site.anonymous(cookie).post("/devices", data=allowed).status_code == 303
+    scene.record(device, "POST /devices:token", json=secret)
     scene.record(tina, "PUT /course/link")
     scene.record(tina, "GET /course")
     scene.record(tina, "GET /roster.csv")

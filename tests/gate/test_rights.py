@@ -21,11 +21,12 @@ from fastapi import APIRouter
 from sqlalchemy import MetaData, Table
 
 from grader.api import routes as api_routes
+from grader.courses.people import devices
 from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, Kind, Role, Scope, issue
 from grader.courses.people.members import named
 from grader.gate.admission import PREFIX
 from grader.settings import Settings
-from grader.store import credentials
+from grader.store import credentials, tickets
 from grader.store.engine.database import Database
 from grader.store.outbox import DEAD, Delivery, Destination
 from grader.store.platforms import context_at
@@ -80,6 +81,8 @@ BODIES: dict[str, Any] = {
     "POST /regrades": {"quiz": "small", "scope": "all"},
     "POST /lti/platforms": {**PLATFORM, "client_id": "another"},
     "POST /webhooks": {"url": HOOK},
+    "POST /devices": {"client_name": "a laptop"},
+    "POST /devices:token": {"device_code": "{device_code}"},
 }
 """What each route takes; those that are left out take no body."""
 
@@ -222,6 +225,7 @@ def prepare_things(world: World) -> None:
     ids["platform_id"] = made(tina, "/lti/platforms", PLATFORM)
     members = {one["name"]: one["id"] for one in tina.get(f"{PREFIX}/members").json()["items"]}
     ids["member_id"] = ids["learner"] = members["victim"]
+    ids["bot"] = members["bot"]
     [ids["token_id"]] = [one["id"] for one in tina.get(f"{PREFIX}/tokens").json()["items"] if one["name"] == "bot"]
     with world.database.write() as session:
         session.get_one(Destination, ids["webhook_id"]).disabled_at = now()
@@ -230,6 +234,16 @@ def prepare_things(world: World) -> None:
         dead = [dead_letter(world, question) for question in ("q1", "q2")]
         session.add_all(dead)
         session.flush()
+        device = devices.begin(session, "a laptop")
+        tickets.change(
+            session,
+            devices.DEVICE,
+            tickets.hash_of(device.device_code),
+            member=ids["bot"],
+            course=DEFAULT_COURSE,
+            role=Role.STUDENT,
+        )
+        ids["device_code"] = device.device_code
         ids["context_id"], ids["delivery_id"] = str(context.id), str(dead[0].id)
 
 

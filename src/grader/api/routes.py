@@ -3,7 +3,7 @@
 from fastapi import APIRouter, FastAPI
 
 from grader.api import health
-from grader.api.learning import events, labs, quizzes, submissions
+from grader.api.learning import devices, events, labs, quizzes, submissions
 from grader.api.services import on_behalf, platforms, results, roster, webhooks
 from grader.api.teaching import extensions, gradebook, people, regrades, reviews, saved_comments, statistics
 from grader.gate.admission import PREFIX
@@ -18,6 +18,7 @@ v1.include_router(reviews.router)
 v1.include_router(saved_comments.router)
 v1.include_router(labs.router)
 v1.include_router(people.router)
+v1.include_router(devices.router)
 v1.include_router(roster.router)
 v1.include_router(results.router)
 v1.include_router(gradebook.router)

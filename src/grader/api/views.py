@@ -116,13 +116,14 @@ class NewInvitation(BaseModel):
 
 
 class CredentialView(BaseModel):
-    """A token or a link without its secret. `scopes` are null for all that the role may."""
+    """A token or a link without its secret. `scopes` are null for all that the role may; `label` names a device."""
 
     id: str
     name: str
     member: str
     role: Role
     scopes: list[Scope] | None
+    label: str | None
     created_at: datetime
     created_by: str | None
     expires_at: datetime | None
@@ -133,6 +134,28 @@ class NewToken(BaseModel):
     """A new token: the only time that it is shown."""
 
     token: str
+
+
+class NewDeviceView(BaseModel):
+    """The codes of a device that asks for a token, as RFC 8628 names them. Times are in seconds."""
+
+    device_code: str
+    user_code: str
+    verification_uri: str
+    verification_uri_complete: str
+    interval: int
+    expires_in: int
+
+
+class DeviceTokenView(BaseModel):
+    """The token of a device, as RFC 6749 names it: the only time that it is shown. `expires_in` is in seconds."""
+
+    access_token: str
+    token_type: str
+    expires_in: int
+    scope: str
+    user: str
+    course: str
 
 
 class CourseView(BaseModel):

@@ -41,6 +41,9 @@ COMMAS_MAX = 40_000
 A script of 256 KB has fewer unless it is a table of numbers.
 """
 
+DEVICES = frozenset({f"{PREFIX}/devices", f"{PREFIX}/devices:token"})
+"""Where a device asks for a token: it has none yet, and its code proves what its owner has confirmed."""
+
 ANSWERS = "/quizzes/"
 """Where pages send answers as forms."""
 
@@ -105,7 +108,7 @@ class AdmissionMiddleware:
             identity = await self._identify(scope, headers)
         except Unauthorized:
             self.rules.by_address.spend(address_of(scope), cost_of(scope, headers))
-            if is_api(scope):
+            if is_api(scope) and scope["path"] not in DEVICES:
                 raise
             identity = None
         else:
@@ -124,7 +127,7 @@ class AdmissionMiddleware:
         its credential again where it is stored, so a recalled identity will do."""
         authorization = headers.get("authorization") if is_api(scope) else None
         cookies = HTTPConnection(scope).cookies
-        if authorization is None and not cookies:
+        if scope["path"] in DEVICES or (authorization is None and not cookies):
             raise Unauthorized(FAILED)
         if hands_in(scope) and (known := self.recalled.get(authorization, cookies)) is not None:
             return known

@@ -51,6 +51,12 @@ def alive_in(session: Session, course: str, kind: str, clock: datetime) -> Seque
     return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
 
 
+def alive_of(session: Session, member: str, kind: str, clock: datetime) -> Sequence[Credential]:
+    """The credentials of one kind of a member that have not ended, newest first."""
+    wanted = select(Credential).where(Credential.member == member, Credential.kind == kind, is_alive(clock))
+    return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
+
+
 def prune(session: Session, kinds: Iterable[str], clock: datetime) -> list[str]:
     """Deletes some credentials of these kinds that had ended at `clock`. Returns the id of the member of each."""
     ended = or_(Credential.expires_at <= clock, Credential.revoked_at <= clock)

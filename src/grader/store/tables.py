@@ -361,6 +361,8 @@ class Credential(Base):
     """Names of scopes, separated by blanks; None for all that the role may."""
     created_by: Mapped[str | None] = mapped_column(String(NAME))
     """The name of the member who issued it, if one did."""
+    label: Mapped[str | None] = mapped_column(String(NAME))
+    """What a device calls itself that its owner gave a token."""
     platform: Mapped[int | None]
     """The learning platform whose launch opened a browser session."""
     created_at: Mapped[datetime] = mapped_column(default=now)

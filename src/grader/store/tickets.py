@@ -1,4 +1,5 @@
-"""Single-use secrets that expire: LTI logins in progress, forms of a launch, links of registration."""
+"""Single-use secrets that expire: LTI logins in progress, forms of a launch, links of registration, devices that wait
+for a token."""
 
 import hashlib
 import json
@@ -36,9 +37,10 @@ def hash_of(secret: str) -> str:
     return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()
 
 
-def issue(session: Session, purpose: str, body: dict[str, Any], lifetime: timedelta) -> str:
-    """Stores a new ticket and returns its secret of 256 bits; drops expired ones, and the oldest of too many."""
-    secret = secrets.token_urlsafe(32)
+def issue(session: Session, purpose: str, body: dict[str, Any], lifetime: timedelta, secret: str | None = None) -> str:
+    """Stores a new ticket and returns its secret, of 256 bits unless another is given; drops expired ones, and the
+    oldest of too many."""
+    secret = secret or secrets.token_urlsafe(32)
     _make_room(session, purpose)
     session.add(Ticket(hash=hash_of(secret), purpose=purpose, body=json.dumps(body), expires_at=now() + lifetime))
     session.flush()
@@ -52,6 +54,15 @@ def peek(session: Session, purpose: str, secret: str) -> dict[str, Any] | None:
         return None
     body: dict[str, Any] = json.loads(ticket.body)
     return body
+
+
+def change(session: Session, purpose: str, secret_hash: str, **more: Any) -> bool:
+    """Changes what a ticket says. False if it is used, expired or unknown."""
+    ticket = session.get(Ticket, secret_hash, with_for_update=True)
+    if ticket is None or ticket.purpose != purpose or ticket.expires_at <= now():
+        return False
+    ticket.body = json.dumps(json.loads(ticket.body) | more)
+    return True
 
 
 def take(session: Session, purpose: str, secret: str) -> dict[str, Any] | None:

@@ -19,11 +19,11 @@ from grader.web.instructor import (
 )
 from grader.web.learner import answering, pages
 from grader.web.platform import lti
-from grader.web.signing_in import links, oidc
+from grader.web.signing_in import devices, links, oidc
 
 router = APIRouter(include_in_schema=False)
-for room in (pages, answering, links, oidc, today, review_list, review, people, gradebook, statistics, extensions,
-             service, seen_as, regrades, lti, platforms):  # fmt: skip
+for room in (pages, answering, links, oidc, devices, today, review_list, review, people, gradebook, statistics,
+             extensions, service, seen_as, regrades, lti, platforms):  # fmt: skip
     router.include_router(room.router)
 
 

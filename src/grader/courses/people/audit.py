@@ -21,6 +21,7 @@ class Action(StrEnum):
     INVITATION_REVOKED = "invitation revoked"
     TOKEN_CREATED = "token created"  # noqa: S105
     TOKEN_REVOKED = "token revoked"  # noqa: S105
+    DEVICE_ALLOWED = "device allowed"
     CREDENTIALS_REVOKED = "credentials revoked"
     MEMBER_REMOVED = "member removed"
     MEMBER_ERASED = "member erased"

@@ -90,7 +90,7 @@ def revoke_all(session: Session, user: str, course: str | None = None) -> int:
 
 def shown(credential: Credential) -> dict[str, Any]:
     """Returns a token or a link, without its secret."""
-    names = ("id", "member", "role", "created_at", "created_by", "expires_at", "last_used_at")
+    names = ("id", "member", "role", "label", "created_at", "created_by", "expires_at", "last_used_at")
     return {name: getattr(credential, name) for name in names} | {
         "name": credential.user,
         "scopes": None if credential.scopes is None else credential.scopes.split(),

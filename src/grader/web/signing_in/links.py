@@ -2,6 +2,8 @@
 `/signout` ends it. A GET changes nothing and stores nothing: mail programs and link scanners open links on their
 own."""
 
+from urllib.parse import urlencode
+
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
@@ -25,9 +27,9 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.post("/session")
-def begin(request: Request, services: AppServices, who: Visitor) -> Response:
+def begin(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
     """Begins an anonymous session on loopback, unless the browser has one. Raises Forbidden. The page's script gets the
-    learner as JSON, a form is redirected to the questions."""
+    learner as JSON, a form is redirected to the questions, or to the device whose code it names."""
     if not services.sessions.anonymous:
         raise Forbidden("Open the link that you were given to sign in.")
     headers = {"Cache-Control": "no-store"}
@@ -37,7 +39,9 @@ def begin(request: Request, services: AppServices, who: Visitor) -> Response:
         headers["Set-Cookie"] = services.sessions.set_cookie(opened)
     if "application/json" in request.headers.get("accept", ""):
         return JSONResponse({"id": who.id, "user": who.user}, headers=headers)
-    return RedirectResponse("/", 303, headers)
+    code = form.get("code")
+    address = f"/devices?{urlencode({'code': code})}" if code else "/"
+    return RedirectResponse(address, 303, headers)
 
 
 @router.get("/signin")
