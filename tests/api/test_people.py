@@ -19,7 +19,8 @@ from grader.errors import Unprocessable
 from grader.gate import openid
 from grader.gate.scopes import scope_of
 from grader.platforms.launching import launch
-from grader.service.accounts import in_database
+from grader.service.accounts import in_database, tell_addresses
+from grader.settings import Settings
 from grader.store.courses import AuditEntry
 from grader.store.tables import Credential, now
 from support.command_line import grader
@@ -334,6 +335,7 @@ def test_links_and_tokens_from_the_command_line(tmp_path: Path) -> None:
     assert len(links) == 2
     assert all(re.fullmatch(r"http://127\.0\.0\.1:8000/signin\?code=gri_\w+", link) for link in links)
     assert "Tom B, until" in invited.stderr
+    assert "No server has started on this database yet" in invited.stderr
 
     made = run("token", "create", "--user", "lms", "--role", "service", "--course", "robots", "--scope", "results",
                "--scope", "lms", "--expires", "30d")  # fmt: skip
@@ -352,6 +354,11 @@ def test_links_and_tokens_from_the_command_line(tmp_path: Path) -> None:
         ("token", "revoke", "--id", "0" * 16),
     ):
         assert run(*wrong).returncode == 2
+
+    tell_addresses(Settings(data=tmp_path, port=9260), {})
+    invited = run("invite", "Ada")
+    assert invited.stdout.startswith("http://127.0.0.1:9260/signin?code=gri_")
+    assert "No server" not in invited.stderr
 
 
 @pytest.mark.parametrize("text", ["", "d", "0d", "-1d", "1.5d", "30", "30m", "9" * 30 + "d", "²d"])

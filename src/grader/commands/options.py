@@ -64,6 +64,21 @@ def begin_transaction(data: Path | None) -> Iterator["Session"]:
         yield session
 
 
+def find_link_origin(session: "Session", data: Path | None) -> str:
+    """Returns the origin of links that a command prints: the setting, else that of the server that started last. Warns
+    on stderr where neither is known."""
+    from grader.store.upkeep.installation import find_origin
+
+    settings = read_settings(data=data)
+    known = settings.origin if settings.public_origin is not None else find_origin(session)
+    if known is None:
+        say(
+            f"No server has started on this database yet: the link names {settings.origin}. Start `grader serve` first,"
+            " or set GRADER_PUBLIC_ORIGIN."
+        )
+    return known or settings.origin
+
+
 def require_one(user: str | None, member_id: str | None) -> None:
     """Raises Unprocessable unless one of the two options is given."""
     if (user is None) == (member_id is None):

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from grader.commands.options import Data, Json, begin_transaction, open_database, read_settings
+from grader.commands.options import Data, Json, begin_transaction, find_link_origin, open_database, read_settings
 from grader.errors import Unprocessable
 
 lti = typer.Typer(help="Learning platforms: LTI 1.3.", no_args_is_help=True)
@@ -25,7 +25,9 @@ def addresses(data: Data = None) -> None:
     """Print what to type into a platform: where it begins logins, posts launches and fetches keys."""
     from grader.platforms.tool import addresses as of
 
-    for name, url in of(read_settings(data=data).origin).items():
+    with begin_transaction(data) as session:
+        origin = find_link_origin(session, data)
+    for name, url in of(origin).items():
         print(f"{name}\t{url}")
 
 
@@ -146,7 +148,7 @@ def register_link(data: Data = None) -> None:
 
     require_lti()
     with begin_transaction(data) as session:
-        print(registration_link(session, read_settings(data=data).origin))
+        print(registration_link(session, find_link_origin(session, data)))
 
 
 @lti.command()

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from grader.commands.options import Course, Data, Json, begin_transaction, open_database, read_settings, say
+from grader.commands.options import (
+    Course,
+    Data,
+    Json,
+    begin_transaction,
+    find_link_origin,
+    open_database,
+    read_settings,
+    say,
+)
 from grader.errors import Unprocessable
 
 if TYPE_CHECKING:
@@ -63,9 +72,10 @@ def invite(
 
     with begin_transaction(data) as session:
         invitations = make(session, None, course, names, role)
+        origin = find_link_origin(session, data)
     for invitation in invitations:
         say(f"{invitation.member.name}, until {invitation.expires_at:%Y-%m-%d %H:%M} UTC:")
-        print(f"{read_settings(data=data).origin}/signin?code={invitation.code}", flush=True)
+        print(f"{origin}/signin?code={invitation.code}", flush=True)
 
 
 @pack.callback()

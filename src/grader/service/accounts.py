@@ -12,6 +12,7 @@ from grader.courses.people.tokens import revoke_all
 from grader.domain.policy import Extension
 from grader.settings import Settings
 from grader.store.engine.database import Database
+from grader.store.upkeep.installation import note_origin
 
 Result = TypeVar("Result")
 
@@ -39,14 +40,25 @@ def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:
 
 def sign_in_url(settings: Settings) -> str:
     """The address where the instructor signs in; good for one sign-in."""
-    code = in_database(settings, lambda session: create_sign_in_code(session, "instructor", Role.INSTRUCTOR))
-    return f"{settings.origin}/signin?code={code}"
+    return in_database(settings, lambda session: make_sign_in_url(session, settings.origin))
+
+
+def make_sign_in_url(session: Session, origin: str) -> str:
+    """As `sign_in_url`, in a transaction that is under way."""
+    return f"{origin}/signin?code={create_sign_in_code(session, 'instructor', Role.INSTRUCTOR)}"
 
 
 def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
-    """Prints the addresses of the pages, and the state of the jail where there is one."""
+    """Prints the addresses of the pages, and the state of the jail where there is one. The database keeps the origin
+    for the links that commands print."""
+
+    def prepare(session: Session) -> str:
+        note_origin(session, settings.origin)
+        return make_sign_in_url(session, settings.origin)
+
+    url = in_database(settings, prepare)
     print(f"Student page:    {settings.origin}/")
-    print(f"Instructor page: {sign_in_url(settings)}  (good for one sign-in)", flush=True)
+    print(f"Instructor page: {url}  (good for one sign-in)", flush=True)
     if jail:
         print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 

@@ -13,6 +13,7 @@ members     ──< credentials  bearer tokens, browser sessions and one-time si
 saved_comments             texts that the reviewers of a question use again
 idempotency_keys           the submission that a request with this key made
 installation_secrets       keys of the installation, never shown
+installation_facts         what commands have to know of the server
 lti_*                      learning platforms, in platforms.py
 tickets                    single-use secrets that expire, in tickets.py
 """
@@ -393,6 +394,15 @@ class InstallationSecret(Base):
 
     name: Mapped[str] = mapped_column(String(40), primary_key=True)
     value: Mapped[bytes]
+
+
+class InstallationFact(Base):
+    """What commands have to know of the server that works on this database."""
+
+    __tablename__ = "installation_facts"
+
+    name: Mapped[str] = mapped_column(String(40), primary_key=True)
+    value: Mapped[str] = mapped_column(Text)
 
 
 def values_of(row: Base) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What belongs to the installation as a whole: its secrets."""
+"""What belongs to the installation as a whole: its secrets, and the origin at which browsers reach it."""
 
 import secrets
 
@@ -6,9 +6,10 @@ from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
 from grader.store.engine.database import Database
-from grader.store.tables import InstallationSecret
+from grader.store.tables import InstallationFact, InstallationSecret
 
 HIDDEN_CASES, BLIND_REVIEWS, LTI_KEYS = "hidden-cases", "blind-reviews", "lti-keys"
+ORIGIN = "origin"
 SECRET_BYTES = 32
 
 
@@ -32,6 +33,17 @@ def _secret(database: Database, name: str) -> bytes:
             kept = InstallationSecret(name=name, value=secrets.token_bytes(SECRET_BYTES))
             session.add(kept)
         return kept.value
+
+
+def note_origin(session: Session, origin: str) -> None:
+    """Keeps the origin at which the server that has just started is reached."""
+    session.merge(InstallationFact(name=ORIGIN, value=origin))
+
+
+def find_origin(session: Session) -> str | None:
+    """The origin of the server that started last; None before the first start."""
+    fact = session.get(InstallationFact, ORIGIN)
+    return None if fact is None else fact.value
 
 
 def lti_keys(session: Session) -> bytes | None:
