@@ -1,78 +1,59 @@
-"""docs/rest.md, word for word: its commands are run from top to bottom, and print what the page says."""
+"""docs/rest.md and docs/webhooks.md, word for word: their commands run, and print what the pages say."""
 
 import json
-import os
-import re
-import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from docs.shell_pages import ROOT, Printed, check_printed, find_blocks, fits, run_page
 from grader.settings import Settings
 from support.sites import open_site
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "rest.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(sh|json|text)\n(.*?)```", PAGE, re.DOTALL)
-ADDRESS = "http://127.0.0.1:8000"
-MARK = "-- end of block --"
+DEAD_LETTERS = """
+import sys
+from grader.settings import Settings
+from grader.store.engine.database import Database
+from grader.store.outbox import DEAD, Delivery
+from grader.store.tables import now
 
-
-def fits(shown: Any, found: Any) -> bool:
-    """Whether everything that is shown is found; "..." stands for any text."""
-    if isinstance(shown, dict):
-        return isinstance(found, dict) and all(name in found and fits(one, found[name]) for name, one in shown.items())
-    if isinstance(shown, list) and isinstance(found, list):
-        return all(any(fits(one, other) for other in found) for one in shown) if shown else not found
-    return bool(shown == found or (shown == "..." and isinstance(found, str) and found))
-
-
-def run(site: str, data: Path, folder: Path) -> list[str]:
-    """What each block of commands prints."""
-    commands = [text for kind, text in BLOCKS if kind == "sh"]
-    assert commands[0] == f"export SITE={ADDRESS}\n"
-    script = "set -euo pipefail\n" + "".join(f"{text}\necho; echo '{MARK}'\n" for text in commands)
-    environment = {
-        **os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "GRADER_DATA": str(data),
-        "GRADER_CONTENT": str(ROOT),
-    }  # fmt: skip
-    done = subprocess.run(
-        ["bash", "-c", script.replace(ADDRESS, site)], cwd=folder, env=environment, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout.split(f"\n{MARK}\n")[:-1]
+database = Database(Settings().database)
+with database.write() as session:
+    session.add_all(
+        Delivery(
+            destination=sys.argv[1], course="default", learner="0" * 32, quiz="1.3-check", question=question,
+            state=DEAD, version=1, noted_at=now(), has_job=False, attempts=9, forced=False,
+        )
+        for question in ("q1", "q2")
+    )
+database.close()
+"""
+"""Two results that could not be delivered to a webhook."""
 
 
 @pytest.fixture(scope="module")
-def printed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
-    """Each block of commands with what it printed, and what the page says that it prints."""
+def printed(tmp_path_factory: pytest.TempPathFactory) -> Printed:
     folder = tmp_path_factory.mktemp("rest")
-    settings = Settings(content=ROOT, data=folder / "data", workers=0)
-    with open_site(settings) as site:
-        outputs = iter(run(site.origin, folder / "data", folder))
-    blocks = [*BLOCKS, ("", "")]
-    return [
-        (text, next(outputs), shown if after != "sh" else "")
-        for (kind, text), (after, shown) in pairwise(blocks)
-        if kind == "sh"
-    ]
+    with open_site(Settings(content=ROOT, data=folder / "data", workers=0)) as site:
+        return run_page("rest.md", site.origin, folder)
 
 
 @pytest.mark.slow
-def test_every_command_runs_and_prints_what_the_page_says(printed: list[tuple[str, str, str]]) -> None:
-    told = 0
-    for command, output, shown in printed:
-        if shown.startswith(("{", "[")):
-            assert fits(json.loads(shown), json.loads(output)), (command, output)
-            told += 1
-        elif shown:
-            assert output.strip() == shown.strip(), command
-            told += 1
-    assert told == len([kind for kind, _ in BLOCKS if kind != "sh"])
+def test_every_command_runs_and_prints_what_the_page_says(printed: Printed) -> None:
+    assert check_printed(printed) == len([kind for kind, _ in find_blocks("rest.md") if kind != "sh"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_every_command_about_webhooks_runs_in_both_shells(shell: str, tmp_path: Path) -> None:
+    (tmp_path / "dead_letters.py").write_text(DEAD_LETTERS)
+    prepare = {0: f'"{sys.executable}" dead_letters.py "$WEBHOOK"'}
+    with open_site(Settings(content=ROOT, data=tmp_path / "data", workers=0)) as site:
+        ran = run_page("webhooks.md", site.origin, tmp_path, shell, prepare)
+    assert check_printed(ran) == 2
+    [replayed] = [output for command, output, _ in ran if "dead.json" in command]
+    assert '"state":"waiting"' in replayed
+    assert replayed.rstrip().endswith('{"replayed":1}')
 
 
 @pytest.mark.slow
