@@ -88,6 +88,14 @@ def running(page: Page) -> None:
     expect(page.locator("#under-way .steps")).to_be_visible()
 
 
+def ask_for_access(page: Page) -> None:
+    """A program asks for a token, and its owner opens the address that it shows."""
+    body = {"method": "POST", "body": '{"client_name": "A laptop"}', "headers": {"Content-Type": "application/json"}}
+    begun = page.evaluate("body => fetch('/api/v1/devices', body).then(response => response.json())", body)
+    page.goto(begun["verification_uri_complete"])
+    expect(page.get_by_role("button", name="Allow")).to_be_visible()
+
+
 STATES: dict[str, tuple[str, Callable[[Page], None] | None]] = {
     "lesson": ("/", None),
     "lesson, unfolded": ("/", unfolded),
@@ -104,6 +112,8 @@ STATES: dict[str, tuple[str, Callable[[Page], None] | None]] = {
     "for instructors": ("/instructor", None),
     "expired link": ("/signin?code=gri_0_0", None),
     "sign out": ("/signout", None),
+    "devices": ("/devices", None),
+    "a device that asks for access": ("/devices", ask_for_access),
 }
 
 
