@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from grader.courses.rules.rubric import recomputed, reviewed_by_rubric, rubric_points
+from grader.courses.rules.rubric import Mark, marked, recomputed, reviewed_by_rubric, rubric_points
 from grader.domain.rubric import RubricItem
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
 from grader.questions.kinds.script import ScriptQuestion
@@ -81,6 +81,17 @@ def test_the_points_of_the_question_are_followed_too() -> None:
     verdict = reviewed_by_rubric(WAITING, question(), ["damping", "bound"], "")
     again = recomputed(verdict, question(points=3))
     assert (again.points, again.max_points, again.status) == (3, 3, Status.CORRECT)
+
+
+@pytest.mark.parametrize("ticked", [None, ("damping",)])
+def test_a_review_gives_the_points_that_the_question_has_now(ticked: tuple[str, ...] | None) -> None:
+    raised = question([*ITEMS, {"id": "more", "title": "Says more", "points": 4}], 8)
+    verdict = marked(WAITING, raised, Mark(ticked, 6))
+    assert (verdict.points, verdict.max_points, verdict.status) == (6, 8, Status.PARTIAL)
+    with pytest.raises(ValueError, match="between 0 and 8"):
+        marked(WAITING, raised, Mark(ticked, 9))
+    with pytest.raises(ValueError, match="between 0 and 4"):
+        marked(WAITING, None, Mark(None, 6))  # the content has lost the question
 
 
 def test_verdicts_without_ticked_items_are_left_alone() -> None:

@@ -30,8 +30,11 @@ class Mark:
 
 
 def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
-    """The verdict after a review. `question` is None if the content has lost it: then only points can be given. Raises
-    ValueError for points outside of the question's, and for items that its rubric does not have."""
+    """The verdict after a review, of the points that the question has now. `question` is None if the content has lost
+    it: then only points can be given. Raises ValueError for points outside of the question's, and for items that its
+    rubric does not have."""
+    if question is not None:
+        verdict = verdict.model_copy(update={"max_points": question.points})
     if mark.ticked is None:
         assert mark.points is not None
         return reviewed(verdict, mark.points, mark.comment)

@@ -271,7 +271,7 @@ def render(
         "version": row.version,
         "learner": learner,
         "title": f"{row.quiz}: {list_titles(desk.library).get((row.quiz, row.question), row.question)}",
-        "of": given.verdict["max_points"],
+        "of": given.verdict["max_points"] if question is None else question.points,
         "claim": claim,
         "is_mine": claim is not None and claim.reviewer == who.id,
         "marks": review if review is not None and review.second == DIFFERS else None,
