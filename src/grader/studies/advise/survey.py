@@ -17,7 +17,7 @@ import typer
 from grader.errors import Unprocessable
 from grader.numerics.accuracy.reference import Adaptive, find_obstacle, solve_adaptively
 from grader.numerics.integrators import EULER
-from grader.numerics.scene import Vector
+from grader.numerics.scene import Scene, Vector
 from grader.studies.advise.meter import Meter, States, extrapolate, interpolate
 from grader.studies.advise.report import TOLERANCE, Advice, Start, advise, build_scene
 
@@ -29,8 +29,9 @@ PACKAGES = {"gymnasium": "Gymnasium", "dm_control": "dm_control", "gymnasium_rob
 PLAIN_FOLDERS = ("assets", "envs", "mujoco", "suite")
 """Folders that do not tell one model from another of the same name."""
 
-RTOLS = (1e-8, 1e-10)
-"""Tolerances of the adaptive methods of the independent reference; their distance is its uncertainty."""
+RTOLS = ((1e-8, 1e-10), (1e-6, 1e-7))
+"""Tolerances of the adaptive methods of the independent reference, whose distance is its uncertainty; the second pair
+is for where the first gets stuck."""
 
 EULER_S, EULER_LARGE_S, LARGE = 1e-5, 4e-5, 12
 """Timestep [s] of Euler's runs where the adaptive methods get stuck, and of models with more degrees of freedom than
@@ -76,32 +77,37 @@ def check_choice(path: Path, advice: Advice, seconds: float) -> dict[str, Any]:
     scene = build_scene(path, START)
     meter = Meter(scene, seconds, None)
     times = meter.times_of(best.timestep_s)
-    method: Adaptive = "DOP853"
-    pair = list[States]()
+    method: Adaptive = "LSODA" if advice.selection.reference == "DOP853" else "DOP853"
+    pair: tuple[States, States] | None = None
     if find_obstacle(scene, constraints=False) is None:
-        method = "LSODA" if advice.selection.reference == "DOP853" else "DOP853"
-        for rtol in RTOLS:
-            pair.append(solve_adaptively(scene, times, method, rtol=rtol))
-            if len(pair[-1].time) < len(times):
-                break
-    words: str = method
-    if len(pair) < len(RTOLS) or len(pair[-1].time) < len(times):
-        pair, words = list(run_euler(meter, times)), "Euler, extrapolated"
-    coarse, fine = pair
+        pair = next(filter(None, (solve_pair(scene, times, method, rtols) for rtols in RTOLS)), None)
+    coarse, fine = run_euler(meter, times) if pair is None else pair
     chosen = meter.run(best.setting, times).rollout
     return {
-        "independent": words,
+        "independent": "Euler, extrapolated" if pair is None else method,
         "independent_doubt": float(meter.distances(coarse, fine, times)[-1]),
         "independent_error": float(meter.distances(chosen, fine, times)[-1]),
     }
 
 
+def solve_pair(
+    scene: Scene, times: Vector, method: Adaptive, rtols: tuple[float, float]
+) -> tuple[States, States] | None:  # fmt: skip
+    """Returns the solutions at both tolerances; None where one gets stuck."""
+    found = list[States]()
+    for rtol in rtols:
+        found.append(solve_adaptively(scene, times, method, rtol=rtol))
+        if len(found[-1].time) < len(times):
+            return None
+    return found[0], found[1]
+
+
 def run_euler(meter: Meter, times: Vector) -> tuple[States, States]:
-    """Returns Euler's run at half of its timestep, and its first-order extrapolation with the one at the whole."""
+    """Returns Euler's run, and its first-order extrapolation with the one at half the timestep."""
     whole_s = EULER_LARGE_S if meter.scene.model.nv > LARGE else EULER_S
     runs = [meter.reference_run((EULER, h), times) for h in (whole_s, whole_s / 2)]
     coarse, fine = (interpolate(meter.scene, run, times + meter.scene.start.time_s) for run in runs)
-    return fine, extrapolate(meter.scene, coarse, fine)
+    return coarse, extrapolate(meter.scene, coarse, fine)
 
 
 def name_model(path: Path) -> str:
