@@ -21,12 +21,16 @@ import typer
 from grader.studies.bench import run
 from grader.studies.bench.physics.skip import IN_C, SKIPPING, STAGES, TIMER
 from grader.studies.bench.physics.stability import LOOK, SECONDS, Class
+from grader.studies.bench.published.advice_claims import advice_rows
 from grader.studies.bench.published.claims import CLAIMS, Denied, Results
 from grader.studies.bench.published.service_claims import service_rows
 from grader.studies.bench.scenes import describe_scene
 
 STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "service")
 """The studies whose results are committed."""
+
+ADVICE = "advice"
+"""The survey of `grader advise`, which `grader.studies.advise.survey` writes: its models are not on this machine."""
 
 COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium"}
 """What the pages compare with or measure, and its module."""
@@ -48,7 +52,7 @@ BLOCKS: dict[str, Callable[[Results], str]] = {}
 
 def load_results(folder: Path) -> Results:
     """Returns the committed JSON of the studies, by name."""
-    return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES}
+    return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in (*STUDIES, ADVICE)}
 
 
 def fill(page: str, results: Results) -> tuple[str, list[str]]:
@@ -139,7 +143,7 @@ def reset(found: Results | None) -> str:
 def machine(results: Results) -> str:
     """Machine and versions of every study."""
     lines = []
-    for name, one in results.items():
+    for name, one in ((name, results[name]) for name in STUDIES):
         versions = ", ".join(map(" ".join, one["versions"].items()))
         lines.append(
             f"- `{name}`: {'quick' if one['quick'] else 'whole'} run, {one['measurements']} measurements, "
@@ -350,6 +354,21 @@ def summary(results: Results) -> Iterator[tuple[str, ...]]:
         apart = [f"{skipped[name][stage]['ratio']:.2f}" for stage in (TIMER, IN_C, SKIPPING)] if name in skipped else []
         cheapest = (setting(scene["cheapest"][error]) for error in SHOWN_ERRORS)
         yield describe_scene(name), *cheapest, " x ".join(apart) or "-"
+
+
+@table("model", "joints", "advice", "until", "error", "independent error", "by", "CPU time")
+def advice(results: Results) -> Iterator[tuple[str, ...]]:
+    """Yields the advice on every foreign model, and the error of the choice by the independent reference."""
+    for name, row in advice_rows(results).items():
+        until = "" if row.get("until_s") is None else f"{row['until_s']:g} s"
+        cost = f"{row['cpu_s']:.2g} s"
+        if "choice" not in row:
+            yield name, str(row["degrees"]), row["verdict"], until, "-", "-", "-", cost
+            continue
+        choice, doubt = row["choice"], row["independent_doubt"]
+        setting = f"{choice['integrator']} at {milliseconds(choice['timestep_s'])}"
+        error = f"{row['independent_error']:.1e} +- {doubt:.0e}"
+        yield name, str(row["degrees"]), setting, until, f"{choice['error']:.1e}", error, row["independent"], cost
 
 
 def main(
