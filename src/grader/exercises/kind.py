@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grader.domain.run import Limits
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
-from grader.questions import ModelXml
+from grader.questions import ModelXml, Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
 TextOf = Callable[[str], str]
@@ -146,6 +146,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     simulate it in `judge`, which runs in the grader's own process."""
     without_integrators: bool = False
     """Whether MuJoCo's integrators are removed before the functions are called; calling one is then forbidden."""
+    how: str = ""
+    """How a visible case is judged, in a sentence or two for learners."""
     needs_model: bool = True
     """Whether a case without a model is a fault."""
     mistakes_tell_size: bool = True
@@ -173,6 +175,15 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds. The student's
         process may have forged the results: check names, shapes and types. Floats are finite. The trace is left out."""
+
+    def describe_inputs(self, trial: Trial[Problem]) -> Mapping[str, Any]:
+        """Returns the inputs of a visible trial for the learner's own machine, where nothing is traced."""
+        return trial.inputs
+
+    def describe_problem(self, reveal: Reveal | None, parameters: P, trial: Trial[Problem]) -> Mapping[str, Any] | None:
+        """Returns as plain JSON what judges a visible trial on the learner's own machine: nothing that the feedback on
+        a wrong answer would not tell with this `reveal` of the author's. None where only the server judges."""
+        return None
 
     def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
         """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.

@@ -23,6 +23,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
 
     parameters = Rk4Parameters
     driver = getsource(driver)
+    how = (
+        "Your function takes every step of a run, in which mujoco.mj_forward adds a small force that MuJoCo's own "
+        "steps do not know. The states after each step are compared with those of MuJoCo's RK4 under the same force."
+    )
     without_integrators = True
     mistakes_tell_size = False
 
@@ -40,6 +44,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
         first, points = trials[0], parameters.order.points
         problem = replace(first.problem, asks_order=True)
         return [Trial(ORDER, problem.inputs(), problem, title="observed order", hidden=first.hidden, points=points)]
+
+    def describe_inputs(self, trial: Trial[Problem]) -> Mapping[str, Any]:
+        """Returns the inputs without the probe, and with no step taped."""
+        return {name: value for name, value in trial.inputs.items() if name != "probe"} | {"taped": False}
 
     def rehearse(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
         """Solves for the exact motion where the judgement needs it; raises ValueError if the scene has constraints."""

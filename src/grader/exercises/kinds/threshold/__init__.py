@@ -21,6 +21,11 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
 
     parameters = ThresholdParameters
     driver = getsource(driver)
+    how = (
+        "A bracket is right when a run at its lower end is stable, and one at its upper end is not: MuJoCo warns "
+        "within the horizon, or small motions about the equilibrium grow. A right None counts only if a limit of the "
+        "same model is found under another integrator."
+    )
 
     def build_trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""

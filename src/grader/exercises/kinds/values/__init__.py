@@ -25,6 +25,7 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
 
     parameters = ValuesParameters
     driver = getsource(driver)
+    how = "Your function is called with the inputs of each case, and its results are compared with the author's."
     needs_model = False
 
     def build_trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
