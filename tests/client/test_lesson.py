@@ -131,6 +131,11 @@ def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: 
     assert done.stdout.startswith("correct: 3 of 3 points")
     assert "Attempt 1 at servo-threshold." in done.stdout
     assert terminal.run("status", script).stdout == done.stdout
+    stepping = tmp_path / terminal.run("start", "rk4-step").stdout.strip()
+    stepping.write_text("import mujoco\ndef rk4_step(model, data):\n    mujoco.mj_step(model, data)\n")
+    forbidden = terminal.run("check", stepping)
+    assert forbidden.returncode == 2
+    assert "let MuJoCo take the step (mj_step), which this exercise does not allow" in forbidden.stderr
     revoked = Terminal(python, tmp_path, "grt_0123456789abcdef_nonsense-nonsense").run(
         "sign-in", lesson.origin, "--token"
     )
