@@ -13,6 +13,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from grader.library import load
+from grader.pack.kit import list_texts
 from grader.settings import Settings
 from support.bare_environments import list_needed, make_environment
 from support.sites import ROOT, Site, open_site
@@ -150,7 +152,7 @@ def largest_stable_timestep(model, integrator):
 
 
 def make_notebook(origin: str) -> Any:
-    """Start, wrong, check, kernel alone, right, submit, the verdict again."""
+    """Start, wrong, check, kernel alone, right, submit; then the notebook of a kit without its other files."""
     solution = SOLUTION.read_text()
     imports, _, rest = solution.partition("\ndef ")
     cells = [
@@ -166,7 +168,12 @@ def make_notebook(origin: str) -> Any:
         "g.progress()",
         f"%%check servo-threshold\n{solution}",
         "g.check(undefined_name)",
+        "import sys\nos.makedirs('alone')\nos.chdir('alone')\nsys.path.insert(0, '')\nsys.modules.pop('mjcourse')",
     ]
+    alone: Any = nbformat.reads(  # type: ignore[no-untyped-call]
+        list_texts(load(ROOT), "1.3-exercises", "rk4-step")["rk4-step.ipynb"], as_version=4
+    )
+    cells += [cell.source for cell in alone.cells if cell.cell_type == "code"]
     notebook: Any = nbformat.v4.new_notebook()  # type: ignore[no-untyped-call]
     notebook.cells = [nbformat.v4.new_code_cell(cell) for cell in cells]  # type: ignore[no-untyped-call]
     return notebook
@@ -195,11 +202,11 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
         notebook, timeout=300, allow_errors=True, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
     ).execute()
     cells = notebook.cells
-    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined = cells
+    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, *alone = cells
     whole = json.dumps(notebook)
     assert os.environ["TOKEN"] not in whole
 
-    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined)] == [""] * 10
+    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined)] == [""] * 15
     assert (tmp_path / "servo-threshold" / "mjcourse.py").exists()
     assert "The kit of The largest stable timestep" in json.dumps(started.outputs)
     assert "Signed in" in json.dumps(signed_in.outputs)
@@ -219,5 +226,9 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
     assert "<td>3 of 3</td>" in read_html(progress)
     assert read_html(magic).count(">right<") == 3
     assert "NameError" in read_error(undefined)
+    _, _, script, checked, _ = alone
+    assert (tmp_path / "alone" / "models" / "double_pendulum.xml").exists()
+    assert "difference from MuJoCo's RK4" in json.dumps(script.outputs)
+    assert read_html(checked).count(">wrong<") == 2
     taken = lesson.client("nora").get(f"{API}/submissions").json()["items"]
     assert [one["attempt"] for one in taken] == [1]

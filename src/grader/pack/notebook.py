@@ -31,7 +31,7 @@ try:
 except ModuleNotFoundError:
     print("Without mujoco-grader-client the cell above is your script: hand it in on the exercise's page.")
 else:
-    g.check({entry}, question="{question}")
+    display(g.check({entry}, question="{question}"))
 """
 
 SUBMIT = """\
