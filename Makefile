@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint client examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -76,6 +76,11 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+client: $(DEVELOPING) ## the wheel of mujoco-grader-client, into build/client
+	@rm -rf build/client build/client-parts client/src/*.egg-info
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir build/client ./client
+	@ls -l build/client
 
 examples: install ## record the examples of /openapi.json anew, from a real server
 	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples

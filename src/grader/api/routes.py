@@ -3,7 +3,7 @@
 from fastapi import APIRouter, FastAPI
 
 from grader.api import health
-from grader.api.learning import devices, events, labs, quizzes, submissions
+from grader.api.learning import devices, events, kits, labs, quizzes, submissions
 from grader.api.services import on_behalf, platforms, results, roster, webhooks
 from grader.api.teaching import extensions, gradebook, people, regrades, reviews, saved_comments, statistics
 from grader.gate.admission import PREFIX
@@ -11,6 +11,7 @@ from grader.gate.callers import bearer
 
 v1 = APIRouter(prefix=PREFIX, dependencies=[bearer])
 v1.include_router(quizzes.router)
+v1.include_router(kits.router)
 v1.include_router(submissions.router)
 v1.include_router(on_behalf.router)
 v1.include_router(events.router)

@@ -23,7 +23,7 @@ from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
 from grader.numerics.stability.growth import measure_silent_growth
-from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
 from grader.questions import ModelXml, OptionKey
 
 NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)

@@ -10,9 +10,7 @@ from mujoco import mjtIntegrator
 from numpy.typing import NDArray
 
 from grader.numerics.scene import Scene, Vector
-
-EPS = 1e-6
-"""Step of the central differences. Source: cube root of the rounding unit, balancing truncation and rounding."""
+from grader.numerics.stability.linear import EPS
 
 REST = 1e-9
 """Accelerations below this count as rest [rad/s2, m/s2]; relative to those at qpos0 if these exceed 1."""
