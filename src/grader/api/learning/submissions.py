@@ -51,7 +51,10 @@ class AnswerBody(RequestBody):
     answer: Any
 
 
-IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=255)]
+KEY_MAX = 255
+"""Longest idempotency key [characters]."""
+
+IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=KEY_MAX)]
 """The same key makes the same submission."""
 
 

@@ -154,7 +154,7 @@ class AnswerBatch:
 def make_submission(answer: NewAnswer, submission_id: str, attempt: int) -> Submission:
     """The row of a new answer."""
     parsed = answer.parsed
-    return Submission(
+    return submissions.make(
         **answer.place._asdict(), id=submission_id, user=answer.who.user, answer=parsed.text, seed=parsed.seed,
         content_digest=parsed.content_digest, attempt=attempt
     )  # fmt: skip

@@ -1,11 +1,12 @@
 """Reads and writes many rows with one call, without an object of the session for each; and stores their timestamps."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
-from sqlalchemy import JSON, Dialect, Executable, FromClause, bindparam, column, func, insert, select
+from sqlalchemy import JSON, Dialect, Executable, FromClause, Text, bindparam, cast, column, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Session
@@ -50,12 +51,18 @@ def read_by_keys(session: Session, query: Executable, keys: Rows, **parameters: 
 def insert_rows(
     session: Session, *tables: tuple[type[DeclarativeBase], Rows], replace: type[DeclarativeBase] | None = None
 ) -> None:
-    """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults. Rows of
-    the table `replace` have all columns, and each replaces the one with its primary key."""
+    """Inserts rows into tables, in this order, with one statement each; those of a table have the same columns, the
+    others get defaults. Rows of the table `replace` have all columns, and each replaces the one with its primary key.
+
+    PostgreSQL gets all rows of a table as one parameter, a JSON list of objects: the driver takes longer to send a row
+    of its own than the server takes to insert it. Their values are those of JSON, and moments."""
+    backend = session.get_bind().dialect.name
     for table, rows in tables:
-        if rows:
-            statement = _upsert(table, session.get_bind().dialect.name) if table is replace else insert(table)
-            session.connection().execute(statement, rows)
+        if not rows:
+            continue
+        statement = _insert(table, tuple(rows[0]), backend, replaces=table is replace)
+        sent = rows if backend == "sqlite" else {"rows": json.dumps(rows, default=datetime.isoformat)}
+        session.connection().execute(statement, sent)
 
 
 def insert_of(backend: str) -> Any:
@@ -64,7 +71,15 @@ def insert_of(backend: str) -> Any:
 
 
 @cache
-def _upsert(table: type[DeclarativeBase], backend: str) -> Any:
-    row, columns = insert_of(backend)(table), table.__table__.columns
+def _insert(table: type[DeclarativeBase], names: tuple[str, ...], backend: str, *, replaces: bool) -> Any:
+    """The statement that inserts rows with these columns."""
+    columns = table.__table__.columns
+    row = insert_of(backend)(table.__table__)
+    if backend != "sqlite":
+        read = func.json_to_recordset(cast(bindparam("rows", type_=Text), JSON))
+        items = read.table_valued(*(column(name, columns[name].type) for name in names), name="items")
+        row = row.from_select(names, select(items.render_derived(with_types=True)))
+    if not replaces:
+        return row
     replaced = {one.name: row.excluded[one.name] for one in columns if not one.primary_key}
     return row.on_conflict_do_update(index_elements=[one for one in columns if one.primary_key], set_=replaced)
