@@ -79,7 +79,7 @@ def create_app(settings: Settings) -> FastAPI:
     routes.include_in(app)
     app.include_router(pages)
     openapi.install(app)
-    app.add_middleware(ShortAnswersMiddleware)
+    app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
     app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:

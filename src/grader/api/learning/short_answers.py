@@ -4,19 +4,19 @@ is not plainly a short answer, goes the long way, to the route of the same path:
 OpenAPI."""
 
 from fastapi import Response
-from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from grader.api.learning.submissions import KEY_MAX, AnswerBody, AnswerRoute, answers, created, is_short, read_answer
+from grader.api.learning.submissions import KEY_MAX, AnswerFields, AnswerRoute, answers, created, read_answer
+from grader.courses.people.identity import Identity
 from grader.errors import CallerError
-from grader.gate.admission import SUBMISSIONS, identity_in
-from grader.gate.services import services_in
+from grader.gate.admission import SUBMISSIONS
+from grader.gate.services import Services
 
-BYTES_MAX = 4096
-"""Longest body that is taken here."""
+BYTES_MAX = 1000
+"""Longest body that is taken here. It is read and graded in the event loop: a change of threads takes as long."""
 
 (ROUTE,) = answers.routes
 """The long way, under whose path requests are counted and logged."""
@@ -25,8 +25,8 @@ BYTES_MAX = 4096
 class ShortAnswersMiddleware:
     """ASGI middleware behind admission: takes `POST /api/v1/submissions` with a short body of JSON."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    def __init__(self, app: ASGIApp, services: Services) -> None:
+        self.app, self.services = app, services
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Takes the answer, or hands the request on."""
@@ -40,7 +40,7 @@ class ShortAnswersMiddleware:
             return
         text = await read_body(receive)
         try:
-            response = await take_answer(scope, text, key)
+            response = await take_answer(self.services, scope["state"]["identity"], text, key)
         except (CallerError, ValidationError):  # nothing was stored
             await self.app(scope, replay(text, receive), send)
             return
@@ -77,14 +77,9 @@ def replay(text: bytes, receive: Receive) -> Receive:
     return receive_again
 
 
-async def take_answer(scope: Scope, text: bytes, key: str | None) -> Response:
+async def take_answer(services: Services, who: Identity, text: bytes, key: str | None) -> Response:
     """Hands in an answer, as the route `create_submission` does. Raises CallerError, and ValidationError for another
     body."""
-    services, who = services_in(scope["app"]), identity_in(scope)
     who.require(*AnswerRoute.roles)
-    body = AnswerBody.model_validate_json(text)
-    if is_short(body.answer):
-        answer = read_answer(services, who, body, key)
-    else:
-        answer = await run_in_threadpool(read_answer, services, who, body, key)
+    answer = read_answer(services, who, AnswerFields.model_validate_json(text), key)
     return created(SUBMISSIONS, await services.writer.put(answer))
