@@ -38,13 +38,13 @@ class ShortAnswersMiddleware:
         if not has_short_json(headers) or (key is not None and not 0 < len(key) <= KEY_MAX):
             await self.app(scope, receive, send)
             return
+        scope["route"] = ROUTE
         text = await read_body(receive)
         try:
             response = await take_answer(self.services, scope["state"]["identity"], text, key)
         except (CallerError, ValidationError):  # nothing was stored
             await self.app(scope, replay(text, receive), send)
             return
-        scope["route"] = ROUTE
         await response(scope, receive, send)
 
 
