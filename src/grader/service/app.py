@@ -17,6 +17,7 @@ from fastapi.concurrency import run_in_threadpool
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from grader.api import openapi, routes
+from grader.api.learning.short_answers import ShortAnswersMiddleware
 from grader.courses.answering.intake import store_answers
 from grader.courses.people.pseudonyms import Blinding
 from grader.courses.reporting.quiz_statistics import Statistics
@@ -79,6 +80,7 @@ def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
     routes.include_in(app)
     app.include_router(pages)
     openapi.install(app)
+    app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
     app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:

@@ -23,7 +23,7 @@ from grader.studies.bench.physics.skip import IN_C, SKIPPING, STAGES, TIMER
 from grader.studies.bench.physics.stability import LOOK, SECONDS, Class
 from grader.studies.bench.published.advice_claims import advice_rows
 from grader.studies.bench.published.claims import CLAIMS, Denied, Results
-from grader.studies.bench.published.service_claims import service_rows
+from grader.studies.bench.published.service_claims import DATABASES, SERVERS, service_rows
 from grader.studies.bench.scenes import describe_scene
 
 STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "service")
@@ -43,8 +43,6 @@ WIDTH = 120
 
 ERRORS = tuple(f"1e-{k:02}" for k in range(1, 11))
 SHOWN_ERRORS = ERRORS[1:8:2]
-
-DATABASES = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}
 
 Rows = Callable[[Results], Iterator[tuple[str, ...]]]
 BLOCKS: dict[str, Callable[[Results], str]] = {}
@@ -326,16 +324,17 @@ def models(results: Results) -> Iterator[tuple[str, ...]]:
 
 
 @table(
-    *("database", "learners at once", "answers a second", "beside the bare route", "median", "95 of 100", "99 of 100"),
-    *("CPU time of an answer", "of the bare route's"),
+    *("database", "learners at once", "server", "answers a second", "the service beside it", "median", "95 of 100"),
+    *("99 of 100", "CPU time of an answer"),
 )
 def answers(results: Results) -> Iterator[tuple[str, ...]]:
-    """Choice answers beside a bare route: rates, wall times and the servers' CPU times."""
+    """The answers of a class beside two bare routes: rates, wall times and the servers' CPU times, with their span."""
     for row in service_rows(results, "beside"):
         waits = (f"{1e3 * row[name]:.1f} ms" for name in ("median_s", "p95_s", "p99_s"))
-        costs = (f"{1e3 * row[name]:.2f} ms" for name in ("cpu_s", "bare_cpu_s"))
-        rate, ratio = f"{row['per_second']:.0f}", f"x{row['ratio']:.2f}"
-        yield DATABASES[row["backend"]], str(row["students"]), rate, ratio, *waits, *costs
+        rate = f"{row['per_second']:.0f} ({row['per_second_least']:.0f} to {row['per_second_most']:.0f})"
+        ratio = f"x{row['ratio']:.2f} ({row['ratio_least']:.2f} to {row['ratio_most']:.2f})" if "ratio" in row else "-"
+        cost = f"{1e3 * row['cpu_s']:.2f} ms ({1e3 * row['cpu_s_least']:.2f} to {1e3 * row['cpu_s_most']:.2f})"
+        yield DATABASES[row["backend"]], str(row["students"]), SERVERS[row["server"]], rate, ratio, *waits, cost
 
 
 @table("scripts", "workers", "scripts a second", "beside one worker", "busy cores", "CPU time of a script")
