@@ -90,8 +90,8 @@ bench-check: install ## fail where a speed ratio is below its floor or a cost ab
 	$(BIN)/python -m grader.studies.bench.floors
 	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (half an hour), and rewrite the figures of docs/measured.md
-	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench
+measured: install ## measure all over again (half an hour), and rewrite docs/measured.* (MUJOCO=4.0.0: what has no times)
+	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench$(OTHER:%=-%)
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
 	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --tables-only
