@@ -84,6 +84,7 @@ lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
 	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
+	printf '%s==3.14.0\n' mujoco mujoco-mjx | $(COMPILE) --constraint requirements.lock -o requirements-mjx.lock -
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget

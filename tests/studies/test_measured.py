@@ -290,6 +290,7 @@ DEFINITIONS = (
     "one limit or one pair of geoms",
     "a single eigenvalue",
     "(#energy-over-ten-minutes)",
+    "`make measured MUJOCO=4.0.0` for what has no times",
     "what MuJoCo 4.0.0 does otherwise; [its page](mujoco-4.md)",
     "the 95 % bound of RK4 lies at",
     "Skipping helps where nothing touches",

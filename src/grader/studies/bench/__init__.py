@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grader.errors import Unprocessable
 
-PHYSICS = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
+PHYSICS = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "batches")
 ERRORS = ("impacts", "quantities")
 ROOMS = dict.fromkeys(PHYSICS, "physics") | dict.fromkeys(ERRORS, "errors") | {"service": "service"}
 STUDIES = (*ROOMS,)

@@ -21,20 +21,21 @@ from grader.numerics.version import INSTALLED
 from grader.studies.bench import run
 from grader.studies.bench.physics import versions
 from grader.studies.bench.published import error_tables as _error_tables
+from grader.studies.bench.published import mjx_tables as _mjx_tables
 from grader.studies.bench.published.claims import CLAIMS, Denied, Results
 from grader.studies.bench.published.interactive import render_page
 from grader.studies.bench.published.other import OTHER, REPEATED, describe_other
 from grader.studies.bench.published.tables import BLOCKS
 
-__all__ = ["_error_tables"]
+__all__ = ["_error_tables", "_mjx_tables"]
 
 STUDIES = (
     *("precision", "quantities", "impacts", "stability", "regions", "energy", "adaptive", "skip", "models"),
-    "service",
+    *("batches", "service"),
 )
 """The studies whose results are committed."""
 
-COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium"}
+COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium", "MJX": "mujoco.mjx"}
 """What the pages compare with or measure, and its module."""
 
 PICTURE = re.compile(r"\(measured/([\w.]+)\)")
@@ -95,7 +96,8 @@ def main(
     kept = docs / "measured"
     missing = [name for name, module in COMPARED.items() if find_spec(module) is None and INSTALLED != OTHER]
     if missing and not (quick or tables_only):
-        sys.exit(f"the page compares with {', '.join(missing)}: run pip install '.[peers]' gymnasium first")
+        install = "pip install '.[peers]' gymnasium -r requirements-mjx.lock"
+        sys.exit(f"the page compares with {', '.join(missing)}: run {install} first")
     if not tables_only:
         other = INSTALLED == OTHER
         for name in REPEATED if other else STUDIES:
