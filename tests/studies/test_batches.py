@@ -6,13 +6,14 @@ import pytest
 from grader.errors import Unprocessable
 from grader.studies.bench.physics import batches
 from grader.studies.bench.physics.skip import STEPS, TIMESTEP_S
+from grader.studies.bench.scenes import load_scene
 
 
 def test_both_sides_of_a_timed_pair_take_the_same_steps() -> None:
     """The model that MJX is given is the scene's, whose timestep is that of the yardstick."""
     assert batches.STEPS == STEPS
     for name in batches.SCENES:
-        assert batches.load_scene(name).model.opt.timestep == TIMESTEP_S
+        assert load_scene(name).model.opt.timestep == TIMESTEP_S
 
 
 def test_every_timestep_divides_the_sampling_interval() -> None:

@@ -24,7 +24,6 @@ from grader.studies.bench.physics.collisions import CASES
 from grader.studies.bench.published import error_tables, measured
 from grader.studies.bench.published.claims import CLAIMS
 from grader.studies.bench.published.measured import (
-    BLOCKS,
     CLAIMED,
     MARKED,
     PICTURE,
@@ -34,6 +33,7 @@ from grader.studies.bench.published.measured import (
     main,
 )
 from grader.studies.bench.published.other import OTHER, REPEATED, describe_bits, describe_rows
+from grader.studies.bench.published.tables import BLOCKS
 from grader.studies.bench.scenes import load_scene
 from studies.active_set import CONSTANT, order
 

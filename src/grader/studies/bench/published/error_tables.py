@@ -80,7 +80,7 @@ def own_impacts(results: Results) -> str:
     smallest = min(
         error for scene in scenes.values() for one in scene["integrators"].values() for error in one["median"] if error
     )
-    demand(30 * own < smallest, f"own error {own}, smallest median {smallest}")
+    demand(10 * own < smallest, f"own error {own}, smallest median {smallest}")
     coarse, fine = (max(scene["tiny"][place] for scene in scenes.values()) for place in (0, 1))
     demand(fine < coarse, f"distances of RK4 to the reference at tiny timesteps: {coarse}, {fine}")
     steps = [f"{1e6 * h:.0f} us" for h in results["impacts"]["tiny_s"]]
