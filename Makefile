@@ -89,14 +89,15 @@ lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
 	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
+	printf '%s==3.14.0\n' mujoco mujoco-mjx | $(COMPILE) --constraint requirements.lock -o requirements-mjx.lock -
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.studies.bench.floors
 	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (half an hour), and rewrite the figures of docs/measured.md
-	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench
+measured: install ## measure all over again (half an hour), and rewrite docs/measured.* (MUJOCO=4.0.0: what has no times)
+	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench$(OTHER:%=-%)
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
 	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --tables-only
