@@ -161,8 +161,9 @@ def device_server(*answers: tuple[int, Any]) -> tuple[Handler, list[httpx.Reques
     return answer, asked
 
 
-def test_a_code_is_confirmed_in_the_browser(slept: list[float]) -> None:
-    made = {"token": TOKEN, "expires_at": "2099-01-01T00:00:00Z", "scopes": ["answer"], "course": "robots"}
+@pytest.mark.parametrize("named", ["token", "access_token"])
+def test_a_code_is_confirmed_in_the_browser(named: str, slept: list[float]) -> None:
+    made = {named: TOKEN, "expires_in": 2592000, "scope": "answer", "course": "robots"}
     pending = (400, {"code": "authorization_pending"})
     answer, asked = device_server(pending, (400, {"error": "slow_down"}), pending, (200, made))
     said: list[str] = []

@@ -21,7 +21,6 @@ class Account:
     site: str
     token: str = field(repr=False)
     course: str | None = None
-    expires_at: str | None = None
 
     @property
     def id(self) -> str:

@@ -35,6 +35,14 @@ def ask_for_code(site: str, course: str | None, transport: httpx.BaseTransport |
     return codes
 
 
+def read_account(site: str, made: Mapping[str, Any]) -> Account:
+    """Returns the account of a new token. Raises Sentence where there is none."""
+    token = made.get("access_token") or made.get("token")  # RFC 8628 says `access_token`
+    if not isinstance(token, str):
+        raise Sentence("The server confirmed the code and sent no token: upgrade this client.")
+    return Account(site, token, made.get("course"))
+
+
 def wait_for_token(
     site: str, codes: Mapping[str, Any], say: Callable[[str], None], transport: httpx.BaseTransport | None = None
 ) -> Account:
@@ -45,8 +53,7 @@ def wait_for_token(
         left -= pause
         response = send(site, "POST", f"{API}/devices:token", {}, transport, json={"device_code": codes["device_code"]})
         if response.status_code == 200:
-            made = read_json(response)
-            return Account(site, made["token"], made.get("course"), made.get("expires_at"))
+            return read_account(site, read_json(response))
         problem = read_problem(response)
         why = problem.get("code") or problem.get("error")
         if why in ENDS:
