@@ -20,7 +20,6 @@ def build_parser() -> argparse.ArgumentParser:
     sign_in = commands.add_parser("sign-in", help="sign in with a code that you confirm in the browser")
     sign_in.add_argument("url", help="the address of your course's server")
     sign_in.add_argument("--token", action="store_true", help="type a token of your instructor's instead")
-    sign_in.add_argument("--course", help="the course, where the server has several")
     commands.add_parser("sign-out", help="delete the token from this machine")
     start = commands.add_parser("start", help="get the kit of an exercise into a folder")
     start.add_argument("question", help="the exercise's id, such as servo-threshold")
@@ -55,7 +54,7 @@ def run(asked: argparse.Namespace, session: Session) -> int:
     """Runs one command; returns its exit status. Raises Sentence."""
     if asked.command == "sign-in":
         token = (os.environ.get("MJGRADER_TOKEN") or getpass.getpass("Token: ")) if asked.token else None
-        session.sign_in(asked.url, token, course=asked.course)
+        session.sign_in(asked.url, token)
     elif asked.command == "sign-out":
         session.sign_out()
     elif asked.command == "start":

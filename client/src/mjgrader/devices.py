@@ -20,12 +20,10 @@ ENDS = {
 }
 
 
-def ask_for_code(site: str, course: str | None, transport: httpx.BaseTransport | None = None) -> Mapping[str, Any]:
+def ask_for_code(site: str, transport: httpx.BaseTransport | None = None) -> Mapping[str, Any]:
     """Returns the server's codes, where to confirm them and how often to ask. Raises Sentence."""
     body = {"client_name": f"mjgrader on {platform.node() or 'a notebook'}"[:80]}
-    response = send(
-        site, "POST", f"{API}/devices", {}, transport, json={**body, **({"course": course} if course else {})}
-    )
+    response = send(site, "POST", f"{API}/devices", {}, transport, json=body)
     if response.status_code in (401, 404, 405):
         raise Refusal(
             f"{site} has no sign-in by code: ask your instructor for a token, "
@@ -37,7 +35,7 @@ def ask_for_code(site: str, course: str | None, transport: httpx.BaseTransport |
 
 def read_account(site: str, made: Mapping[str, Any]) -> Account:
     """Returns the account of a new token. Raises Sentence where there is none."""
-    token = made.get("access_token") or made.get("token")  # RFC 8628 says `access_token`
+    token = made.get("access_token")
     if not isinstance(token, str):
         raise Sentence("The server confirmed the code and sent no token: upgrade this client.")
     return Account(site, token, made.get("course"))
@@ -55,7 +53,7 @@ def wait_for_token(
         if response.status_code == 200:
             return read_account(site, read_json(response))
         problem = read_problem(response)
-        why = problem.get("code") or problem.get("error")
+        why = problem.get("error")
         if why in ENDS:
             raise Sentence(ENDS[why])
         if why == "slow_down" or response.status_code == 429:

@@ -16,12 +16,10 @@ session = Session()
 """The learner's session in this process."""
 
 
-def sign_in(
-    url: str, token: str | None = None, *, course: str | None = None, remember: bool = True, insecure: bool = False
-) -> None:
+def sign_in(url: str, token: str | None = None, *, remember: bool = True, insecure: bool = False) -> None:
     """Sign in at a course's server: with a code that you confirm in the browser, or with a token of your instructor's.
     The token is kept in your configuration folder, readable by you alone; with remember=False in this process alone."""
-    session.sign_in(url, token, course=course, remember=remember, insecure=insecure, show=show_code)
+    session.sign_in(url, token, remember=remember, insecure=insecure, show=show_code)
 
 
 def sign_out() -> None:

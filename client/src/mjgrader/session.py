@@ -41,17 +41,17 @@ class Session:
         return Connection(self.account, self.say, self.transport)
 
     def sign_in(
-        self, url: str, token: str | None = None, *, course: str | None = None, remember: bool = True,
-        insecure: bool = False, show: Callable[[Mapping[str, Any]], None] | None = None,
+        self, url: str, token: str | None = None, *, remember: bool = True, insecure: bool = False,
+        show: Callable[[Mapping[str, Any]], None] | None = None,
     ) -> None:  # fmt: skip
         """Signs in with a code that is confirmed in the browser, or with a token. Raises Sentence."""
         site = read_site(url, insecure=insecure)
         if token is None:
-            codes = devices.ask_for_code(site, course, self.transport)
+            codes = devices.ask_for_code(site, self.transport)
             (show or self.show_code)(codes)
             account = devices.wait_for_token(site, codes, self.say, self.transport)
         else:
-            account = Account(site, token.strip(), course)
+            account = Account(site, token.strip())
         quizzes = Connection(account, self.say, self.transport).get("/quizzes")["items"]  # the token is tried
         self.account = account
         kept = (
@@ -63,7 +63,7 @@ class Session:
 
     def show_code(self, codes: Mapping[str, Any]) -> None:
         """Says where to confirm which code."""
-        self.say(f"Open {codes['verification_uri']} and confirm the code {codes['user_code']}")
+        self.say(f"Open {codes['verification_uri_complete']} and confirm the code {codes['user_code']}")
 
     def sign_out(self) -> None:
         """Forgets the token, here and on this machine."""
