@@ -6,6 +6,7 @@ from typing import Annotated
 from fastapi import Depends, FastAPI, Request
 
 from grader.courses.answering.intake import NewAnswer, Receipt
+from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.courses.people.pseudonyms import Blinding
 from grader.courses.reporting.quiz_statistics import Statistics
@@ -59,6 +60,16 @@ class Services:
     def get_pipeline(self, who: Identity) -> Pipeline:
         """Returns the pipeline that reads and grades the answers of a user's course."""
         return self.content.of(who.course).pipeline
+
+    def reload_content(self, who: Identity) -> Library:
+        """Loads the content folder of an instructor's course again, and records it. Raises ContentError with every
+        fault; what was loaded before then stays."""
+        content = self.content.of(who.course)
+        content.reload()
+        digests = {quiz_id: content.library.digest(quiz_id) for quiz_id in content.library.quizzes}
+        with self.database.write() as session:
+            record(session, who, who.course, Action.CONTENT_RELOADED, **digests)
+        return content.library
 
     def library_for(self, who: Identity | None) -> Library:
         """Returns the current content of a user's course; of the default course for a browser without a session."""

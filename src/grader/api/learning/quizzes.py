@@ -7,7 +7,6 @@ from fastapi import APIRouter
 from grader.api.paging import Page
 from grader.api.views import LoadedContent, QuizSummary, QuizView
 from grader.courses.answering.access import describe_progress, read_access
-from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.gate.callers import Anybody, Instructor
 from grader.gate.problems import refusals
@@ -38,11 +37,7 @@ def show_quiz(quiz_id: str, who: Anybody, services: AppServices) -> dict[str, An
 @router.post("/content:reload", response_model=LoadedContent, responses=refusals(401, 403, 422, 429))
 def reload_content(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Loads the content folder again. With any fault, lists all of them and keeps what was loaded before."""
-    services.content.of(who.course).reload()
-    library = services.content.of(who.course).library
-    with services.database.write() as session:
-        digests = {quiz_id: library.digest(quiz_id) for quiz_id in library.quizzes}
-        record(session, who, who.course, Action.CONTENT_RELOADED, **digests)
+    library = services.reload_content(who)
     return {"quizzes": [{"id": quiz_id, "digest": library.digest(quiz_id)} for quiz_id in library.quizzes]}
 
 

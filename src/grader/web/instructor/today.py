@@ -1,18 +1,20 @@
 """What an instructor sees: what needs a person today, who is stuck, the content and its answer keys."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import Response
+from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.courses.people.namesakes import marked, marks_in
 from grader.courses.reporting.stuck import Stuck, find_stuck
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
+from grader.errors import ContentError
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.platforms import administration
@@ -174,14 +176,25 @@ def list_platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
 
 
 @router.get(f"{PAGE}/content")
-def content(request: Request, services: AppServices, who: Visitor) -> Response:
+def content(request: Request, services: AppServices, who: Visitor, *, loaded: str = "") -> Response:
     """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was. To anyone
-    but an instructor, how to sign in."""
+    but an instructor, how to sign in. `loaded` follows a change that was taken."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library, refused = services.library_for(who), services.content.of(who.course).refused
     quizzes = [describe_quiz(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
-    return page(request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused)
+    return page(
+        request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused, loaded=loaded
+    )
+
+
+@router.post(f"{PAGE}/content")
+def reload_content(services: AppServices, who: Instructor) -> Response:
+    """Loads the content folder again; with any fault the page lists all of them, and what was loaded before stays."""
+    with suppress(ContentError):
+        services.reload_content(who)
+        return RedirectResponse(f"{PAGE}/content?loaded=yes", 303)
+    return RedirectResponse(f"{PAGE}/content", 303)
 
 
 @router.get(f"{PAGE}/certificates")
