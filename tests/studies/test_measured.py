@@ -254,6 +254,11 @@ SIMULATED: tuple[Callable[[], str], ...] = (
 
 DEFINITIONS = (
     "Every table on this page",
+    "answers of every kind that is graded at once",
+    "every second number is one that nobody has typed before",
+    "beside two bare routes of FastAPI",
+    "as one row; it asks nobody who they are, grades nothing and keeps no result. One commits each row",
+    "The three servers take turns",
     "No warning",
     "no warning",
     "A box started a centimetre inside",
