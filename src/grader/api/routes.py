@@ -5,7 +5,16 @@ from fastapi import APIRouter, FastAPI
 from grader.api import health
 from grader.api.learning import devices, events, labs, quizzes, submissions
 from grader.api.services import on_behalf, platforms, results, roster, webhooks
-from grader.api.teaching import extensions, gradebook, people, regrades, reviews, saved_comments, statistics
+from grader.api.teaching import (
+    courses,
+    extensions,
+    gradebook,
+    people,
+    regrades,
+    reviews,
+    saved_comments,
+    statistics,
+)
 from grader.gate.admission import PREFIX
 from grader.gate.callers import bearer
 
@@ -18,6 +27,7 @@ v1.include_router(reviews.router)
 v1.include_router(saved_comments.router)
 v1.include_router(labs.router)
 v1.include_router(people.router)
+v1.include_router(courses.router)
 v1.include_router(devices.router)
 v1.include_router(roster.router)
 v1.include_router(results.router)

@@ -165,6 +165,26 @@ class CourseView(BaseModel):
     join_url: str | None
 
 
+class TaughtCourseView(BaseModel):
+    """A course in which the caller is an instructor: who they are in it, how many learners it has, and whether the
+    token or session is of it."""
+
+    course: str
+    member: str
+    name: str
+    learners: int
+    is_current: bool
+
+
+class NewCourse(BaseModel):
+    """A new course, and a single-use link with which its first instructor signs in."""
+
+    course: str
+    member: str
+    url: str
+    expires_at: datetime
+
+
 class AuditView(BaseModel):
     """Who did what in the course."""
 

@@ -74,5 +74,10 @@ def is_alive(clock: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
 
 
 def _revoke(session: Session, clock: datetime, *conditions: ColumnElement[bool]) -> int:
-    ended = update(Credential).where(*conditions).values(revoked_at=clock)
-    return cast(CursorResult[Any], session.execute(ended)).rowcount
+    """Revokes credentials, and the sessions of other courses that were opened from them. Returns how many of the
+    former."""
+    homes = select(Credential.id).where(*conditions).correlate(None)
+    entered = update(Credential).where(Credential.home.in_(homes), Credential.revoked_at.is_(None))
+    ended = update(Credential).where(*conditions)
+    session.execute(entered.values(revoked_at=clock), execution_options={"synchronize_session": False})
+    return cast(CursorResult[Any], session.execute(ended.values(revoked_at=clock))).rowcount

@@ -28,6 +28,7 @@ class Action(StrEnum):
     MEMBER_EXPORTED = "member exported"
     ROLE_CHANGED = "role changed"
     ROSTER_IMPORTED = "roster imported"
+    COURSE_MADE = "course made"
     LINK_ROTATED = "course link rotated"
     LINK_CLOSED = "course link closed"
     REVIEWED = "reviewed"

@@ -19,6 +19,9 @@ from grader.store.tables import Member, now
 
 ADMINISTRATOR = "The platforms belong to the installation: an instructor of the course `default` administers them."
 
+NEW_COURSES = "lti-courses"
+"""The lock under which a course is looked for and made: two who name the same new one do not both make it."""
+
 PLATFORM = "learning platform"
 """Who changes a role in the audit log, where a platform's course has given it."""
 
