@@ -80,6 +80,21 @@ def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: C
     expect(desk.locator("[data-list=audit]")).to_contain_text("member removed")
 
 
+def test_a_member_is_renamed_by_a_form(desk: Page) -> None:
+    desk.goto(PEOPLE)
+    desk.get_by_label("Names, one per line").fill("Eve")
+    desk.get_by_role("button", name="Make links").click()
+    for typed, shown, told in (("Evelyn", "Evelyn", "tina set this name"), ("", "Evelyn", "It stays, whatever")):
+        desk.goto(PEOPLE)
+        row = desk.locator("[data-list=members] tr").filter(has_text=re.compile("^Eve"))
+        row.locator("summary", has_text="Rename").click()
+        row.get_by_label("Name").fill(typed)
+        row.get_by_role("button", name="Set the name").click()
+        row = desk.locator("[data-list=members] tr").filter(has=desk.get_by_role("rowheader", name=shown))
+        row.locator("summary", has_text="Rename").click()
+        expect(row.get_by_text(told)).to_be_visible()
+
+
 def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
     desk.goto(PEOPLE)
     for typed, told in (("Ann\nEve\nEve", "Given twice: Eve."), ("Ann\nEve\teve@example.org", r"Eve\teve@example.org")):

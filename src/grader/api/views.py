@@ -89,12 +89,14 @@ class PlatformCourse(BaseModel):
 
 
 class MemberView(BaseModel):
-    """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come.
+    """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come,
+    `named_by` which instructor set the name; null while it follows platforms and rosters.
     `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged: an
     address on another roster may be anybody's, and merging would hand over the work of its owner."""
 
     id: str
     name: str
+    named_by: str | None
     role: Role
     way_in: Literal["name", "oidc", "lms", "lti", "browser"]
     created_at: datetime

@@ -34,6 +34,12 @@ def touch(session: Session, credential_id: str, clock: datetime) -> None:
     session.execute(update(Credential).where(Credential.id == credential_id).values(last_used_at=clock))
 
 
+def rename(session: Session, member: str, name: str) -> None:
+    """Writes the new name of a member into the credentials that are theirs."""
+    theirs = update(Credential).where(Credential.member == member, Credential.user != name)
+    session.execute(theirs.values(user=name), execution_options={"synchronize_session": False})
+
+
 def revoke(session: Session, credential_id: str, clock: datetime) -> bool:
     """Revokes the credential. False if it had ended before: of two calls at once only one gets True."""
     return _revoke(session, clock, Credential.id == credential_id, is_alive(clock)) == 1

@@ -26,6 +26,7 @@ class Action(StrEnum):
     MEMBER_REMOVED = "member removed"
     MEMBER_ERASED = "member erased"
     MEMBER_EXPORTED = "member exported"
+    RENAMED = "member renamed"
     ROLE_CHANGED = "role changed"
     ROSTER_IMPORTED = "roster imported"
     COURSE_MADE = "course made"
