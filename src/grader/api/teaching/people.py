@@ -108,7 +108,9 @@ def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
     response_model=Page[NewInvitation],
     responses=refusals(401, 403, 404, 409, 413, 422, 429),
 )
-def invite(body: InvitationBody, who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+def create_invitations(
+    body: InvitationBody, who: Instructor, services: AppServices, request: Request
+) -> dict[str, Any]:
     """Makes a single-use link for each name, or for one member. The links are shown this once.
 
     409 for a name that is a member with another role: an invitation changes none. A restricted token invites students.
@@ -173,7 +175,7 @@ def show_course(who: Instructor, services: AppServices, request: Request) -> dic
 
 
 @router.put("/course/link", response_model=CourseView, responses=refusals(401, 403, 429))
-def rotate_link(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+def rotate_course_link(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
     """Opens the course to everybody with the new link; an earlier one ends."""
     with services.database.write() as session:
         code = invitations.rotate_link(session, who)
@@ -181,14 +183,14 @@ def rotate_link(who: Instructor, services: AppServices, request: Request) -> dic
 
 
 @router.delete("/course/link", status_code=204, responses=refusals(401, 403, 429))
-def close_link(who: Instructor, services: AppServices) -> None:
+def close_course_link(who: Instructor, services: AppServices) -> None:
     """Ends the link; learners who joined stay."""
     with services.database.write() as session:
         invitations.close_link(session, who)
 
 
 @router.get("/audit", response_model=Page[AuditView], responses=refusals(401, 403, 422, 429))
-def list_audit(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+def list_audit_entries(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Lists who did what in the course, newest first."""
     before = None if query.cursor is None else query.read_number()
     with services.database.read() as session:
