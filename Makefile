@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint client examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -77,6 +77,11 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+client: $(DEVELOPING) ## the wheel of mujoco-grader-client, into build/client
+	@rm -rf build/client build/client-parts client/src/*.egg-info
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir build/client ./client
+	@ls -l build/client
+
 examples: install ## record the examples of /openapi.json anew, from a real server
 	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples
 
@@ -84,14 +89,15 @@ lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) --group build -o requirements.lock
 	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
+	printf '%s==3.14.0\n' mujoco mujoco-mjx | $(COMPILE) --constraint requirements.lock -o requirements-mjx.lock -
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
 bench-check: install ## fail where a speed ratio is below its floor or a cost above its budget
 	$(BIN)/python -m grader.studies.bench.floors
 	$(BIN)/python -m pytest -q -m cost --reruns 2 --reruns-delay 20
 
-measured: install ## measure all over again (half an hour), and rewrite the figures of docs/measured.md
-	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench
+measured: install ## measure all over again (half an hour), and rewrite docs/measured.* (MUJOCO=4.0.0: what has no times)
+	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --work $(DATA)/bench$(OTHER:%=-%)
 
 measured-tables: $(DEVELOPING) ## rewrite those figures from the committed results
 	$(BIN)/python -m grader.studies.bench.published.measured docs $(PAGES) --tables-only

@@ -24,8 +24,11 @@ HERE = str(Path(__file__).parent)
 NOT_FAST = {"cost", "slow", "postgres", *MARKS.values()}
 
 LONGEST = (
-    *("house/test_house.py", "exercises/test_reference_solutions.py", "exercises/test_corpus.py"),
-    *("web/test_access.py", "web/test_student.py", "queue/test_kills.py", "web/test_instructor.py"),
+    *("docs/test_deploy.py", "exercises/test_values_exercise.py", "exercises/test_reference_solutions.py"),
+    *("house/test_house.py", "platforms/test_platforms.py", "platforms/test_scores.py", "queue/test_kills.py"),
+    *("exercises/test_corpus.py", "docs/test_classroom.py", "web/test_access.py", "web/test_student.py"),
+    *("studies/test_service.py", "service/test_processes.py", "service/test_term.py", "commands/test_commands.py"),
+    *("courses/test_reviewing.py", "courses/test_regrades.py", "web/test_instructor.py"),
 )
 """What takes longest comes first, and files of fast tests last: the last file decides when all processes have ended."""
 

@@ -145,6 +145,8 @@ def record_answers(scene: Scene) -> None:
     scene.record(ada, "POST /answers:validate", json=NUMBER)
     answered = scene.record(ada, "POST /submissions", 201, json=NUMBER)
     scene.record(ada, "GET /quizzes/{quiz_id}", quiz_id="small")
+    exercise: dict[str, Any] = {"quiz_id": "1.3-exercises", "question_id": "servo-threshold"}
+    scene.record(ada, "GET /quizzes/{quiz_id}/questions/{question_id}/kit", **exercise)
     queued = scene.record(ada, "POST /submissions", 202, json=SCRIPT)
     scene.record(ada, "GET /submissions/{submission_id}", submission_id=answered["id"])
     scene.record(ada, "POST /submissions/{submission_id}:stop", submission_id=queued["id"])

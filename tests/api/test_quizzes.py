@@ -174,6 +174,18 @@ def test_a_server_that_cannot_have_its_port_says_so(content: Path, tmp_path: Pat
     assert "signin" not in done.stdout
 
 
+def test_a_server_that_refuses_its_content_leaves_nothing_behind(content: Path, tmp_path: Path) -> None:
+    """Its grading processes have begun before the content is read."""
+    (content / "quizzes" / "small.json").write_text("{")
+    (tmp_path / "tmp").mkdir()
+    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1", "TMPDIR": str(tmp_path / "tmp")}
+    command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(tmp_path / "data")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 2
+    assert "quizzes/small.json" in done.stderr
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
 @pytest.mark.parametrize("path", ["/healthz", "/metrics", "/openapi.json", "/"])
 def test_health_and_openapi_need_no_token(nobody: httpx.Client, path: str) -> None:
     assert nobody.get(path).status_code == 200

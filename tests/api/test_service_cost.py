@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
+from itertools import repeat
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -21,7 +22,7 @@ from grader.api.learning import events
 from grader.gate.streams import STREAMS_MAX
 from grader.settings import Settings
 from grader.store import submissions
-from grader.studies.bench.service.answers import Client
+from grader.studies.bench.service.sending import Client, build_request
 from support.databases import BACKENDS, database_url
 from support.queue_kills import process_of, settings_on, wait_until_ready
 from support.sites import ROOT, Site, open_site
@@ -191,7 +192,8 @@ def test_an_answer_leaves_nothing_behind_in_memory(idle: Site) -> None:
     """Counts the blocks that Python has allocated: resident memory also has the pages that SQLite keeps, up to 2 MB
     for each connection, and what the allocator does not give back. Threads of the server hold hundreds of blocks while
     they work, so the least of several looks counts."""
-    client = Client(urlsplit(idle.origin).port or 0, [issue_token(idle.settings, "ann", "student", None)])
+    port = urlsplit(idle.origin).port or 0
+    client = Client(port, repeat(build_request(issue_token(idle.settings, "ann", "student", None), port, CHOICE)))
 
     def blocks_after(answers: int) -> int:
         for _ in range(answers):
@@ -213,7 +215,8 @@ def test_memory_does_not_grow_with_the_answers(backend: str, tmp_path: Path) -> 
         with process_of("serve", settings) as server, ExitStack() as stack:
             wait_until_ready(server, settings)
             tokens = [issue_token(settings, f"user{number}", "student", None) for number in range(20)]
-            clients = [Client(settings.port, [token]) for token in tokens]
+            requests = [build_request(token, settings.port, CHOICE) for token in tokens]
+            clients = [Client(settings.port, repeat(request)) for request in requests]
             for client in clients:
                 stack.callback(client.socket.close)
             hand_in_together(clients, WARM_UP, SOAK_S)

@@ -39,13 +39,27 @@ def verdict_of(*arguments: str) -> tuple[int, dict[str, Any]]:
     [
         ("grader.commands.main", {"mujoco", "numpy", "scipy", "pydantic", "sqlalchemy", "structlog"}),
         ("grader.service.accounts", {"mujoco", "numpy", "scipy", "fastapi", "alembic", "psycopg", "pint"}),
-        ("grader.grading.pipeline", {"scipy.stats", "sqlalchemy", "fastapi"}),
+        ("grader.grading.processes", {"scipy", "pint", "sqlalchemy", "fastapi"}),
+        ("grader.service.app", {"scipy", "pint", "alembic", "psycopg", "matplotlib", "httpx2", "joserfc", "authlib"}),
     ],
 )
 def test_a_command_imports_what_it_needs(module: str, unneeded: set[str]) -> None:
     code = f"import sys, {module}; print(*sorted({unneeded!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_grading_a_choice_imports_nothing_that_it_does_not_need() -> None:
+    code = """
+import atexit, sys
+from grader.commands.main import main
+unneeded = {"scipy", "pint", "sqlalchemy", "alembic", "fastapi", "uvicorn", "psycopg", "prometheus_client"}
+atexit.register(lambda: print("unneeded:", *sorted(unneeded & sys.modules.keys())))
+sys.argv[1:] = ["grade", "1.3-check", "q1", "1"]
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stdout.splitlines()[-1].strip(), done.stderr) == (0, "unneeded:", "")
 
 
 def test_seconds_are_converted_to_the_unit_asked_for() -> None:

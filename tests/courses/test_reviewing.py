@@ -343,4 +343,5 @@ class Reviewing(RuleBasedStateMachine):
 @pytest.mark.slow
 def test_reviewing_is_what_the_model_says(database: Database, libraries: list[Library]) -> None:
     machine = type("Machine", (Reviewing,), {"database": database, "libraries": libraries})
-    run_state_machine_as_test(machine, settings=settings(max_examples=8, stateful_step_count=35))
+    histories = 8 if database.is_sqlite else 4  # the rules are the same: PostgreSQL shows that its queries are too
+    run_state_machine_as_test(machine, settings=settings(max_examples=histories, stateful_step_count=35))

@@ -18,6 +18,7 @@ import yaml  # type: ignore[import-untyped]
 
 from grader.library import load
 from grader.pack import pack_gradescope
+from support import command_line
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -157,7 +158,8 @@ def test_the_commands_of_the_page_are_those_of_the_command_line() -> None:
     for line in (line for line in lines if line.startswith("grader ")):
         words = shlex.split(line.partition(">")[0])[1:]
         command = words[: 2 if words[0] == "pack" else 1]
-        done = subprocess.run([BIN / "grader", *command, "--help"], capture_output=True, text=True, check=True)
+        done = command_line.grader(*command, "--help")
+        assert done.returncode == 0
         for option in (word for word in words if word.startswith("--")):
             assert option in done.stdout
     assert yaml.safe_load(re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0])["grade"]["artifacts"]["reports"]

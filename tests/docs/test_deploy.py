@@ -26,6 +26,7 @@ from grader.gate.admission import PREFIX as API
 from grader.settings import Settings
 from grader.store.courses import audit_page
 from grader.store.engine.database import Database
+from support import command_line
 from support.databases import CONNECT_S, POSTGRES, need_postgresql
 from support.proxies import DEPLOY, PROXIES, adapted, free_port
 from support.servers import serving
@@ -50,9 +51,10 @@ def test_every_command_of_the_page_exists_with_its_options(line: str) -> None:
     _, name, *words = shlex.split(line)
     if name == "()":
         return
-    done = run([*grader(), name, "--help"])
+    done = command_line.grader(name, "--help")
+    assert done.returncode == 0, done.stderr
     for option in (word for word in words if word.startswith("--")):
-        assert option in re.sub(r"\s+", " ", done)
+        assert option in re.sub(r"\s+", " ", done.stdout)
 
 
 def test_files_and_settings_of_the_page_exist() -> None:
@@ -377,8 +379,7 @@ def test_a_backup_neither_overwrites_nor_invents(tmp_path: Path) -> None:
     for place, said in ((tmp_path / "none", "no database"), (tmp_path, "exists")):
         Database(f"sqlite:///{tmp_path}/grader.db").migrate()
         (tmp_path / "there.db").touch()
-        command = [*grader(), "backup", str(tmp_path / "there.db"), "--data", str(place)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = command_line.grader("backup", str(tmp_path / "there.db"), "--data", str(place))
         assert done.returncode == 2
         assert said in done.stderr
     assert (tmp_path / "there.db").stat().st_size == 0

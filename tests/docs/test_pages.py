@@ -103,7 +103,9 @@ def test_every_make_target_exists(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
 
 
-TREE = [f"/{path.relative_to(ROOT)}" for top in ("src", "tests", "deploy") for path in (ROOT / top).rglob("*.*")]
+TREE = [
+    f"/{path.relative_to(ROOT)}" for top in ("src", "tests", "deploy", "client") for path in (ROOT / top).rglob("*.*")
+]
 
 
 def code_files(page: Path) -> set[str]:

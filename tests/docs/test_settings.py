@@ -2,16 +2,13 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
 from grader.settings import OF_TESTS, PREFIX, Settings
-
-GRADER = Path(sys.executable).parent / "grader"
+from support.command_line import grader
 
 
 @pytest.mark.parametrize(
@@ -88,9 +85,11 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
         ("GRADER_HOST", "0.0.0.0", "set GRADER_PUBLIC_ORIGIN=https://... first"),
     ],
 )
-def test_the_command_line_names_the_setting_that_cures_it(name: str, value: str, told: str) -> None:
-    command = [str(GRADER), "token", "list"]
-    done = subprocess.run(command, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
+def test_the_command_line_names_the_setting_that_cures_it(
+    name: str, value: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(name, value)
+    done = grader("token", "list")
     assert done.returncode == 2, done.stderr
     assert told in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -12,10 +12,18 @@ from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.local_judging import judging_twice
 
 ROOT = Path(__file__).parents[2]
 
 Grade = Callable[..., Verdict]
+
+
+@pytest.fixture(autouse=True)
+def twice() -> Iterator[None]:
+    """Every script that is judged here is judged by the client's judges too."""
+    with judging_twice():
+        yield
 
 
 def model_xml(name: str) -> str:

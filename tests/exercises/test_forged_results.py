@@ -15,7 +15,7 @@ from exercises.conftest import ROOT
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.exercises import Plan, judge_exercise, load_kinds, plan_exercise, runner
-from grader.exercises.kinds.rk4.rotations import find_quaternions
+from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail

@@ -80,7 +80,7 @@ def test_an_exercise_that_draws_nothing_can_be_known_by_heart() -> None:
 
 PARAMETERS = ThresholdParameters.model_validate(without_remarks(SERVO.check.parameters))
 HIDDEN = [(index, case) for index, case in enumerate(PARAMETERS.cases) if case.hidden]
-COMMENTS = 300
+COMMENTS = 100
 
 
 def trials(index: int, case: Case, seed: int) -> Sequence[Trial[Any]]:
@@ -89,8 +89,8 @@ def trials(index: int, case: Case, seed: int) -> Sequence[Trial[Any]]:
 
 
 def best_guess(index: int, case: Case) -> list[np.ndarray[Any, Any]]:
-    """The claims, one for each integrator, that are right in the most of 200 draws of a case."""
-    parts = (THRESHOLD.list_accepted(PARAMETERS, trials(index, case, seed)) for seed in range(200))
+    """The claims, one for each integrator, that are right in the most of 100 draws of a case."""
+    parts = (THRESHOLD.list_accepted(PARAMETERS, trials(index, case, seed)) for seed in range(100))
     accepted = np.array([part[0] for part in parts if part])
     lows, highs = accepted[..., 0], accepted[..., 1]
     with np.errstate(invalid="ignore"):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from grader.exercises import recorder
-from grader.exercises.kinds.rk4 import driver
 from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
-from grader.exercises.kinds.rk4.parameters import Force, Run
+from grader.exercises.kinds.rk4.judging import driver
+from grader.exercises.kinds.rk4.judging.run import Force, Run
 from grader.exercises.kinds.rk4.rotations import build_turn
 from grader.exercises.kinds.rk4.step_trace import Step, read_steps
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix

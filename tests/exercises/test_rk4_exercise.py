@@ -13,11 +13,17 @@ from exercises.conftest import ROOT, Grade, model_xml, question, with_check
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
-from grader.exercises.kinds.rk4.driver import add_force
-from grader.exercises.kinds.rk4.judge import OrderOutcome, build_truth
+from grader.exercises.kinds.rk4.judging.driver import add_force
+from grader.exercises.kinds.rk4.judging.judge import OrderOutcome
+from grader.exercises.kinds.rk4.judging.run import Problem
+from grader.exercises.kinds.rk4.judging.trajectory import (
+    compare,
+    simulate_fourth_order,
+    simulate_mujoco,
+    simulate_unforced,
+)
 from grader.exercises.kinds.rk4.mistakes import METHODS
-from grader.exercises.kinds.rk4.parameters import Problem
-from grader.exercises.kinds.rk4.trajectory import compare, simulate_fourth_order, simulate_mujoco, simulate_unforced
+from grader.exercises.kinds.rk4.truth import build_truth
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
@@ -92,7 +98,7 @@ def test_every_route_through_mj_step_is_far_away(exercise: ScriptQuestion, seed:
         apart = compare(
             run, simulate_unforced(run, int(mujoco.mjtIntegrator.mjINT_RK4), run.steps), simulate_mujoco(run)
         )
-        assert apart.worst > 1e4 * problem.case.tolerance
+        assert apart.worst > 1e4 * problem.tolerance
 
 
 @pytest.mark.slow

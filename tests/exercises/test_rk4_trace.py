@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from exercises.conftest import ROOT, Grade, model_xml, question, with_check
 from grader.domain.run import RunReport
 from grader.exercises import Plan, judge_exercise, load_kinds, plan_exercise, recorder, runner
-from grader.exercises.kinds.rk4 import driver
 from grader.exercises.kinds.rk4.combinations import System, Term, format_coefficient
+from grader.exercises.kinds.rk4.judging import driver
+from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.methods import GILL, NAMED, RALSTON, compute_order, repeat_classical
-from grader.exercises.kinds.rk4.parameters import Problem
 from grader.exercises.kinds.rk4.slope_sentences import explain_slopes
 from grader.exercises.kinds.rk4.state_sentences import (
     explain_missing_slope,

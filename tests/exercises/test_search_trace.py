@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from grader.exercises.crashes import explain_hidden_slip
 from grader.exercises.kind import JudgedTrial, Trial
-from grader.exercises.kinds.threshold import driver
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, bracket_around, judge_claim
+from grader.exercises.kinds.threshold.judging import driver
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit, bracket_around, judge_claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.search import CERTAIN_RULES, FALLBACK_RULES, explain_searches
 from grader.exercises.kinds.threshold.search_trace import COLUMNS, read_search

@@ -15,7 +15,8 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
-from grader.exercises.kinds.threshold.judge import Bracket, find_accepted_ends, judge_claim
+from grader.exercises.kinds.threshold.judging.judge import Bracket, judge_claim
+from grader.exercises.kinds.threshold.limits import find_accepted_ends
 from grader.exercises.kinds.threshold.mistakes import METHODS, ClaimContext
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.questions.kinds.script import ScriptQuestion

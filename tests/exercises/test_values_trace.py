@@ -14,7 +14,7 @@ from grader.courses.rules.policy import revealing
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise, recorder
-from grader.exercises.kinds.values import driver
+from grader.exercises.kinds.values.judging import driver
 from grader.library import Library, load
 
 HINGE = """<mujoco><worldbody><body><joint axis='0 1 0'/><inertial pos='0 0 -1' mass='1' diaginertia='1 1 1'/>

@@ -129,7 +129,11 @@ def run_node(cases: Sequence[Case]) -> list[dict[str, Any]]:
     return answer
 
 
-def run_here(case: Case) -> tuple[Machine, Value] | str:
+Outcome = tuple[Machine, Value] | str
+"""The machine afterwards and the value, or the error."""
+
+
+def run_here(case: Case) -> Outcome:
     """What we make of a case: the machine afterwards and the value, or the error."""
     try:
         program = compile_program(case.text, case.kind, "case")

@@ -18,7 +18,7 @@ from support.sites import ROOT, open_site
 
 SOURCES = str(Path(grader.__file__).parent)
 
-LIMITS = {"choice": (22, 78), "number": (28, 98), "typed number": (30, 108), "script": (25, 90)}
+LIMITS = {"choice": (21, 74), "number": (27, 94), "typed number": (29, 104), "script": (24, 84)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """

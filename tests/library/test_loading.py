@@ -504,3 +504,16 @@ def test_a_lab_of_an_unknown_kind_and_an_overlay_that_is_not_drawn_are_remarks(r
         ("odd.kind", "there is no lab 'simlabs' (did you mean simlab?)"),
         ("scene.overlays", "auras"),
     ]
+
+
+def test_one_quiz_alone_is_as_with_all_and_no_other_is_tried(root: Path) -> None:
+    write(root, PREDICT, name="other")
+    whole, alone = load(root), load(root, "quiz")
+    assert (alone.quizzes, alone.digests) == ({"quiz": whole.quiz("quiz")}, {"quiz": whole.digest("quiz")})
+    write(root, {**PREDICT, "sim": {**SIM, "setup": "data.nothing = 1"}}, name="other")
+    assert load(root, "quiz").digests == alone.digests
+    with pytest.raises(ContentError):
+        load(root)
+    write(root, without(MCQ, "answer"), name="other")
+    with pytest.raises(ContentError):
+        load(root, "quiz")

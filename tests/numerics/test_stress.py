@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, find_threshold
-from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
 from grader.numerics.stability.servo import Servo
 from grader.numerics.stability.trials import Stability, check_bracket, try_timestep
 from grader.numerics.stepping import STEPS_MAX

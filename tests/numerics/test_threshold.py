@@ -7,7 +7,8 @@ import pytest
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, find_threshold
 from grader.numerics.stability.equilibrium import find_equilibrium
-from grader.numerics.stability.linear import difference_step, find_spectral_limit, linearise_step
+from grader.numerics.stability.limit import find_spectral_limit
+from grader.numerics.stability.linear import difference_step, linearise_step
 from grader.numerics.stability.servo import Servo
 from grader.numerics.stability.trials import Criterion, Stability, check_bracket, try_timestep
 from numerics.models import ALL, DELAY, LESSON

@@ -15,6 +15,8 @@ from grader.questions.kinds.number.numbers import TypedNumber
 from grader.questions.kinds.number.numbers import read_number as read_folded
 from grader.questions.kinds.number.quantities import CHARACTERS_MAX, read_quantity
 from grader.questions.kinds.number.spelling import fold
+from grader.questions.kinds.number.unit_names import COMMON
+from grader.questions.kinds.number.units import registry
 
 
 def read_number(text: str) -> TypedNumber:
@@ -231,3 +233,8 @@ def test_any_text_is_read_or_refused_with_one_sentence(text: str) -> None:
         assert str(error).isprintable()
     else:
         assert math.isfinite(value)
+
+
+@pytest.mark.parametrize(("name", "full_name"), COMMON.items())
+def test_a_common_unit_is_what_pint_reads(name: str, full_name: str) -> None:
+    assert registry().get_name(name) == full_name

@@ -15,6 +15,7 @@ from grader.domain.run import Job, Limits, RunStatus
 from grader.numerics.version import INSTALLED, parse_version
 from grader.sandbox import policy
 from grader.sandbox.jail import Jail
+from grader.settings import Settings
 
 SUITES = ["bindings_test", "rollout_test", "specs_test", "thread_safety_test", "minimize_test", "vfs_test"]
 CALLS_BACK = "mujoco.bindings_test.MuJoCoBindingsTest.test_set_mju_user_malloc_and_free_reset"
@@ -70,3 +71,31 @@ def test_mujocos_own_tests_end_the_same_inside_and_outside(name: str, jail: Jail
     if name == "bindings_test" and parse_version(INSTALLED) >= (4, 0, 0):
         assert inside["bad"].pop(CALLS_BACK) == REFUSED
     assert inside == outside(name, tmp_path)
+
+
+STEPPING = """
+import mujoco
+import numpy as np
+
+
+def simulate(xml):
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[:] = 1.0
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    return np.concatenate((data.qpos, data.qvel)), np.array([timer.duration for timer in data.timer])
+"""
+
+
+def test_the_wheels_profiling_timer_is_off_and_changes_no_bit(jail: Jail) -> None:
+    xml = (Settings().content / "models" / "double_pendulum.xml").read_text(encoding="utf-8")
+    driver = "def run(student, inputs, submit):\n    state, timers = student.simulate(inputs['xml'])\n"
+    report = jail.run(
+        Job(STEPPING, f"{driver}    submit('state', state)\n    submit('timers', timers)\n", {"xml": xml})
+    )
+    assert report.status is RunStatus.RETURNED, report.reason
+    code = f"{STEPPING}\nimport sys\nprint(simulate(sys.stdin.read())[0].tobytes().hex())"
+    outside = subprocess.run([sys.executable, "-c", code], input=xml, capture_output=True, text=True, check=True)
+    assert report.results["state"].tobytes().hex() == outside.stdout.strip()
+    assert not report.results["timers"].any()

@@ -30,7 +30,7 @@ from support.sites import Site, open_site, write_content
 pytestmark = [pytest.mark.slow, pytest.mark.postgres]
 
 API = "/api/v1"
-LEARNERS = [f"learner{number:03}" for number in range(40)]
+LEARNERS = [f"learner{number:03}" for number in range(24)]
 EXTENDED = LEARNERS[::10]
 ESSAYISTS = LEARNERS[::5]
 NEWCOMERS = LEARNERS[::4]

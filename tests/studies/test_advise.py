@@ -14,8 +14,9 @@ from grader.numerics.accuracy.convergence import measure_distance
 from grader.numerics.accuracy.reference import list_sample_times
 from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4
 from grader.numerics.rollout import simulate
+from grader.studies.advise.meter import SAMPLE_S
 from grader.studies.advise.report import Advice, Start, advise, build_scene, find_binding_stiffness, find_energy_loss
-from grader.studies.advise.selection import SAMPLE_S, START, Candidate, select
+from grader.studies.advise.selection import START, Candidate, select
 from grader.studies.bench.scenes import find_scene, read_scene
 from numerics.models import DELAY, RUNAWAY, TWO_FREE_BODIES, hinge
 

@@ -18,12 +18,12 @@ import pytest
 from grader.numerics.accuracy.convergence import fit_order
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.stability.servo import Servo
+from grader.studies.bench.errors import impacts
 from grader.studies.bench.physics import precision, stability
 from grader.studies.bench.physics.collisions import CASES
-from grader.studies.bench.published import measured
+from grader.studies.bench.published import error_tables, measured
 from grader.studies.bench.published.claims import CLAIMS
 from grader.studies.bench.published.measured import (
-    BLOCKS,
     CLAIMED,
     MARKED,
     PICTURE,
@@ -32,6 +32,8 @@ from grader.studies.bench.published.measured import (
     load_results,
     main,
 )
+from grader.studies.bench.published.other import OTHER, REPEATED, describe_bits, describe_rows
+from grader.studies.bench.published.tables import BLOCKS
 from grader.studies.bench.scenes import load_scene
 from studies.active_set import CONSTANT, order
 
@@ -79,6 +81,28 @@ def test_another_figure_is_noticed() -> None:
     filled, _ = fill(page, RESULTS)
     assert "old" not in filled
     assert fill(filled, RESULTS) == (filled, [])
+
+
+def test_the_other_version_has_its_rows_where_they_differ() -> None:
+    table = "| a | b |\n|---|---|\n| x | 1 |\n| y | 2 |"
+    assert describe_rows(table, table).endswith("the same figures in every row.")
+    differing = describe_rows(table, table.replace("2", "3"))
+    assert "its other 1 rows are the same" in differing
+    assert differing.endswith("| a | b |\n|---|---|\n| y | 3 |")
+
+
+def test_bits_that_differ_are_named_with_scene_and_integrator() -> None:
+    digests = {"cube": dict.fromkeys(BY_NAME, "a"), "servo": dict.fromkeys(BY_NAME, "b")}
+    changed = {"cube": digests["cube"] | {"RK4": "c"}, "servo": digests["servo"]}
+    versions = {"3.14.0": {"digests": digests}, OTHER: {"digests": changed}}
+    assert describe_bits(("cube", "servo"), versions).endswith("except under RK4 on cube.")
+    assert describe_bits(("servo",), versions).endswith("to the last bit, under every integrator.")
+
+
+def test_the_other_version_was_measured_with_itself() -> None:
+    assert set(RESULTS["other"]) <= set(REPEATED)
+    for one in RESULTS["other"].values():
+        assert (one["versions"]["mujoco"], one["quick"]) == (OTHER, False)
 
 
 def with_times(results: Any, factor: Callable[[], float]) -> Any:
@@ -265,6 +289,16 @@ DEFINITIONS = (
     "at its first warning",
     "one limit or one pair of geoms",
     "a single eigenvalue",
+    "(#energy-over-ten-minutes)",
+    "`make measured MUJOCO=4.0.0` for what has no times",
+    "what MuJoCo 4.0.0 does otherwise; [its page](mujoco-4.md)",
+    "the 95 % bound of RK4 lies at",
+    "Skipping helps where nothing touches",
+    "the table has them at 2 ms",
+    "the band up to 95 %",
+    "at other phases of a step in each",
+    "below half the time constants",
+    "from Python at each evaluation or step",
 )
 """What a measurement is, not what it found: the settings in it are asserted in the test below."""
 
@@ -272,7 +306,7 @@ DEFINITIONS = (
 def prose() -> str:
     """The sentences of the page, on one line: without blocks, pictures and commands."""
     text = (ROOT / PAGE).read_text(encoding="utf-8")
-    text = re.sub(r"^\d\. ", "", CLAIMED.sub(" ", MARKED.sub("", text)), flags=re.MULTILINE)
+    text = re.sub(r"^\d+\. ", "", CLAIMED.sub(" ", MARKED.sub("", text)), flags=re.MULTILINE)
     return " ".join(re.sub(r"!\[[^]]*]\([^)]*\)|\([\w./]*\.\w+\)", "", text).replace("*", "").split())
 
 
@@ -287,6 +321,7 @@ def test_what_a_measurement_is_stands_in_the_code() -> None:
         "four_times": ("RK4", 0.008),
     }
     assert precision.HORIZON_S == RESULTS["precision"]["horizon_s"] == 1.024
+    assert (error_tables.SHOWN_S, impacts.PERCENT, OTHER) == (0.002, 95, "4.0.0")
 
 
 @pytest.mark.parametrize(

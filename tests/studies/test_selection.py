@@ -11,12 +11,11 @@ from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4, find_refusal
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
+from grader.studies.advise.meter import SAMPLE_S, Quantity
 from grader.studies.advise.selection import (
     CONFIRMATIONS,
     PREFERENCE,
-    SAMPLE_S,
     TIMESTEPS_S,
-    Quantity,
     QuantityStill,
     Selection,
     describe_setting,
@@ -87,10 +86,14 @@ def test_it_says_so_when_nothing_is_good_enough() -> None:
 def test_it_says_so_when_it_cannot_tell() -> None:
     chaotic = select(DOUBLE, tolerance=1e-6, seconds=12.0, integrators=(RK4,), timesteps_s=(0.002,))
     assert chaotic.best is None
-    assert chaotic.reason.startswith("cannot tell")
+    assert chaotic.until_s is not None
+    assert 2 < chaotic.until_s < 12
+    assert chaotic.reason.startswith(f"cannot tell beyond {chaotic.until_s:g} s: ")
+    assert f"until {chaotic.until_s:g} s none of the candidates meets" in chaotic.reason
     touching = select(Scene.from_xml(ALL["cube"]), tolerance=1e-9, seconds=0.5, timesteps_s=(0.002, 0.001))
-    assert touching.best is None
-    assert touching.reason.startswith("cannot tell")
+    assert touching.reason.startswith("cannot tell beyond 0.16 s")
+    # Source: the cube's lowest corner falls 0.142 m, in 0.170 s.
+    assert touching.until_s == pytest.approx(0.16)
 
 
 def test_a_pass_by_accident_does_not_count() -> None:

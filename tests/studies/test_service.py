@@ -1,24 +1,59 @@
 """The service's study measures the real server: every row that the page shows comes out of it."""
 
+import json
+from itertools import islice
+from pathlib import Path
+from random import Random
+
 import pytest
 
-from grader.studies.bench.service import answers
-from grader.studies.bench.service.answers import compare_with_bare
-from grader.studies.bench.service.workers import WORKER_COUNTS, Workers
+from grader.domain.verdict import Status
+from grader.library import load
+from grader.questions import grade_answer, installed_kinds
+from grader.studies.bench.service import answers, workers
+from grader.studies.bench.service.classroom import QUIZ, list_kinds, make_answers, write_class
+from grader.studies.bench.service.service import Beside
+from grader.studies.bench.service.workers import Workers
+from support.databases import BACKENDS
 
 
 @pytest.mark.slow
-def test_answers_are_measured_beside_the_bare_route(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_answers_are_measured_beside_both_bare_routes(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answers, "LEARNERS", 10)
-    found = compare_with_bare("sqlite", 2, 1, 0.3)
-    assert found["submissions"] > 0
-    assert found["ratio"] == pytest.approx(found["per_second"] / found["bare_per_second"])
-    assert 0 < found["median_s"] <= found["p95_s"] <= found["p99_s"]
+    found = Beside(backend, 2)
+    record = found.measure(True, {})
+    rows = {row["server"]: row for row in found.rows(record)}
+    assert set(rows) == {"service", "each", "gathered"}
+    for row in rows.values():
+        assert row["submissions"] > 0 and row["cpu_s"] > 0
+        assert row["per_second_least"] <= row["per_second"] <= row["per_second_most"]
+        assert 0 < row["median_s"] <= row["p95_s"] <= row["p99_s"]
+    for commits in ("each", "gathered"):
+        assert 0 < rows[commits]["ratio_least"] <= rows[commits]["ratio"] <= rows[commits]["ratio_most"]
+
+
+def test_a_class_answers_every_kind_and_types_new_numbers(tmp_path: Path) -> None:
+    write_class(tmp_path)
+    questions = json.loads((tmp_path / "quizzes" / f"{QUIZ}.json").read_text())["questions"]
+    assert {type(kind) for kind in list_kinds().values()} == {
+        type(kind) for kind in installed_kinds().values() if not kind.is_script
+    }
+    assert [one["id"] for one in questions] == list(list_kinds())
+    given = list(islice(make_answers(Random(1)), 4000))
+    assert {name for name, _ in given} == set(list_kinds())
+    library = load(tmp_path)
+    graded = [grade_answer(library.question(QUIZ, name), answer).status for name, answer in given]
+    assert Status.INVALID_ANSWER not in graded
+    typed = [answer for name, answer in given if name == "numeric"]
+    assert 0.25 < len(typed) / len(given) < 0.35
+    assert 0.4 < len(set(typed)) / len(typed) < 0.6
 
 
 @pytest.mark.slow
-def test_a_queue_is_worked_off_by_more_and_more_workers() -> None:
+def test_a_queue_is_worked_off_by_more_and_more_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "WORKER_COUNTS", (1, 2))
     found = Workers("empty").measure(True, {})
-    assert [run["workers"] for run in found["runs"]] == list(WORKER_COUNTS)
+    assert [run["workers"] for run in found["runs"]] == [1, 2]
     assert found["runs"][0]["ratio"] == 1
     assert all(run["per_second"] > 0 and run["cores"] > 0 for run in found["runs"])

@@ -56,6 +56,7 @@ def test_a_ratio_is_a_ratio() -> None:
 @pytest.fixture
 def one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(skipping, "SCENES", ("servo",))
+    monkeypatch.setattr(skipping, "REPEATED", ("swimmer", "reacher"))
 
 
 @pytest.mark.slow
@@ -68,7 +69,12 @@ def test_a_run_writes_what_it_promises_and_is_not_repeated(tmp_path: Path) -> No
     assert summary["versions"]["mujoco"] == INSTALLED
     assert summary["broken_proofs"] == []
     flags = sum(1 for need in load_scene("servo").needs if need.flag)
-    assert summary["measurements"] == len(lines.strip().splitlines()) == flags + 1
+    assert summary["measurements"] == len(lines.strip().splitlines()) == flags + 1 + len(skipping.REPEATED)
+    assert {name: (one["may_act"], one["bitwise"]) for name, one in summary["repeats"].items()} == {
+        "swimmer": (True, True),
+        "reacher": (True, True),
+    }
+    assert all(one["steps"] > 0 for one in summary["repeats"].values())
     assert (tmp_path / "skip.csv").read_text().count("servo") > flags
     for picture in ("skip.svg", "skip.png"):
         assert (tmp_path / picture).stat().st_size > 10_000

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from grader.numerics.integrators import BY_NAME
 from grader.numerics.version import INSTALLED
 from grader.studies.bench.physics.versions import HORIZON_S, SCENES, TIMESTEPS_S, main, measure_errors
 from grader.studies.bench.scenes import describe_scene
@@ -52,8 +53,11 @@ def test_the_installed_version_measures_the_same(scene: str) -> None:
 def test_a_version_writes_its_own_row_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grader.studies.bench.physics.versions.measure_errors", lambda name: name)
     monkeypatch.setattr("grader.studies.bench.physics.versions.INSTALLED", "5.0.0")
+    monkeypatch.setattr("grader.studies.bench.physics.versions.list_names", lambda: ["servo"])
+    monkeypatch.setattr("grader.studies.bench.physics.versions.compute_digest", lambda name, kind: name + kind.name)
     path = tmp_path / "versions.json"
     path.write_text(json.dumps(RESULTS))
     main(path)
     found = json.loads(path.read_text())["versions"]
-    assert found == {**VERSIONS, "5.0.0": {scene: scene for scene in SCENES}}
+    digests = {"servo": {kind: f"servo{kind}" for kind in BY_NAME}}
+    assert found == {**VERSIONS, "5.0.0": {scene: scene for scene in SCENES} | {"digests": digests}}

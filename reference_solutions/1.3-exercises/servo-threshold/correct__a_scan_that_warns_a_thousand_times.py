@@ -7,8 +7,8 @@ def is_stable(model, integrator, h):
     model.opt.integrator, model.opt.timestep = integrator, h
     data = mujoco.MjData(model)
     data.qpos[0] = 1.0
-    for _ in range(round(3 / h)):
-        mujoco.mj_step(model, data)
+    for _ in range(round(3 / h / 20) + 1):
+        mujoco.mj_step(model, data, 20)
         if any(warning.number for warning in data.warning):
             return False
     return True

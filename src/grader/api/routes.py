@@ -3,7 +3,7 @@
 from fastapi import APIRouter, FastAPI
 
 from grader.api import health
-from grader.api.learning import devices, events, labs, quizzes, submissions
+from grader.api.learning import devices, events, kits, labs, quizzes, submissions
 from grader.api.services import on_behalf, platforms, results, roster, webhooks
 from grader.api.teaching import (
     courses,
@@ -21,6 +21,7 @@ from grader.gate.callers import bearer
 v1 = APIRouter(prefix=PREFIX, dependencies=[bearer])
 for router, tag in (
     (quizzes.router, "quizzes"),
+    (kits.router, "quizzes"),
     (submissions.router, "submissions"),
     (on_behalf.router, "submissions"),
     (events.router, "submissions"),

@@ -69,7 +69,8 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
     certificate = certify_number("measurement", key, value, noise, measured, cure=_describe_noise(noise))
     regime = {"timestep": "given", "failed": None if certificate.verdict != "cannot tell" else "nudged starts"}
     timestep_s = run.duration_s / max(run.steps, 1)
-    return replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
+    certificate = replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
+    return _remark_last_stage(certificate, key, run, value, measure)
 
 
 def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Certificate:
@@ -89,7 +90,24 @@ def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> 
     checked = {"timestep": verify.timestep, **regime.to_json(ladder.finest), **ladder.to_json(), "round-off": noise}
     if certificate.verdict == "cannot tell":
         checked["failed"] = failed
-    return _compare_with_page(replace(certificate, regime=checked), key, verify, regime, own)
+    certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, regime, own)
+    return _remark_last_stage(certificate, key, run, own, measure)
+
+
+def _remark_last_stage(
+    certificate: Certificate, key: NumberKey, run: LabRun, own: float, measure: Measure
+) -> Certificate:
+    """Remark where the course's own page shows another number, as it reads what RK4's last stage left in `data`."""
+    if not run.rederived:
+        return certificate
+    _, page = measure(Variant(as_stepped=True))
+    if abs(page - own) <= UNCERTAINTY_SHARE * key.tolerance:
+        return certificate
+    remark = (
+        f"After a step of RK4 data holds quantities of its last stage: the course's page shows {page:.6g}, and "
+        f"the state has {own:.6g}."
+    )
+    return replace(certificate, remarks=(*certificate.remarks, remark))
 
 
 def _compare_with_page(

@@ -23,7 +23,7 @@ from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
 from grader.numerics.stability.growth import measure_silent_growth
-from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
 from grader.questions import ModelXml, OptionKey
 
 NONE = re.compile(r"\b(none|neither|no option)\b", re.IGNORECASE)
@@ -100,8 +100,12 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
         keys = {"readouts": "verify.claims"}
         return run_experiment(measuring, xml, verify.controls, seconds=verify.seconds, variant=variant, keys=keys)
 
+    rederived = False
+
     def read(variant: Variant) -> Reading:
+        nonlocal rederived
         done = run(variant)
+        rederived |= done.rederived
         found = [check_claim(claim, done, values) for claim, values in zip(claims, done.readouts, strict=True)]
         return [holds for holds, _ in found], [number for _, number in found]
 
@@ -119,7 +123,11 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
         why = f"the claims depend on round-off or on the timestep: {shown}"
         return refuse("outcome", key.answer, why, key="answer", measured=measured, failed="agreement of all runs")
     right = [i for i, true in enumerate(truths[0]) if true]
-    return replace(certify_choice("outcome", right, key.answer, key.options, measured), regime=regime)
+    remarks: tuple[str, ...] = ()
+    if rederived and read(Variant(as_stepped=True))[0] != truths[0]:
+        remarks = ("The course's page shows another outcome: after a step of RK4 data is of its last stage.",)
+    certificate = certify_choice("outcome", right, key.answer, key.options, measured)
+    return replace(certificate, regime=regime, remarks=remarks)
 
 
 def _infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:

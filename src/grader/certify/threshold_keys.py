@@ -13,7 +13,8 @@ from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
 from grader.numerics.stability.equilibrium import find_equilibrium_of_motion
-from grader.numerics.stability.linear import compute_spectral_radius, find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
+from grader.numerics.stability.linear import compute_spectral_radius
 from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit
 

@@ -28,11 +28,13 @@ def advise(
     ctrl: Annotated[str | None, typer.Option(help="Controls, separated by commas; constant during the run.")] = None,
     perturb: Annotated[float, typer.Option(help="Add to every velocity a random number of this size at most.")] = 0.0,
     budget: Annotated[float, typer.Option(help="Seconds after which the best of what was measured is chosen.")] = 60.0,
+    page: Annotated[Path | None, typer.Option(help="Write the work-precision diagram and its table as HTML.")] = None,
 ) -> None:
     """Pick integrator and timestep by the lesson's procedure, with the measurements.
 
-    Exits with 1 if no setting passes, or if it cannot be told.
+    Exits with 1 if no setting passes, or if it cannot be told for the whole run.
     """
+    from grader.studies.advise.page import draw_page
     from grader.studies.advise.report import Start
     from grader.studies.advise.report import advise as measure
 
@@ -43,7 +45,9 @@ def advise(
         place = named if named.is_file() else Path(model)
         advice = measure(place, quantity, tol, seconds, start=start, budget_s=budget, progress=status.update)
     print(advice)
-    if advice.choice is None:
+    if page is not None:
+        page.write_text(draw_page(advice, model), encoding="utf-8")
+    if advice.choice is None or advice.selection.until_s is not None:
         sys.exit(1)
 
 

@@ -62,7 +62,7 @@ def grade(
 
     if as_json and form is not None:
         raise Unprocessable("Give either --json or --format.")
-    library = load(read_settings().content)
+    library = load(read_settings().content, quiz)
     asked = library.question(quiz, question)
     kind = kind_of(asked)
     is_script = kind.is_script

@@ -28,11 +28,12 @@ from grader.exercises.runner import (
     plan_exercise,
     prepare_exercise,
 )
+from grader.exercises.visible import describe_exercise, list_visible_models
 
 __all__ = [
-    "GROUP", "Case", "DrawnCase", "ExerciseParameters", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer",
-    "Limits", "Measurement", "NotNegative", "Number", "Plan", "Points", "Positive", "Progress", "Range", "Real",
-    "Results", "Strict", "Tell", "TextOf", "Trial", "Value", "WrongParameter", "check_exercise",
-    "compute_chance_of_luck", "draw_number", "judge_exercise", "load_kinds", "plan_exercise", "prepare_exercise",
-    "write_lazy_answers",
+    "GROUP", "Case", "DrawnCase", "ExerciseParameters", "Intervals", "JudgedTrial", "Judgement", "Kind",
+    "LazyAnswer", "Limits", "Measurement", "NotNegative", "Number", "Plan", "Points", "Positive", "Progress",
+    "Range", "Real", "Results", "Strict", "Tell", "TextOf", "Trial", "Value", "WrongParameter", "check_exercise",
+    "compute_chance_of_luck", "describe_exercise", "draw_number", "judge_exercise", "list_visible_models",
+    "load_kinds", "plan_exercise", "prepare_exercise", "write_lazy_answers",
 ]  # fmt: skip

@@ -6,19 +6,21 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grader.domain.run import Limits
+from grader.exercises.judgement import Judgement, Outcome, Results
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
-from grader.questions import ModelXml
+from grader.questions import ModelXml, Reveal
 from grader.questions.kinds.script import ScriptQuestion
+
+__all__ = [
+    "Content", "DrawnCase", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Measurement", "Results",
+    "TextOf", "Trial",
+]  # fmt: skip
 
 TextOf = Callable[[str], str]
 """Returns the text of a file of the content folder by its path in it; raises GraderError if it cannot be read."""
-
-Results = Mapping[str, NDArray[np.generic]]
-"""The arrays that a driver submitted in one trial, by name. They are claims of the student's process."""
 
 Intervals = Sequence[tuple[float, float]]
 """Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) means None."""
@@ -26,7 +28,6 @@ Intervals = Sequence[tuple[float, float]]
 P = TypeVar("P", bound=ExerciseParameters)
 C = TypeVar("C", bound=Case)
 Problem = TypeVar("Problem")
-Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -73,27 +74,6 @@ class Trial(Generic[Problem]):
     entries: tuple[str, ...] = ()
     hidden: bool = False
     case: Case | None = None
-
-
-@dataclass(frozen=True)
-class Judgement(Generic[Outcome]):
-    """A kind's judgement on one trial. `message` is a sentence without numbers of the case, of the student's result, or
-    of the expected result. It tells the direction of an error at most. `detail` is a sentence that may have numbers;
-    the runner leaves it, `measured` and `expected` out of hidden trials. `measured` and `expected` are plain JSON.
-    `outcome` is what the kind passes to its `name_mistake` and `build_pictures`; None if the script raised.
-
-    A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
-    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed."""
-
-    passed: bool
-    message: str
-    outcome: Outcome
-    detail: str = ""
-    measured: Any = None
-    expected: Any = None
-    needs: tuple[str, ...] = ()
-    unmet: str = ""
-    review: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +126,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     simulate it in `judge`, which runs in the grader's own process."""
     without_integrators: bool = False
     """Whether MuJoCo's integrators are removed before the functions are called; calling one is then forbidden."""
+    how: str = ""
+    """How a visible case is judged, in a sentence or two for learners."""
     needs_model: bool = True
     """Whether a case without a model is a fault."""
     mistakes_tell_size: bool = True
@@ -173,6 +155,15 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds. The student's
         process may have forged the results: check names, shapes and types. Floats are finite. The trace is left out."""
+
+    def describe_inputs(self, trial: Trial[Problem]) -> Mapping[str, Any]:
+        """Returns the inputs of a visible trial for the learner's own machine, where nothing is traced."""
+        return trial.inputs
+
+    def describe_problem(self, reveal: Reveal | None, parameters: P, trial: Trial[Problem]) -> Mapping[str, Any] | None:
+        """Returns as plain JSON what judges a visible trial on the learner's own machine: nothing that the feedback on
+        a wrong answer would not tell with this `reveal` of the author's. None where only the server judges."""
+        return None
 
     def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
         """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.

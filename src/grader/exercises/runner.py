@@ -23,6 +23,7 @@ from grader.errors import Fault, GraderError, JailFault, NotFound
 from grader.exercises import catching, harness, recorder
 from grader.exercises.crashes import explain_error, explain_hidden_slip
 from grader.exercises.embedding import embed_code
+from grader.exercises.judgement import list_counting
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, TextOf, Trial
 from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
 from grader.exercises.parameters import (
@@ -365,12 +366,9 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
 
 
 def settle(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
-    """Decides which trials count: those that passed and need no other, or need one that passed and needs none."""
-    firm = {one.trial.id for one in judged if one.judgement.passed and not one.judgement.needs}
-    return [
-        replace(one, counts=one.judgement.passed and (not one.judgement.needs or bool(firm & {*one.judgement.needs})))
-        for one in judged
-    ]
+    """Decides which trials count."""
+    counting = list_counting({one.trial.id: one.judgement for one in judged})
+    return [replace(one, counts=one.trial.id in counting) for one in judged]
 
 
 def build_titles(plan: Plan) -> list[str]:

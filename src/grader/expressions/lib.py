@@ -140,7 +140,7 @@ def _cross(m: Machine, a: Value, b: Value) -> Value:
 
 
 FUNCTIONS: dict[str, Callable[..., Value]] = {
-    # {total, kinetic, potential} [J], of the start of the last step, as MuJoCo computes it
+    # {total, kinetic, potential} [J], of the start of the last step, of the state itself under RK4
     "energy": _energy,
     # world position [x, y, z] [m]
     "bodyPos": lambda m, name: _view(m, "body", name).xpos.tolist(),

@@ -192,9 +192,14 @@ class Graders:
         self._all: list[GradingProcess] = []
         self.jail: Mapping[str, Any] = {}
 
-    def start(self) -> None:
-        """Starts the processes, all at the same time. Raises JailRefused."""
+    def begin(self) -> None:
+        """Starts the processes without waiting for them; `start` does."""
         self._all = [self._new() for _ in range(self._count)]
+
+    def start(self) -> None:
+        """Starts the processes, all at the same time, unless they have begun; waits for them. Raises JailRefused."""
+        if not self._all:
+            self.begin()
         try:
             for process in self._all:
                 process.wait_until_ready()

@@ -43,6 +43,7 @@ class LabRun:
     drawn over the scene, frame by frame (`grader.numerics.drawing`).
     `times` [s] are the lab's own, which go on when MuJoCo resets the state. `poses` are positions (geoms, 3) [m] and
     rotation matrices (geoms, 9) of the drawn `geoms`; a row holds the readouts, the traces of the plots and the trail.
+    `rederived` says that derived quantities were computed again for the states shown, as RK4 leaves others.
     `limit` is None where the lab has no slider of the timestep, or nothing that can be linearised.
     """
 
@@ -56,6 +57,7 @@ class LabRun:
     warnings: list[MujocoWarning] = field(default_factory=list)
     failed: dict[int, tuple[LabError, int]] = field(default_factory=dict)
     overlays: dict[str, list[list[list[float]]]] = field(default_factory=dict)
+    rederived: bool = False
     limit: Limit | None = None
     seconds: float = 0.0
     duration_s: float = 0.0

@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from math import ceil, isfinite
 
@@ -19,7 +20,7 @@ from grader.labs.programs import LabPrograms, compile_lab
 from grader.labs.record import LabRun
 from grader.numerics.drawing import list_drawn_geoms, list_overlays
 from grader.numerics.scene import FULL_STATE, Scene
-from grader.numerics.stepping import take_warnings
+from grader.numerics.stepping import derive_copy, derives_last_stage, take_warnings
 from grader.numerics.workspace import Workspace
 
 SECONDS_TO_WATCH, SECONDS_OF_A_PLOT, SECONDS_TO_READ = 3.0, 5.0, 10.0
@@ -42,7 +43,8 @@ class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
     position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
     `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step.
-    The motion is linearised at `probes` moments, until MuJoCo resets it."""
+    The motion is linearised at `probes` moments, until MuJoCo resets it. With `as_stepped` derived quantities are shown
+    as mj_step left them, also where they belong to RK4's last stage."""
 
     integrator: int | None = None
     finer: float = 1
@@ -50,6 +52,7 @@ class Variant:
     every_step: bool = False
     close_up_s: float = 0.0
     probes: int = 0
+    as_stepped: bool = False
 
 
 SAME = Variant()
@@ -67,9 +70,11 @@ class LabSimulation:
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         mujoco.mj_setState(self.model, self.data, scene.start_vector, FULL_STATE)
         self.machine, self.saved = Machine(self.model, self.data), scene.start_vector.copy()
-        self.shown: list[Run] = [program.bind(self.machine) for program in programs.shown]
+        self.own_shown, self.shown_machine = self._bind_shown(self.machine), self.machine
+        self.shown = self.own_shown
+        self.refreshed: tuple[list[Run], Machine] | None = None
         self.presses: deque[tuple[float, Program]] = deque()
-        self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
+        self.every_step, self.close_up_s, self.as_stepped, self.elapsed = False, 0.0, False, 0.0
         self.overlays = list_overlays(config.over_the_scene)
         self.probe_times: list[float] = []
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
@@ -80,6 +85,25 @@ class LabSimulation:
         drawn = list_drawn_geoms(self.model)
         self.geoms, self.record.geoms = list(drawn), list(drawn.values())
 
+    def _bind_shown(self, machine: Machine) -> list[Run]:
+        return [program.bind(machine) for program in self.programs.shown]
+
+    def _refresh(self) -> None:
+        """Choose the data that is shown: the run's own, or after RK4 a copy, derived again from its state.
+
+        RK4 leaves those of its last stage, which is no state of the run. The run itself goes on unchanged.
+        """
+        self.shown, self.shown_machine = self.own_shown, self.machine
+        if self.as_stepped or not self.record.steps or not derives_last_stage(self.model):
+            return
+        if self.refreshed is None:
+            machine = Machine(self.model, mujoco.MjData(self.model))
+            machine.ctx, machine.budget = self.machine.ctx, self.machine.budget
+            self.refreshed = self._bind_shown(machine), machine
+        self.shown, self.shown_machine = self.refreshed
+        self.record.rederived = True
+        self._call(partial(derive_copy, copy=self.shown_machine.data))
+
     def _set(self, values: Mapping[str, OptionValue], wanted: Callable[[Slider | Select], bool]) -> None:
         for control, programs in self.programs.setters:
             for program in programs if wanted(control) else ():
@@ -87,7 +111,7 @@ class LabSimulation:
 
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
-        self.every_step, self.close_up_s = variant.every_step, variant.close_up_s
+        self.every_step, self.close_up_s, self.as_stepped = variant.every_step, variant.close_up_s, variant.as_stepped
         self.model.opt.timestep /= variant.finer
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator
@@ -182,10 +206,12 @@ class LabSimulation:
             if not self.record.warnings:
                 self.record.probes.append(probe_motion(self.model, self.data))
         self.record.times.append(self.elapsed)
+        self._refresh()
         if not self.every_step:  # a certificate draws no geoms
-            self.record.poses.append((self.data.geom_xpos[self.geoms], self.data.geom_xmat[self.geoms]))
+            data = self.shown_machine.data
+            self.record.poses.append((data.geom_xpos[self.geoms], data.geom_xmat[self.geoms]))
             for name, drawn in self.overlays:
-                self.record.overlays.setdefault(name, []).append(drawn(self.model, self.data))
+                self.record.overlays.setdefault(name, []).append(drawn(self.model, data))
         self.record.rows.append([self._value(i, run) for i, run in enumerate(self.shown)])
 
     def _value(self, index: int, run: Run) -> Value:
@@ -205,7 +231,7 @@ class LabSimulation:
                 line
                 if program is None
                 else (line if isinstance(line, dict) else {})
-                | {"y": _measure_height(self._value(next(lines), program.bind(self.machine)))}
+                | {"y": _measure_height(self._value(next(lines), program.bind(self.shown_machine)))}
                 for line, program in zip(plot.refLines, programs, strict=True)
             ]
             self.record.reference_lines.append(drawn)

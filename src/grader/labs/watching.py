@@ -9,7 +9,7 @@ from grader.domain.lab import LabConfig, Slider
 from grader.labs.controls import Wish
 from grader.labs.record import LabRun, Limit
 from grader.labs.runs import Event, Variant, build_lab_scene, run_lab
-from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
 
 SHORT_S = 0.5
 """A first warning before this time is a short event."""

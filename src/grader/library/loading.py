@@ -32,6 +32,7 @@ class _Loading:
     """The files read so far, with faults and warnings; `compiled` are the models that MuJoCo accepts."""
 
     root: Path
+    only: str | None = None
     faults: list[Fault] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
     models: dict[str, str] = field(default_factory=dict)
@@ -44,10 +45,11 @@ class _Loading:
     sources: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
-def load(root: Path) -> Library:
+def load(root: Path, only: str | None = None) -> Library:
     """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`. Raises ContentError with
-    all faults of all files."""
-    loading = _Loading(root)
+    all faults of all files. With `only`, the library holds that quiz alone: all files are read, but neither labs nor
+    exercises of other quizzes are tried, which takes most of the time."""
+    loading = _Loading(root, only)
     _load_models(loading)
     names = list_files(root, "quizzes", "*.json")
     if not names:
@@ -100,6 +102,8 @@ def _load_quiz(loading: _Loading, file: str) -> None:
     refused = [fault for key, part in known for fault in inline_faults(part, file, key)]
     loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file), *refused]
     keys = [fault.key for fault in refused]
+    if loading.only not in (None, raw.get("id")):
+        return
     tried = [p for p in (*parsed.questions, *parsed.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
     named: dict[str, str] = {}
     text_of = partial(_read_into, named, loading.root)

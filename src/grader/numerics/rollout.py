@@ -23,7 +23,8 @@ class Rollout(NamedTuple):
     step (n,), time [s] (n,), qpos (n, nq), qvel (n, nv), act (n, na), beginning with the start. `diverged_at_step` is
     the number of completed steps before the one that raised `warning`, None for a run that did not diverge; `warning`
     is None if time ran backwards without one. `steps` counts the completed steps. `timestep_s` [s] and `integrator` are
-    those of the start. The states are stored together,
+    those of the start. `unconstrained` says that mj_step alone took the steps, that the run did not diverge, and
+    that MuJoCo found no contact and no active constraint at any of its evaluations. The states are stored together,
     (n, 1 + nq + nv + na), and `columns` are those of qpos, qvel and act.
     """
 
@@ -35,6 +36,7 @@ class Rollout(NamedTuple):
     steps: int
     diverged_at_step: int | None
     warning: mjtWarning | None
+    unconstrained: bool
 
     @property
     def time(self) -> Vector:
@@ -60,13 +62,15 @@ class Rollout(NamedTuple):
 def simulate(
     scene: Scene, *, seconds: float | None = None, steps: int | None = None, timestep_s: float | None = None,
     integrator: int | None = None, every: int = 1, at_s: Sequence[float] | Vector | None = None,
-    controller: Controller | None = None, stepper: Stepper | None = None, skip: bool = True,
+    controller: Controller | None = None, stepper: Stepper | None = None, skip: bool = True, repeat: bool = False,
 ) -> Rollout:  # fmt: skip
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
     Keeps the states of every `every`-th step and of the last, or of the steps nearest to the times `at_s` [s after the
     start]. A `controller(model, data)` is called before each step and may read and write anything; no part of the
-    engine is then skipped. A `stepper(model, data)` replaces mj_step; it may read anything, and write `data`.
+    engine is then skipped. With `repeat` constraints are skipped too where this scene may need them, but a run from its
+    start at the same timestep, under the same integrator and as long or longer, did not. A `stepper(model, data)`
+    replaces mj_step; it may read anything, and write `data`.
 
     Raises ValueError for a length or timestep that is not finite, is negative or takes more than STEPS_MAX steps, and
     for a stepper that wrote its model; mujoco.FatalError if the memory of the model is too small.
@@ -77,12 +81,17 @@ def simulate(
     if skip and keep and stepper is not None:
         workspace.option.disableflags |= list_skippable_flags(scene.needs, sensors_read=True)
     count = _count_steps(workspace.timestep_s, seconds, steps)
+    setting = (workspace.timestep_s, workspace.integrator)
+    if repeat and bare and count <= scene.unconstrained.get(setting, 0):
+        workspace.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     wanted = _choose_steps(count, every, at_s, workspace.timestep_s)
     advance = advance_exactly if controller is None and stepper is None else make_advance(controller, stepper)
     written = _save_model(workspace.model) if stepper is not None and keep else b""
     rollout = _record(workspace, scene.start_vector, wanted, advance)
     if written and _save_model(workspace.model) != written:
         raise ValueError("a stepper may not write its model, which later runs use too")
+    if rollout.unconstrained:
+        scene.unconstrained[setting] = max(rollout.steps, scene.unconstrained.get(setting, 0))
     if keep and not skip and rollout.diverged_at_step is None:
         assert_proved(scene.needs, workspace.data)
     if keep:
@@ -148,4 +157,7 @@ def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], adva
     diverged = done < target
     warning = find_first_warning(workspace) if diverged else None
     setting = (workspace.columns, workspace.timestep_s, workspace.integrator)
-    return Rollout(wanted, rows, *setting, done, done if diverged else None, warning)
+    # MuJoCo keeps the most contacts and constraints of any evaluation since the reset: RK4's stages count too.
+    plain = advance is advance_exactly and not diverged
+    unconstrained = plain and data.maxuse_con == 0 and data.maxuse_efc == 0
+    return Rollout(wanted, rows, *setting, done, done if diverged else None, warning, unconstrained)

@@ -111,6 +111,23 @@ def make_advance_until(kind: mjtWarning) -> Callable[[Workspace, int], int]:
     return advance
 
 
+def derives_last_stage(model: mujoco.MjModel) -> bool:
+    """Whether mj_step leaves derived quantities, such as energy and xpos, of RK4's last stage: of no state of the run.
+
+    Every other integrator leaves those of the state at which the step began.
+    """
+    return bool(model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4)
+
+
+def derive_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> None:
+    """Give `copy` the state of `data`, and derived quantities that belong to it; `data` stays as it is, bit for bit.
+    Raises mujoco.FatalError if the memory of the model is too small."""
+    state = np.empty(mujoco.mj_stateSize(model, FULL_STATE))
+    mujoco.mj_getState(model, data, state, FULL_STATE)
+    mujoco.mj_setState(model, copy, state, FULL_STATE)
+    mujoco.mj_forward(model, copy)
+
+
 def find_first_warning(workspace: Workspace) -> mjtWarning | None:
     """Returns the first kind of warning with a count, in the order of mjtWarning; None if there is none."""
     return next(_list_kinds(workspace.counts), None)

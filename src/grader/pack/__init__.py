@@ -1,5 +1,5 @@
-"""Packs an exercise for another grader: Gradescope's autograder folder. The package holds one question with its models,
-and the grader as a wheel."""
+"""Packs an exercise for others: Gradescope's autograder folder, which holds one question with its models and the grader
+as a wheel; and the kit of a learner, which holds nothing hidden."""
 
 from grader.pack.gradescope import Packed, pack_gradescope
 

@@ -17,6 +17,7 @@ from fastapi.concurrency import run_in_threadpool
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from grader.api import openapi, routes
+from grader.api.learning.short_answers import ShortAnswersMiddleware
 from grader.courses.answering.intake import store_answers
 from grader.courses.people.pseudonyms import Blinding
 from grader.courses.reporting.quiz_statistics import Statistics
@@ -32,6 +33,7 @@ from grader.gate.readiness import Check, Readiness
 from grader.gate.requests import RequestsMiddleware
 from grader.gate.services import Services, services_in
 from grader.grading.content import Contents
+from grader.grading.processes import Graders
 from grader.logs import is_json, log_to_stderr
 from grader.platforms.keys import ToolKeys
 from grader.platforms.launching.fetching import PlatformKeys
@@ -60,10 +62,10 @@ YOUNG_OBJECTS = 10_000
 FAULT = 3
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The whole service as one ASGI app. Raises ContentError if the content has faults."""
+def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
+    """The whole service as one ASGI app; `graders` may have begun. Raises ContentError if the content has faults."""
     log_to_stderr(as_json=is_json(settings.log_format))
-    services = build_services(settings)
+    services = build_services(settings, graders or build_graders(settings))
     app = FastAPI(
         title="MuJoCo grader",
         version=version("mujoco-grader"),
@@ -78,6 +80,7 @@ def create_app(settings: Settings) -> FastAPI:
     routes.include_in(app)
     app.include_router(pages)
     openapi.install(app, settings.origin if settings.public_origin else None)
+    app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
     app.add_middleware(RequestsMiddleware)
     if settings.trusted_proxies:
@@ -85,11 +88,10 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-def build_services(settings: Settings) -> Services:
+def build_services(settings: Settings, graders: Graders) -> Services:
     """Builds the objects that the routes share, on a migrated database. Nothing is started yet."""
     database = open_database(settings)
     content = Contents(settings.content, settings.courses, database)
-    graders = build_graders(settings)
     worker = build_worker(
         settings, database, content.archive, graders, deliveries_of(settings, database, content.archive)
     )
@@ -207,22 +209,27 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     )  # fmt: skip
 
 
-def run_server(settings: Settings) -> None:
-    """Serves in this process. Exits 3 if it cannot start."""
+def run_server(settings: Settings, graders: Graders) -> None:
+    """Serves in this process, with grading processes that have begun. Exits 3 if it cannot start."""
 
     def ready(port: int, app: FastAPI) -> None:
         checks = services_in(app).readiness.checks
         tell_addresses(settings.model_copy(update={"port": port}), checks["jail"]() if "jail" in checks else {})
 
-    run_app(settings, ready)
+    run_app(settings, ready, graders=graders)
 
 
-def run_app(settings: Settings, ready: Callable[[int, FastAPI], None], listener: socket.socket | None = None) -> None:
+def run_app(
+    settings: Settings,
+    ready: Callable[[int, FastAPI], None],
+    listener: socket.socket | None = None,
+    graders: Graders | None = None,
+) -> None:
     """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again. Calls
     `ready` with the port and the app. Exits 3 if it cannot start."""
     sys.setswitchinterval(SWITCH_S)
     gc.set_threshold(YOUNG_OBJECTS)
-    app = create_app(settings)
+    app = create_app(settings, graders)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
     server = Server(server_config(app, settings), lambda port: ready(port, app))
     server.run(None if listener is None else [listener])

@@ -137,12 +137,10 @@ class Child:
 
 def serve(settings: Settings) -> None:
     """Serves until a signal ends it; SIGHUP loads the content again. Exits with another status if it cannot start."""
-    if settings.processes == 1:
-        from grader.service.app import run_server
-
-        run_server(settings)
-        return
     log_to_stderr(as_json=is_json(settings.log_format))
+    if settings.processes == 1:
+        serve_alone(settings)
+        return
     stopping = threading.Event()
     with ExitStack() as stack:
         listener = stack.enter_context(open_listener(settings.host, settings.port))
@@ -159,6 +157,20 @@ def serve(settings: Settings) -> None:
             with ThreadPoolExecutor(len(children)) as pool:
                 list(pool.map(Child.end, children))
     sys.exit(status)
+
+
+def serve_alone(settings: Settings) -> None:
+    """Serves in this process. The jails start while the app is imported and the content is checked."""
+    from grader.grading.processes import Graders
+
+    graders = Graders(settings.workers, allow_t2=settings.allow_t2)
+    try:
+        graders.begin()
+        from grader.service.app import run_server
+
+        run_server(settings, graders)
+    finally:
+        graders.close()
 
 
 def catch_signals(children: Sequence[Child], stopping: threading.Event) -> None:

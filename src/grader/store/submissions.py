@@ -73,14 +73,20 @@ class SubmissionFilter:
         return [getattr(Submission, name) == value for name, value in vars(self).items() if value is not None]
 
 
+def make(**columns: Any) -> Submission:
+    """A new submission with these columns, for `add`. It is made as if it had been read: to set the columns of a mapped
+    object one by one takes ten times as long."""
+    made: Submission = Submission.__mapper__.class_manager.new_instance()
+    vars(made).update(columns)
+    return made
+
+
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
     """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table. The
     objects get their state, and are not followed by the session."""
     clock = clock or now()
     for submission, verdict in new:
-        submission.version, submission.created_at = 1, clock
-        for name, value in (NEW if verdict is None else _settled(verdict, 1)).items():
-            setattr(submission, name, value)
+        vars(submission).update(version=1, created_at=clock, **NEW if verdict is None else _settled(verdict, 1))
     graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
     insert_rows(
         session,

@@ -43,11 +43,12 @@ def now() -> datetime:
     return datetime.now(UTC)
 
 
-def new_id(after: str = "") -> str:
-    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits. It sorts behind the
-    id `after`, also where the clock has been set back or shows the same millisecond."""
+def new_id(after: str = "", random: str = "") -> str:
+    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits: 20 digits that may
+    be drawn before. It sorts behind the id `after`, also where the clock has been set back or shows the same
+    millisecond."""
     earliest = int(after[:12], 16) + 1 if after else 0
-    return f"{max(int(now().timestamp() * 1000), earliest):012x}{secrets.token_hex(10)}"
+    return f"{max(int(now().timestamp() * 1000), earliest):012x}{random or secrets.token_hex(10)}"
 
 
 def first_id(moment: datetime) -> str:

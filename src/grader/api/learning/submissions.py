@@ -4,14 +4,13 @@ import json
 import zlib
 from collections.abc import Callable, Coroutine, Sequence
 from datetime import datetime
-from functools import partial
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import to_json
 from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
@@ -38,20 +37,25 @@ from grader.store.tables import Submission
 router = APIRouter()
 
 
-SHORT_CHARACTERS = 1000
-"""Answers up to here are read and graded in the event loop."""
+class AnswerFields(BaseModel):
+    """An answer to one question, in a body that is short."""
 
-
-class AnswerBody(RequestBody):
-    """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
-    parts a list of indices or ids, or an object with a text, a number or an id for each."""
+    model_config = ConfigDict(extra="forbid")
 
     quiz: str = Field(max_length=64)
     question: str = Field(max_length=64)
     answer: Any
 
 
-IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=255)]
+class AnswerBody(AnswerFields, RequestBody):
+    """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
+    parts a list of indices or ids, or an object with a text, a number or an id for each."""
+
+
+KEY_MAX = 255
+"""Longest idempotency key [characters]."""
+
+IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=KEY_MAX)]
 """The same key makes the same submission."""
 
 
@@ -121,17 +125,11 @@ answers = APIRouter(prefix=PREFIX, route_class=AnswerRoute)
 async def create_submission(request: Request, body: AnswerBody, idempotency_key: IdempotencyKey = None) -> Response:
     """Hands in an answer: 201 with the verdict if it is instant, else 202."""
     services, who = services_in(request.app), identity_in(request.scope)
-    read = partial(read_answer, services, who, body, idempotency_key)
-    answer = read() if is_short(body.answer) else await run_in_threadpool(read)
+    answer = await run_in_threadpool(read_answer, services, who, body, idempotency_key)
     return created(SUBMISSIONS, await services.writer.put(answer))
 
 
-def is_short(answer: Any) -> bool:
-    """Whether an answer is read and graded in some tenths of a millisecond: a change of threads costs as much."""
-    return isinstance(answer, int | float) or (isinstance(answer, str) and len(answer) <= SHORT_CHARACTERS)
-
-
-def read_answer(services: Services, who: Identity, body: AnswerBody, key: str | None) -> NewAnswer:
+def read_answer(services: Services, who: Identity, body: AnswerFields, key: str | None) -> NewAnswer:
     """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable."""
     pipeline = services.content.of(who.course).pipeline
     parsed, verdict = pipeline.read_and_grade(body.quiz, body.question, body.answer)

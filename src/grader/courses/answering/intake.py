@@ -1,8 +1,10 @@
 """Intake of new answers: they are decided on and stored, all that wait in one transaction."""
 
+import secrets
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +24,7 @@ from grader.store.engine.database import Database
 from grader.store.intake import AnswerKeys, QuestionState, StoredOfAnswer
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import IdempotencyKey, Submission, new_id, now
+from grader.store.tables import IdempotencyKey, Submission, new_id
 
 CREATED, ACCEPTED = 201, 202
 RETRY_S = 30
@@ -60,7 +62,7 @@ def store_answers(database: Database, session: Session, answers: Sequence[NewAns
     """Decides on answers in the order of their coming, and stores those that are taken. Returns the receipt of each,
     which holds once the transaction is committed, or else Unauthorized, Unprocessable, Conflict or TooManyRequests."""
     database.lock_learners(session, {(answer.who.course, answer.who.id) for answer in answers})
-    batch = AnswerBatch(session)
+    batch = AnswerBatch(session, len(answers))
     keys = [AnswerKeys(answer.place, answer.who.credential, answer.key) for answer in answers]
     outcomes: list[Receipt | CallerError] = []
     for answer, stored in zip(answers, intake.read(session, keys, batch.clock), strict=True):
@@ -75,8 +77,10 @@ def store_answers(database: Database, session: Session, answers: Sequence[NewAns
 class AnswerBatch:
     """Answers of one transaction that were accepted, and what follows from them."""
 
-    def __init__(self, session: Session) -> None:
-        self.clock = now()
+    def __init__(self, session: Session, most: int) -> None:
+        self.clock = datetime.now(UTC)
+        digits = secrets.token_hex(10 * most)  # at once: after each call of the system a thread waits for its turn
+        self._random = [digits[at : at + 20] for at in range(0, len(digits), 20)]
         self._session = session
         self._accepted: list[tuple[NewAnswer, Receipt]] = []
         self._states: dict[LearnerAt, QuestionState] = {}
@@ -94,7 +98,7 @@ class AnswerBatch:
             raise Conflict(decision.why_not)
         if answer.verdict is None:
             self._refuse_flood(answer)
-        submission = make_submission(answer, new_id(state.newest_id), 1 + state.progress.used)
+        submission = make_submission(answer, new_id(state.newest_id, self._random.pop()), 1 + state.progress.used)
         state.progress = state.progress.after(None if answer.verdict is None else answer.verdict.status)
         state.newest_id = submission.id
         self._states[answer.place] = state
@@ -154,7 +158,7 @@ class AnswerBatch:
 def make_submission(answer: NewAnswer, submission_id: str, attempt: int) -> Submission:
     """The row of a new answer."""
     parsed = answer.parsed
-    return Submission(
+    return submissions.make(
         **answer.place._asdict(), id=submission_id, user=answer.who.user, answer=parsed.text, seed=parsed.seed,
         content_digest=parsed.content_digest, attempt=attempt
     )  # fmt: skip

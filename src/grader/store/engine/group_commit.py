@@ -8,7 +8,9 @@ gather. It is ordinary SQLAlchemy in an ordinary transaction; the caller says ho
 
 import asyncio
 import threading
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
@@ -39,19 +41,29 @@ class PendingItem(Generic[Item]):
     future: asyncio.Future[Any]
 
     def resolve(self, outcome: Any) -> None:
-        """Lets the request go on with the outcome, or raises it there. For any thread; the request may have gone."""
-        try:
-            self.future.get_loop().call_soon_threadsafe(self._set, outcome)
-        except RuntimeError:  # the event loop is closed, and the request has ended
-            return
-
-    def _set(self, outcome: Any) -> None:
+        """Lets the request go on with the outcome, or raises it there; the request may have gone."""
         if self.future.done():
             return
         if isinstance(outcome, Exception):
             self.future.set_exception(outcome)
         else:
             self.future.set_result(outcome)
+
+
+def resolve_all(batch: Sequence[PendingItem[Any]], outcomes: Sequence[Any]) -> None:
+    """Lets the requests of a batch go on, each in its own event loop; a server has one."""
+    by_loop = defaultdict[asyncio.AbstractEventLoop, list[tuple[PendingItem[Any], Any]]](list)
+    for pending, outcome in zip(batch, outcomes, strict=True):
+        by_loop[pending.future.get_loop()].append((pending, outcome))
+    for loop, pairs in by_loop.items():
+        with suppress(RuntimeError):  # the event loop is closed, and its requests have ended
+            loop.call_soon_threadsafe(resolve_each, pairs)
+
+
+def resolve_each(pairs: Iterable[tuple[PendingItem[Any], Any]]) -> None:
+    """Resolves items, in their event loop."""
+    for pending, outcome in pairs:
+        pending.resolve(outcome)
 
 
 class GroupCommit(Generic[Item, Outcome]):
@@ -123,5 +135,4 @@ class GroupCommit(Generic[Item, Outcome]):
                     self._store_batch([pending])
                 return
             outcomes = [error] * len(batch)
-        for pending, outcome in zip(batch, outcomes, strict=True):
-            pending.resolve(outcome)
+        resolve_all(batch, outcomes)

@@ -20,15 +20,15 @@ from grader.numerics.integrators import IMPLICITFAST
 from grader.numerics.process import prepare
 from grader.numerics.scene import Scene, Values
 from grader.numerics.stability.equilibrium import find_equilibrium
-from grader.numerics.stability.linear import find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
+from grader.studies.advise.meter import Quantity
+from grader.studies.advise.references import Say
 from grader.studies.advise.selection import (
     QUARTER,
     START,
     TIMESTEPS_S,
     Candidate,
-    Quantity,
     QuantityStill,
-    Say,
     Selection,
     describe_setting,
     select,

@@ -6,26 +6,22 @@ cores. Cost is counted in evaluations of the forward dynamics per simulated seco
 on the load of the machine; only a budget that runs out can leave settings unmeasured, and the selection says so.
 """
 
-import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from math import inf, isclose, isfinite
+from dataclasses import dataclass, field, replace
+from math import inf, isclose, isfinite, nan
 
-import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from grader.numerics.accuracy.convergence import measure_distance, measure_position_distance
-from grader.numerics.accuracy.reference import Reference, find_obstacle, list_sample_times, solve_dop853
+from grader.numerics.accuracy.reference import Reference
 from grader.numerics.integrators import BY_CODE, DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4, Integrator, find_refusal
-from grader.numerics.rollout import Rollout, simulate
+from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import STEPS_MAX
-from grader.studies.advise.measures import measure_quantity
-
-SAMPLE_S = 0.02
-"""Errors are evaluated at multiples of this; every timestep in TIMESTEPS_S divides it."""
+from grader.studies.advise.meter import SAMPLE_S, Meter, Quantity, Run, Setting
+from grader.studies.advise.references import CORES, REFERENCE_S, REFERENCE_SHARE, References, Say
 
 TIMESTEPS_S = (0.0001, 0.0002, 0.00025, 0.0005, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.01, 0.02)
 
@@ -41,32 +37,8 @@ QUARTER = (RK4, 0.0005)
 CONFIRMATIONS = 2
 """A timestep passes if this many of the next smaller ones pass too, so that none passes by accident."""
 
-REFERENCE_SHARE = 0.1
-"""The largest uncertainty of the reference, as a share of the tolerance, at which a choice is made."""
-
-ACCEPTED_SHARE = 0.4
-"""The same where halving has ended: every error then has the distance between different methods added."""
-
-REDUCTION = 2.5
-"""The factor by which a halving may reduce the uncertainty; where even that would not do, halving ends early."""
-
-REFERENCE_S = (0.0002, 0.0001, 0.00005, 0.000025, 0.0000125)
-"""Timesteps [s] of the reference where DOP853 cannot be used: halved until two of them agree."""
-
-RTOLS = (1e-9, 1e-11, 1e-13)
-"""Tolerances of DOP853: tightened until two of them agree."""
-
-RK4_RATIO = 2
-"""The timestep of RK4 relative to that of the method beside it: both then cost about the same."""
-
-CORES = os.cpu_count() or 1
-"""Runs at a time: mj_step releases Python's lock."""
-
-Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
-Setting = tuple[Integrator, float]
-"""An integrator and a timestep [s]."""
-
-Say = Callable[[str], object]
+UNTIL_MIN_S = 0.1
+"""Shortest part of a run [s] for which a choice is made where the whole cannot be told."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +67,8 @@ class Selection:
     `margin` is the tolerance over the error of the best; `reference_error` the uncertainty of the reference. `front`
     holds the candidates that no other beats in both cost and error, the cheapest first. `own` is the model's own
     setting. `told` is the smallest tolerance for which this reference could tell, None if there is no reference.
+    `reference` says how that was made; errors are held against `tolerance`. `until_s` is the time [s] up to which it is
+    certain enough, None for the whole run: the choice is then for that time.
     """
 
     best: Candidate | None
@@ -105,18 +79,13 @@ class Selection:
     front: tuple[Candidate, ...] = ()
     own: Candidate | None = None
     told: float | None = None
+    reference: str = ""
+    tolerance: float = nan
+    until_s: float | None = None
 
 
 class QuantityStill(ValueError):
     """The quantity moves by no more than the tolerance, so that an error says nothing."""
-
-
-class OutOfTime(RuntimeError):
-    """The budget is spent."""
-
-
-class Touched(Exception):
-    """A constraint acts, so that the equations are not smooth."""
 
 
 def select(
@@ -143,7 +112,7 @@ def select(
     with ThreadPoolExecutor(CORES) as pool:
         able = [integrator for integrator in integrators if find_refusal(scene.model, integrator) is None]
         offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
-        meter, until = _Meter(scene, seconds, quantity), time.monotonic() + budget_s
+        meter, until = Meter(scene, seconds, quantity), time.monotonic() + budget_s
         return _Survey(meter, tolerance, offered, until=until, progress=progress, pool=pool).select()
 
 
@@ -172,97 +141,15 @@ def find_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
 
 def _cannot_tell(why: str, doubt: float = inf) -> Selection:
     told = doubt / REFERENCE_SHARE if isfinite(doubt) else None
-    hint = "" if told is None else f"; a tolerance of {told:.1g} or more could be told"
-    return Selection(None, 0.0, f"cannot tell: {why}{hint}", doubt, (), told=told)
+    return Selection(None, 0.0, f"cannot tell: {why}{_hint(told or inf)}", doubt, (), told=told)
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One run with its CPU time per simulated second."""
-
-    rollout: Rollout
-    cpu: float
+def _describe_limit(why: str, told: float, until_s: float) -> str:
+    return f"cannot tell beyond {until_s:g} s: {why}{_hint(told)}; until {until_s:g} s "
 
 
-class _Meter:
-    """Runs a scene and measures errors against a reference, in positions or in a quantity."""
-
-    def __init__(self, scene: Scene, seconds: float, quantity: Quantity | None) -> None:
-        self.scene, self.quantity = scene, quantity
-        self.grid_s = np.asarray(list_sample_times(seconds, SAMPLE_S))
-        self.seconds = float(self.grid_s[-1])
-
-    def times_of(self, timestep_s: float) -> Vector:
-        """Returns the times [s] at which a run is compared: the steps nearest to the multiples of SAMPLE_S."""
-        steps = np.unique(np.rint(self.grid_s / timestep_s))
-        return np.asarray(steps[steps > 0] * timestep_s)
-
-    def run(self, setting: Setting, at_s: Vector | None = None) -> _Run:
-        integrator, timestep_s = setting
-        times = self.times_of(timestep_s) if at_s is None else at_s
-        begin = time.thread_time()
-        rollout = simulate(
-            self.scene, seconds=float(times[-1]), timestep_s=timestep_s, integrator=integrator.code, at_s=times
-        )
-        spent = time.thread_time() - begin
-        return _Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
-
-    def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
-        """Returns a run that is kept at the steps on both sides of every time."""
-        timestep_s = setting[1]
-        steps = times_s / timestep_s
-        around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
-        return self.run(setting, np.asarray(around * timestep_s)).rollout
-
-    def error(self, one: Rollout | Reference, other: Rollout | Reference) -> float:
-        """Returns the sup norm of the difference at the times of `one`; inf if it diverged."""
-        if isinstance(one, Rollout) and one.diverged_at_step is not None:
-            return inf
-        if isinstance(other, Rollout) and other.diverged_at_step is not None:
-            return inf
-        second = _interpolate(self.scene, other, one.time)
-        if self.quantity is None:
-            return measure_distance(self.scene, one, second).qpos
-        values = (measure_quantity(self.scene, run, self.quantity) for run in (one, second))
-        largest = float(np.max(np.abs(np.subtract(*values)), initial=0.0))
-        return largest if isfinite(largest) else inf
-
-    def excursion(self, run: Rollout) -> float:
-        """How far the quantity moves from its start; inf for a run that diverged."""
-        if run.diverged_at_step is not None:
-            return inf
-        if self.quantity is None:
-            start = np.tile(self.scene.start.qpos, (len(run.qpos), 1))
-            return measure_position_distance(self.scene, run.qpos, start)
-        still = simulate(self.scene, steps=0)
-        values = measure_quantity(self.scene, run, self.quantity)
-        return float(np.max(np.abs(values - measure_quantity(self.scene, still, self.quantity)[0]), initial=0.0))
-
-
-def _interpolate(scene: Scene, run: Rollout | Reference, times: Vector) -> Reference:
-    """States at `times`, between two kept ones by linear interpolation. The reference keeps a state within one of its
-    own timesteps on both sides of each time: the error is of second order in that timestep."""
-    after = np.clip(np.searchsorted(run.time, times - 1e-9), 0, len(run.time) - 1)
-    before = np.where(np.abs(run.time[after] - times) < 1e-9, after, np.maximum(after - 1, 0))
-    width = run.time[after] - run.time[before]
-    share = np.divide(times - run.time[before], width, out=np.zeros(len(times)), where=width > 0)[:, None]
-    qpos, qvel, act = (
-        (1 - share) * part[before] + share * part[after] if share.any() else part[after]
-        for part in (run.qpos, run.qvel, run.act)
-    )
-    for row in qpos if share.any() else ():
-        mujoco.mj_normalizeQuat(scene.model, row)
-    return Reference(times, qpos, qvel, act)
-
-
-def _extrapolate(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
-    """Returns the first-order extrapolation of two solutions at the same times, one at half the other's timestep."""
-    qpos, qvel, act = (
-        2 * b - a for a, b in ((coarse.qpos, fine.qpos), (coarse.qvel, fine.qvel), (coarse.act, fine.act))
-    )
-    for row in qpos:
-        mujoco.mj_normalizeQuat(scene.model, row)
-    return Reference(fine.time, qpos, qvel, act)
+def _hint(told: float) -> str:
+    return f"; a tolerance of {told:.1g} or more could be told" if isfinite(told) else ""
 
 
 class _Survey:
@@ -270,7 +157,7 @@ class _Survey:
     each integrator, the largest first; `measured` what was found."""
 
     def __init__(
-        self, meter: _Meter, tolerance: float, offered: Mapping[Integrator, Sequence[float]], *, until: float,
+        self, meter: Meter, tolerance: float, offered: Mapping[Integrator, Sequence[float]], *, until: float,
         progress: Say, pool: ThreadPoolExecutor,
     ) -> None:  # fmt: skip
         self.meter, self.tolerance, self.offered = meter, tolerance, offered
@@ -297,22 +184,51 @@ class _Survey:
                 + f" within {self.meter.seconds:g} s, and a tolerance of {self.tolerance:g} allows any method"
             )
         times = np.unique(np.concatenate([self.meter.times_of(h) for h in (own[1], SAMPLE_S)]))
+        search = References(
+            self.meter, self.tolerance, frozenset(self.offered), until=self.until, evaluation_s=self.evaluation_s,
+            progress=self.progress, pool=self.pool,
+        )  # fmt: skip
         try:
-            reference = self.reference(times)
+            found = search.find(times)
         except RuntimeError as error:
             return _cannot_tell(str(error))
-        if not self.doubt <= ACCEPTED_SHARE * self.tolerance:
-            much = f"too much for a tolerance of {self.tolerance:g}"
-            return _cannot_tell(f"the reference itself is uncertain by {self.doubt:.2g}, {much}", self.doubt)
-        self.take(runs, reference)
-        self.refine(reference)
-        return self.choose(own)
+        self.doubt, told, until_s = float(found.doubts[-1]), float(found.doubts[-1]) / REFERENCE_SHARE, None
+        reason = ""
+        if not search.accepts(self.doubt):
+            reason = "the reference gets stuck"
+            if isfinite(self.doubt):
+                reason = f"the reference itself is uncertain by {self.doubt:.2g}, too much for {self.tolerance:g}"
+            until_s = self.shorten(times, found.doubts, search.accepts(found.doubts), own)
+            if until_s is None:
+                return _cannot_tell(reason, self.doubt)
+            runs = dict(zip(first, self.pool.map(self.meter.run, first), strict=True))
+            reason = _describe_limit(reason, told, until_s)
+        self.take(runs, found.states)
+        self.refine(found.states)
+        chosen = self.choose(own)
+        return replace(
+            chosen, reason=reason + chosen.reason, told=told if isfinite(told) else None, reference=found.method,
+            tolerance=self.tolerance, until_s=until_s,
+        )  # fmt: skip
 
-    def take(self, runs: Mapping[Setting, _Run], reference: Rollout | Reference) -> None:
+    def shorten(self, times: Vector, doubts: Vector, accepted: NDArray[np.bool_], own: Setting) -> float | None:
+        """Measure only as long as the reference is certain enough [s]; None where nothing can be told of that time."""
+        if not accepted.any():
+            return None
+        seconds = SAMPLE_S * int(times[accepted][-1] / SAMPLE_S + 1e-6)
+        if seconds < max(UNTIL_MIN_S, 2 * own[1]):
+            return None
+        shorter = Meter(self.meter.scene, seconds, self.meter.quantity)
+        if shorter.excursion(shorter.run(START).rollout) <= self.tolerance:
+            return None
+        self.meter, self.doubt = shorter, float(doubts[times <= seconds + 1e-9][-1])
+        return seconds
+
+    def take(self, runs: Mapping[Setting, Run], reference: Rollout | Reference) -> None:
         """Hold runs against the reference."""
         self.measured |= {setting: self.candidate(setting, run, reference) for setting, run in runs.items()}
 
-    def candidate(self, setting: Setting, run: _Run, reference: Rollout | Reference) -> Candidate:
+    def candidate(self, setting: Setting, run: Run, reference: Rollout | Reference) -> Candidate:
         integrator, timestep_s = setting
         rollout, warning = run.rollout, None
         if rollout.diverged_at_step is not None:
@@ -320,110 +236,6 @@ class _Survey:
             warning = f"{name} after {rollout.steps * timestep_s:.3g} s"
         error = self.meter.error(rollout, reference)
         return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
-
-    def reference(self, times_s: Vector) -> Rollout | Reference:
-        """Returns the reference solution; `doubt` becomes its distance to solutions of another method or timestep.
-
-        Uses DOP853 at two tolerances where no constraint acts along the whole motion, else RK4, confirmed by itself at
-        twice the timestep and by a method of first order.
-        """
-        if find_obstacle(self.meter.scene) is None or self.starts_free():
-            try:
-                return self.solve_smooth(times_s)
-            except Touched:
-                self.progress("a constraint acts: the reference needs steps")
-        return self.step_pairs(times_s)
-
-    def starts_free(self) -> bool:
-        """Whether constraints are all that hinders DOP853, and none acts at the start."""
-        scene = self.meter.scene
-        if find_obstacle(scene, constraints=False) is not None:
-            return False
-        with scene.borrow() as workspace:
-            mujoco.mj_forward(workspace.model, workspace.data)
-            return int(workspace.data.nefc) == 0
-
-    def solve_smooth(self, times_s: Vector) -> Reference:
-        """Returns the first solution by DOP853 with which the one before agrees, or the last. Raises Touched."""
-        best: Reference | None = None
-        for finer in self.solve(times_s):
-            if best is not None:
-                self.doubt = self.meter.error(self.keep(best, times_s), finer)
-                if self.doubt <= REFERENCE_SHARE * self.tolerance:
-                    return finer
-            best = finer
-        assert best is not None
-        return best
-
-    def step_pairs(self, times_s: Vector) -> Reference | Rollout:
-        """Returns a run of RK4 at ever smaller timesteps, beside one of a first-order method at half of each.
-
-        Euler takes the place of RK4 where that does not run. Ends where the uncertainty is small enough, where no
-        further halving can make it so, or before the budget does.
-        """
-        self.doubt, fourth = inf, RK4 if RK4 in self.offered else EULER
-        best: Rollout | None = None
-        before: tuple[Rollout, Rollout] | None = None
-        for finest_s in REFERENCE_S:
-            settings = ((fourth, RK4_RATIO * finest_s if fourth is RK4 else finest_s), (PREFERENCE[0], finest_s))
-            if not self.lasts(sum(map(self.predicted, settings)) / min(CORES, 2)):
-                break
-            self.progress(f"the reference: {fourth.name} and {PREFERENCE[0].name} at {1e6 * finest_s:g} us")
-            high, low = self.pool.map(self.meter.reference_run, settings, [times_s] * 2)
-            if high.diverged_at_step is not None and fourth is RK4:  # too stiff for an explicit method
-                fourth, before = EULER, None
-                high = self.meter.reference_run((EULER, finest_s), times_s)
-            doubt = inf if before is None else self.measure_doubt(times_s, before, (high, low))
-            if best is None or doubt < self.doubt:
-                self.doubt, best = doubt, high
-            if self.doubt <= REFERENCE_SHARE * self.tolerance or self.is_hopeless(doubt, finest_s):
-                break
-            before = high, low
-        if best is None or before is None:
-            raise OutOfTime("the budget is too small for a reference solution")
-        return best
-
-    def is_hopeless(self, doubt: float, finest_s: float) -> bool:
-        """Whether the halvings that are left cannot reduce the uncertainty enough, judged from the third pair on."""
-        left = sum(h < finest_s for h in REFERENCE_S)
-        least = doubt / REDUCTION**left
-        return isfinite(doubt) and finest_s < REFERENCE_S[1] and least > ACCEPTED_SHARE * self.tolerance
-
-    def measure_doubt(self, times_s: Vector, before: tuple[Rollout, Rollout], now: tuple[Rollout, Rollout]) -> float:
-        """Returns the largest distance of the RK4 run to the one before, and to the method of first order or, where
-        that is nearer, its extrapolation: errors of different methods do not cancel."""
-        if any(run.diverged_at_step is not None for run in (*before, *now)):
-            return inf
-        high, low = (self.keep(run, times_s) for run in now)
-        coarser, lower = (self.keep(run, times_s) for run in before)
-        extrapolated = _extrapolate(self.meter.scene, lower, low)
-        itself = self.meter.error(coarser, high)
-        return max(itself, min(self.meter.error(low, high), self.meter.error(extrapolated, high)))
-
-    def keep(self, run: Rollout | Reference, times_s: Vector) -> Reference:
-        """Returns the states of a run at `times_s` after the start."""
-        return _interpolate(self.meter.scene, run, times_s + self.meter.scene.start.time_s)
-
-    def solve(self, times_s: Vector) -> Iterator[Reference]:
-        """Solutions by DOP853 at ever tighter tolerances, as long as the budget lasts."""
-
-        def forward(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            if time.monotonic() > self.until:
-                raise OutOfTime("the budget is too small for a reference solution")
-            mujoco.mj_forward(model, data)
-            if data.nefc:
-                raise Touched
-
-        found = False
-        for rtol in RTOLS:
-            self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
-            try:
-                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward, constraints=False)
-            except OutOfTime:
-                if not found:
-                    raise
-                return
-            found = True
 
     def predicted(self, setting: Setting) -> float:
         """Returns the expected time [s] of a run on one core."""
@@ -496,9 +308,8 @@ class _Survey:
             cheaper = [c for c in candidates if c.cost < best.cost]
             if lucky := [describe_setting(c) for c in cheaper if self.passes(c) and self.by_accident(c)]:
                 reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
-        told = self.doubt / REFERENCE_SHARE
         front = find_front(candidates)
-        return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own], told)
+        return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own])
 
 
 def _rank(candidate: Candidate) -> tuple[float, int]:

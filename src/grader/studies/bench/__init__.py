@@ -7,8 +7,11 @@ from pathlib import Path
 
 from grader.errors import Unprocessable
 
-PHYSICS = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models")
-STUDIES = (*PHYSICS, "service")
+PHYSICS = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "batches")
+ERRORS = ("impacts", "quantities")
+ROOMS = dict.fromkeys(PHYSICS, "physics") | dict.fromkeys(ERRORS, "errors") | {"service": "service"}
+STUDIES = (*ROOMS,)
+"""Each study's name, and the folder of its module."""
 
 
 def run(name: str, out: Path, quick: bool) -> None:
@@ -18,5 +21,4 @@ def run(name: str, out: Path, quick: bool) -> None:
         raise Unprocessable(f"there is no benchmark {name!r}; there are {', '.join(STUDIES)}")
     if find_spec("matplotlib") is None:
         raise Unprocessable("the pictures need matplotlib: run make install, or pip install 'mujoco-grader[bench]'")
-    room = "physics" if name in PHYSICS else "service"
-    import_module(f"grader.studies.bench.{room}.{name}").STUDY.run(out, quick)
+    import_module(f"grader.studies.bench.{ROOMS[name]}.{name}").STUDY.run(out, quick)

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from grader.numerics.process import prepare
-from grader.studies.bench import STUDIES
+from grader.studies.bench import ROOMS, STUDIES
 
 PACKAGES = ("mujoco", "numpy", "scipy", "pin", "drake")
 ROOM = Path(__file__).parent
@@ -198,8 +198,12 @@ def measure_in_parallel(keys: Sequence[Measurement], quick: bool) -> Iterator[tu
 
 def read_versions() -> dict[str, str]:
     """Versions of Python and of each package; `not installed` where an optional one is missing."""
-    found = {one.name: one.version for one in distributions()}
-    return {"python": platform.python_version()} | {name: found.get(name, "not installed") for name in PACKAGES}
+    return {"python": platform.python_version()} | {name: read_version(name) for name in PACKAGES}
+
+
+def read_version(package: str) -> str:
+    """Returns the version of a package, or `not installed`."""
+    return next((one.version for one in distributions() if one.name == package), "not installed")
 
 
 def describe_machine() -> dict[str, str | int | float]:
@@ -225,8 +229,9 @@ def compute_code_digest(study: str) -> str:
     """Returns a digest of what a study measures with: numerics, scenes, its own module and those that studies share.
     Comments, docstrings and the functions of NOT_MEASURING are left out."""
     others = UNRELATED.union(STUDIES) - {study}
-    room = "service" if study == "service" else "physics"
-    own = [path for path in (*ROOM.glob("*.py"), *ROOM.glob(f"{room}/*.py")) if path.stem not in others]
+    rooms = {"errors": ("errors", "physics")}.get(ROOMS[study], (ROOMS[study],))
+    found = (*ROOM.glob("*.py"), *(path for room in rooms for path in ROOM.glob(f"{room}/*.py")))
+    own = [path for path in found if path.stem not in others]
     modules = [*own, *ROOM.parents[1].glob("numerics/**/*.py")]
     texts = [extract_measuring_part(path.read_text(encoding="utf-8")) for path in sorted(modules)]
     return compute_digest(texts, [path.read_bytes() for path in sorted(ROOM.glob("scenes/*.xml"))])

@@ -34,6 +34,9 @@ def restore_timer() -> Iterator[None]:
         _callback.value = before
 
 
+Clock = Callable[[], float]
+"""Returns the CPU time that was used so far [s]."""
+
 LEAST, MOST = 6, 200
 """Numbers of pairs: the extremes of fewer than six enclose the median with a confidence below 95 %."""
 
@@ -60,35 +63,38 @@ class TimeRatio:
         return self.seconds / self.yardstick_s
 
 
-def count_calls(*works: Callable[[], object]) -> list[int]:
+def count_calls(*works: Callable[[], object], clock: Clock = time.thread_time) -> list[int]:
     """Call each work twice, then return how often to call each so that all samples last equally long within SAMPLE_S. A
     short sample right after a long one of another work would measure cold caches."""
     once = []
     for work in works:
         work()
-        once.append(max(measure_sample(work, 1), 1e-7))
+        once.append(max(measure_sample(work, 1, clock), 1e-7))
     shortest, longest = SAMPLE_S
     lasting = min(max(shortest, *once), longest)
     return [max(1, round(lasting / each)) for each in once]
 
 
-def measure_sample(work: Callable[[], object], calls: int) -> float:
+def measure_sample(work: Callable[[], object], calls: int, clock: Clock = time.thread_time) -> float:
     """CPU time of one call [s], averaged over `calls`."""
-    start = time.thread_time()
+    start = clock()
     for _ in range(calls):
         work()
-    return (time.thread_time() - start) / calls
+    return (clock() - start) / calls
 
 
-def measure_pairs(work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2) -> TimeRatio:
+def measure_pairs(
+    work: Callable[[], object], yardstick: Callable[[], object], budget_s: float = 0.2, clock: Clock = time.thread_time
+) -> TimeRatio:
     """Measure pairs for `budget_s` of CPU time [s]: at least LEAST of them, at most MOST. The order within a pair
-    alternates, so that a drift of the clock frequency does not favour either side."""
+    alternates, so that a drift of the clock frequency does not favour either side. Work on other threads needs the
+    `clock` of the process."""
     works, taken = (work, yardstick), list[list[float]]()
-    counts = count_calls(*works)
-    end = time.thread_time() + budget_s
-    while len(taken) < LEAST or (time.thread_time() < end and len(taken) < MOST):
+    counts = count_calls(*works, clock=clock)
+    end = clock() + budget_s
+    while len(taken) < LEAST or (clock() < end and len(taken) < MOST):
         turns = [0, 1] if len(taken) % 2 == 0 else [1, 0]
-        pair = {turn: measure_sample(works[turn], counts[turn]) for turn in turns}
+        pair = {turn: measure_sample(works[turn], counts[turn], clock) for turn in turns}
         taken.append([pair[0], pair[1]])
     times = np.array(taken)
     pairs = tuple((times[:, 0] / times[:, 1]).tolist())

@@ -12,6 +12,7 @@ from grader.domain.markup import plain_text
 from grader.errors import NotFound, Unauthorized
 from grader.gate.services import AppServices, Services
 from grader.library import Library
+from grader.pack.kit import build_kit
 from grader.questions import kind_of
 from grader.queue import jobs
 from grader.store.submissions import QUEUED, RUNNING, case_now
@@ -181,6 +182,17 @@ def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor)
     name = question_id.replace("-", "_")
     headers = {"Content-Disposition": f'attachment; filename="{name}.py"'}
     return PlainTextResponse(text, headers=HEADERS | headers, media_type="text/x-python")
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}/kit.zip")
+def kit(quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
+    """The kit of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
+    if who is None and not services.sessions.anonymous:
+        raise Unauthorized(SIGN_IN)
+    library = services.library_for(who)
+    require_opened(library, quiz_id, find_reader(who).role)
+    headers = {"Content-Disposition": f'attachment; filename="{question_id}.zip"'}
+    return Response(build_kit(library, quiz_id, question_id), headers=HEADERS | headers, media_type="application/zip")
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/attempts/{attempt}/{name}.svg")

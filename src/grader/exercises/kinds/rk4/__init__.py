@@ -7,11 +7,15 @@ from inspect import getsource
 from typing import Any
 
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
-from grader.exercises.kinds.rk4 import driver
-from grader.exercises.kinds.rk4.judge import Rk4Outcome, judge_order, judge_run, list_accepted_states, prepare, rehearse
+from grader.exercises.kinds.rk4.judging import driver
+from grader.exercises.kinds.rk4.judging.described import describe
+from grader.exercises.kinds.rk4.judging.judge import Rk4Outcome, judge_order, judge_run, list_accepted_states
+from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.mistakes import name_the_mistake, write_lazy_steps
-from grader.exercises.kinds.rk4.parameters import Problem, Rk4Case, Rk4Parameters, pose_case
+from grader.exercises.kinds.rk4.parameters import Rk4Case, Rk4Parameters, pose_case
 from grader.exercises.kinds.rk4.pictures import build_evidence
+from grader.exercises.kinds.rk4.truth import build_truth, prepare, rehearse
+from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
 ORDER = "order"
@@ -23,6 +27,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
 
     parameters = Rk4Parameters
     driver = getsource(driver)
+    how = (
+        "Your function takes every step of a run, in which mujoco.mj_forward adds a small force that MuJoCo's own "
+        "steps do not know. The states after each step are compared with those of MuJoCo's RK4 under the same force."
+    )
     without_integrators = True
     mistakes_tell_size = False
 
@@ -41,6 +49,16 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
         problem = replace(first.problem, asks_order=True)
         return [Trial(ORDER, problem.inputs(), problem, title="observed order", hidden=first.hidden, points=points)]
 
+    def describe_inputs(self, trial: Trial[Problem]) -> Mapping[str, Any]:
+        """Returns the inputs without the probe, and with no step taped."""
+        return {name: value for name, value in trial.inputs.items() if name != "probe"} | {"taped": False}
+
+    def describe_problem(
+        self, reveal: Reveal | None, parameters: Rk4Parameters, trial: Trial[Problem]
+    ) -> Mapping[str, Any]:
+        """Returns the runs, with the exact motion where the judge compares with it."""
+        return describe(trial.problem, build_truth(trial.problem))
+
     def rehearse(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
         """Solves for the exact motion where the judgement needs it; raises ValueError if the scene has constraints."""
         rehearse(trial.problem)
@@ -51,7 +69,9 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
 
     def judge(self, parameters: Rk4Parameters, trial: Trial[Problem], results: Results) -> Judgement[Rk4Outcome]:
         """Compares the runs with MuJoCo's RK4 and with the exact motion."""
-        return (judge_order if trial.problem.asks_order else judge_run)(trial.problem, results)
+        return (judge_order if trial.problem.asks_order else judge_run)(
+            trial.problem, build_truth(trial.problem), results
+        )
 
     def name_mistake(self, parameters: Rk4Parameters, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str | None:
         """Returns the sentence of the wrong method that gives the student's trajectory of the first case."""

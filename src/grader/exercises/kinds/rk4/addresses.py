@@ -9,14 +9,11 @@ from itertools import product as product_of
 import mujoco
 import numpy as np
 
+from grader.exercises.kinds.rk4.judging.quaternions import OFFSETS, QuaternionAddress, find_quaternions, list_joints
 from grader.exercises.kinds.rk4.rotations import (
     EXACT,
-    OFFSETS,
-    QuaternionAddress,
     add_rates,
     conjugate,
-    find_quaternions,
-    list_joints,
     predicts_all,
     rotate,
     sample_all_rotations,

@@ -8,14 +8,14 @@ import numpy as np
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
-from grader.exercises.kinds.rk4.judge import RunOutcome
+from grader.exercises.kinds.rk4.judging.judge import RunOutcome
+from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.exercises.kinds.rk4.methods import compute_order, find_name
 from grader.exercises.kinds.rk4.rotations import (
     BODY,
     RIGHT,
     explain_wrong_end,
     explain_wrong_sign,
-    find_quaternions,
     find_rule,
 )
 from grader.exercises.kinds.rk4.slope_sentences import explain_slopes, follows_classical
@@ -161,7 +161,7 @@ def describe_single_move(rows: Matrix) -> str:
 def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
     """Returns the sentence of activations or a time that are wrong although positions and velocities move rightly."""
     sentence = explain_activations(reading)
-    return sentence if sentence or not outcome.problem.case.time_matters else explain_time(reading)
+    return sentence if sentence or not outcome.problem.time_matters else explain_time(reading)
 
 
 STATE_RULES: tuple[Rule, ...] = (

@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.diagnosis import diagnose_run
-from grader.exercises.kinds.rk4.driver import Forward
-from grader.exercises.kinds.rk4.judge import Rk4Outcome, RunOutcome
-from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
-from grader.exercises.kinds.rk4.parameters import Problem, Run, with_timestep
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
-from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
-from grader.exercises.kinds.rk4.trajectory import (
+from grader.exercises.kinds.rk4.judging.driver import Forward
+from grader.exercises.kinds.rk4.judging.judge import Rk4Outcome, RunOutcome
+from grader.exercises.kinds.rk4.judging.run import Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.judging.trajectory import (
     Trajectory,
     build_forward,
     compare,
@@ -25,6 +22,9 @@ from grader.exercises.kinds.rk4.trajectory import (
     simulate_with,
     subtract_positions,
 )
+from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
+from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 
 PREFIX = 40
@@ -156,7 +156,7 @@ def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4O
         return diagnosis.sentence
     if wraps_angles(outcome):
         return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
-    is_first = outcome.problem.case.id == first_case
+    is_first = outcome.problem.case == first_case
     return (name_the_step(outcome) if is_first else name_the_state(outcome)) or (
         diagnosis.fallback if is_first else None
     )
@@ -177,7 +177,7 @@ def name_the_state(wrong: RunOutcome) -> str | None:
     student, ours = wrong.student, simulate_mujoco(wrong.run)
     if not len(student):
         return None
-    if wrong.problem.case.time_matters and (student.time == student.time[0]).all():
+    if wrong.problem.time_matters and (student.time == student.time[0]).all():
         return "data.time does not change: set it at every stage, and advance it by model.opt.timestep in every step."
     if ours.act.size and (student.act == student.act[0]).all():
         return "data.act does not change: advance it with data.act_dot, as you advance qvel with qacc."

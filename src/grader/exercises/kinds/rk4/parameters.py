@@ -1,8 +1,7 @@
 """The parameters of an `rk4` exercise, and the runs that they define."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from dataclasses import replace
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
@@ -12,6 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.numbers import Points, Positive, Real
 from grader.exercises.kind import DrawnCase
+from grader.exercises.kinds.rk4.judging.run import Force, Order, Probe, Problem, Run, with_timestep
 from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
 from grader.numerics.accuracy.runge_kutta import check_supported
 from grader.numerics.scene import Scene
@@ -41,9 +41,6 @@ TIMESTEP_MIN_S, TIMESTEP_MAX_S = 1e-6, 0.1
 
 MOTION_MAX = 5.0
 """What a start may move by in a step [rad, m]: the exact motion of a faster one takes minutes to solve."""
-
-Floats = tuple[float, ...]
-Matrix = tuple[Floats, ...]
 
 Timestep = Annotated[float, Field(ge=TIMESTEP_MIN_S, le=TIMESTEP_MAX_S)]
 Reals = Annotated[tuple[Real, ...], Field(max_length=10_000)]
@@ -107,74 +104,6 @@ class Rk4Parameters(ExerciseParameters):
     order: OrderCheck | None = OrderCheck()
 
 
-@dataclass(frozen=True)
-class Force:
-    """The hidden force a sin(P q + V v + w t + p); see driver.py."""
-
-    amplitude: Floats
-    position: Matrix
-    velocity: Matrix
-    phase: Floats
-    rate: float
-
-
-@dataclass(frozen=True)
-class Probe:
-    """Single steps after the runs of the first case, under a strong force; see driver.py. `starts`: of each step
-    `timestep_s`, `time` [s], `qpos`, `qvel`, `act` and `ctrl`."""
-
-    force: Force
-    starts: tuple[Mapping[str, Any], ...]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run of the student's step; hashable, so that our own simulation of it is cached."""
-
-    xml: str
-    qpos: Floats
-    qvel: Floats
-    act: Floats
-    ctrl: Floats
-    timestep_s: float
-    steps: int
-    force: Force
-
-    def scene(self) -> Scene:
-        """Returns the run's scene at its start."""
-        return Scene.from_xml(self.xml).at(qpos=self.qpos, qvel=self.qvel, act=self.act, ctrl=self.ctrl)
-
-
-@dataclass(frozen=True)
-class Problem:
-    """The problem of one trial: the run of a case, or, if `asks_order`, its runs at several timesteps. `order` and
-    `order_runs` belong to the first case alone. `accepts_other_methods`: any method of fourth order is right."""
-
-    case: Rk4Case
-    run: Run
-    accepts_other_methods: bool
-    order: OrderCheck | None = None
-    order_runs: tuple[Run, ...] = ()
-    asks_order: bool = False
-    probe: Probe | None = None
-
-    @property
-    def runs(self) -> tuple[Run, ...]:
-        """The runs of this trial."""
-        return self.order_runs if self.asks_order else (self.run,)
-
-    def inputs(self) -> dict[str, Any]:
-        """Returns the inputs of the driver."""
-        probe = {"force": vars(self.probe.force), "starts": list(self.probe.starts)} if self.probe else None
-        return ({"probe": probe} if probe and not self.asks_order else {}) | {
-            "taped": not self.asks_order,
-            "model": self.run.xml,
-            "start": {name: list(getattr(self.run, name)) for name in ("qpos", "qvel", "act", "ctrl")},
-            "force": vars(self.run.force),
-            "runs": [{"timestep_s": run.timestep_s, "steps": run.steps} for run in self.runs],
-        }
-
-
 def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     """Draws the force of a case. Raises ValueError and KeyError for a start that the model does not have."""
     case, xml = drawn.case, drawn.xml
@@ -188,7 +117,7 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
         raise ValueError(f"{why}, which no method follows: take a smaller one, or a smaller timestep_s")
     force = draw_force(scene.model, drawn.rng, RATE if case.time_matters else 0.0)
     run = Run(xml, qpos, qvel, act, ctrl, case.timestep_s, case.steps, force)
-    problem = Problem(case, run, parameters.accept != "mujoco")
+    problem = Problem(case.id, run, case.tolerance, case.time_matters, parameters.accept != "mujoco")
     if problem.accepts_other_methods and case.steps < STEPS_MIN:
         raise WrongParameter("accept", f"{parameters.accept!r} needs cases of {STEPS_MIN} steps or more: {case.id}")
     check = parameters.order
@@ -198,7 +127,7 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     if check is None:
         return problem
     order_runs = tuple(with_timestep(run, h, round(check.seconds / h)) for h in check.timesteps_s)
-    return replace(problem, order=check, order_runs=order_runs)
+    return replace(problem, order=Order(check.timesteps_s, check.tolerance), order_runs=order_runs)
 
 
 def check_muscles(xml: str) -> None:
@@ -206,11 +135,6 @@ def check_muscles(xml: str) -> None:
     for actuator in mujoco.MjSpec.from_string(xml).actuators:
         if actuator.gaintype == mujoco.mjtGain.mjGAIN_MUSCLE and not any(actuator.lengthrange):
             raise ValueError(f"give the muscle {actuator.name!r} its lengthrange")
-
-
-def with_timestep(run: Run, timestep_s: float, steps: int) -> Run:
-    """Returns the same run at another timestep."""
-    return replace(run, timestep_s=timestep_s, steps=steps)
 
 
 def draw_probe(model: mujoco.MjModel, run: Run, rng: np.random.Generator) -> Probe:

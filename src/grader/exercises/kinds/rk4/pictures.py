@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.diagnosis import read_judged_run
-from grader.exercises.kinds.rk4.judge import OrderOutcome, Rk4Outcome, RunOutcome
-from grader.exercises.kinds.rk4.parameters import Problem
+from grader.exercises.kinds.rk4.judging.judge import OrderOutcome, Rk4Outcome, RunOutcome
+from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.tableau import draw_tableau
 
 POINTS_MAX = 300
@@ -41,8 +41,8 @@ def draw_difference(outcome: RunOutcome) -> dict[str, Any]:
         np.unique(np.linspace(0, rows - 1, min(rows, POINTS_MAX)).round().astype(int)) if rows else np.array([], int)
     )
     return {
-        "case": outcome.problem.case.id,
-        "tolerance": outcome.problem.case.tolerance,
+        "case": outcome.problem.case,
+        "tolerance": outcome.problem.tolerance,
         "time_s": round_figures((chosen + 1) * outcome.run.timestep_s),
         "qpos": round_figures(outcome.difference.qpos[chosen]),
         "qvel": round_figures(outcome.difference.qvel[chosen]),

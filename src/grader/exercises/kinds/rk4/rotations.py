@@ -9,22 +9,12 @@ from itertools import product as product_of
 import mujoco
 import numpy as np
 
+from grader.exercises.kinds.rk4.judging.quaternions import QuaternionAddress, find_quaternions
 from grader.exercises.kinds.rk4.step_trace import Rows, Step
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, is_same, pad_row
 
 EXACT = 1e-11
 """The largest difference of a quaternion from its prediction."""
-
-OFFSETS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
-"""Where quaternion and angular velocity begin in a joint's coordinates."""
-
-
-@dataclass(frozen=True)
-class QuaternionAddress:
-    """The addresses of one quaternion in qpos, and of its angular velocity in qvel."""
-
-    qpos: int
-    dof: int
 
 
 @dataclass(frozen=True)
@@ -43,20 +33,6 @@ class RotationSamples:
 
 Rule = Callable[[RotationSamples, Matrix, int], Rows]
 """(samples, tableau, row) -> the quaternion (4,) after stage `row`, counted from 1; the last row is the result."""
-
-
-def find_quaternions(model: mujoco.MjModel) -> list[QuaternionAddress]:
-    """Returns the addresses of the model's quaternions."""
-    return [
-        QuaternionAddress(at + OFFSETS[kind], dof + OFFSETS[kind])
-        for kind, at, dof in list_joints(model)
-        if kind in OFFSETS
-    ]
-
-
-def list_joints(model: mujoco.MjModel) -> list[tuple[int, int, int]]:
-    """Returns type, address in qpos and address in qvel of every joint."""
-    return list(zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), model.jnt_dofadr.tolist(), strict=True))
 
 
 def sample_all_rotations(model: mujoco.MjModel, steps: Sequence[Step]) -> list[RotationSamples]:

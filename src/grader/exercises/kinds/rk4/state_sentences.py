@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Rows, Term, format_coefficient
-from grader.exercises.kinds.rk4.rotations import OFFSETS
+from grader.exercises.kinds.rk4.judging.quaternions import OFFSETS
 from grader.exercises.kinds.rk4.step_trace import Step
 from grader.exercises.kinds.rk4.tableau import (
     CLASSICAL,

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kinds.rk4.parameters import Run
+from grader.exercises.kinds.rk4.judging.run import Run
 from grader.exercises.trace import Note, Trace
 
 Rows = NDArray[np.float64]

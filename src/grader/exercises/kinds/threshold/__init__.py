@@ -7,12 +7,15 @@ from inspect import getsource
 from typing import Any
 
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
-from grader.exercises.kinds.threshold import driver
-from grader.exercises.kinds.threshold.judge import Claim, describe_expected, find_accepted_ends, judge_claim, read_claim
+from grader.exercises.kinds.threshold.judging import driver
+from grader.exercises.kinds.threshold.judging.described import describe
+from grader.exercises.kinds.threshold.judging.judge import Claim, judge_claim, read_claim
+from grader.exercises.kinds.threshold.limits import describe_expected, find_accepted_ends
 from grader.exercises.kinds.threshold.mistakes import name_the_mistake, write_lazy_scripts
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, build_cells
 from grader.exercises.kinds.threshold.pictures import build_evidence
 from grader.exercises.parameters import Case
+from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
 
@@ -21,6 +24,11 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
 
     parameters = ThresholdParameters
     driver = getsource(driver)
+    how = (
+        "A bracket is right when a run at its lower end is stable, and one at its upper end is not: MuJoCo warns "
+        "within the horizon, or small motions about the equilibrium grow. A right None counts only if a limit of the "
+        "same model is found under another integrator."
+    )
 
     def build_trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
@@ -34,6 +42,12 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
             )
             for cell in several
         ]
+
+    def describe_problem(
+        self, reveal: Reveal | None, parameters: ThresholdParameters, trial: Trial[Cell]
+    ) -> Mapping[str, Any]:
+        """Returns the search, and the start and the equilibrium of the model."""
+        return describe(parameters, trial.problem)
 
     def prepare(self, parameters: ThresholdParameters, trial: Trial[Cell]) -> None:
         """Compiles the scenes."""

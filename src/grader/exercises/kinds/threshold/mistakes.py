@@ -8,15 +8,14 @@ import mujoco
 import numpy as np
 
 from grader.exercises.kind import JudgedTrial, Trial
-from grader.exercises.kinds.threshold.judge import (
+from grader.exercises.kinds.threshold.judging.judge import (
     Bracket,
     Claim,
     NoLimit,
     bracket_around,
-    find_span,
     judge_claim,
-    warns,
 )
+from grader.exercises.kinds.threshold.limits import find_span
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.range_mistakes import explain_coarse_search
 from grader.exercises.kinds.threshold.search import CERTAIN_RULES, FALLBACK_RULES, explain_searches
@@ -24,6 +23,7 @@ from grader.exercises.kinds.threshold.search_trace import read_search
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
+from grader.numerics.stability.horizon import warns_within
 from grader.numerics.stability.servo import Servo
 
 SAME_EVERYWHERE = (
@@ -126,11 +126,12 @@ def is_bisection_of(
     horizon = seconds or context.parameters.horizon_s
     shortest, longest = context.parameters.search_s
     if isinstance(claim, NoLimit):
-        return not warns(scene, integrator, longest, horizon)
+        return not warns_within(scene, longest, horizon, integrator=integrator)
     if not isinstance(claim, Bracket) or not shortest / 2 <= claim.low <= claim.high <= 2 * longest:
         return False
     low, high = claim.low * (1 - METHOD_TOLERANCE), claim.high * (1 + METHOD_TOLERANCE)
-    return not warns(scene, integrator, low, horizon - low) and warns(scene, integrator, high, horizon + high)
+    stays = not warns_within(scene, low, horizon - low, integrator=integrator)
+    return stays and warns_within(scene, high, horizon + high, integrator=integrator)
 
 
 def remove_kv(scene: Scene) -> Scene:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from grader.exercises.kinds.threshold.judge import Bracket, Claim
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.search_trace import Run, Search
 from grader.exercises.trace import Trace

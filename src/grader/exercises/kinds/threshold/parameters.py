@@ -14,6 +14,7 @@ from grader.exercises.kind import DrawnCase
 from grader.exercises.parameters import Case, ExerciseParameters, WrongParameter
 from grader.numerics.integrators import BY_NAME, Integrator
 from grader.numerics.scene import Scene
+from grader.numerics.stability.equilibrium import find_equilibrium
 
 IntegratorName = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
 
@@ -81,6 +82,11 @@ class Cell:
     def scene(self) -> Scene:
         """The scene of the case. Raises WrongParameter, ValueError."""
         return pose_scene(self.xml, self.start)
+
+    @property
+    def rest(self) -> Scene | None:
+        """The scene in its equilibrium; None if there is none."""
+        return find_equilibrium(self.scene)
 
     @cached_property
     def scene_as_written(self) -> Scene:

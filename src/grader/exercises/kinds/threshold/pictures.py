@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.exercises.kind import JudgedTrial, Trial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit, find_rest, find_span
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit
+from grader.exercises.kinds.threshold.limits import find_span
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.stability.equilibrium import EPS
-from grader.numerics.stability.linear import compute_spectral_radius
+from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.linear import EPS, compute_spectral_radius
 
 POINTS_MAX = 200
 LINE_POINTS = 25
@@ -65,7 +66,7 @@ def find_undamped_limit(scene: Scene) -> float | None:
     """Returns 2 / omega [s], omega the largest frequency of small motions at rest without velocity-dependent forces.
     The accelerations are differenced at zero velocity. None without an equilibrium or an oscillation. Source: explicit
     (semi-implicit) Euler on q'' = -omega^2 q is stable up to h = 2 / omega."""
-    rest = find_rest(scene)
+    rest = find_equilibrium(scene)
     if rest is None:
         return None
     with rest.borrow() as workspace:
@@ -133,7 +134,7 @@ def draw_stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[
 @lru_cache(maxsize=64)
 def compute_radii(scene: Scene, code: int, timesteps_s: tuple[float, ...]) -> tuple[float, ...]:
     """Returns the spectral radius at each timestep, to seven figures; none if the scene has no equilibrium."""
-    rest = find_rest(scene)
+    rest = find_equilibrium(scene)
     if rest is None:
         return ()
     return tuple(round_figures(compute_spectral_radius(rest, timestep_s=h, integrator=code)) for h in timesteps_s)

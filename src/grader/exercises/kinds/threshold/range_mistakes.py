@@ -3,7 +3,7 @@
 import re
 from itertools import pairwise
 
-from grader.exercises.kinds.threshold.judge import Bracket, NoLimit, Unreadable
+from grader.exercises.kinds.threshold.judging.judge import Bracket, NoLimit, Unreadable
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation
 
 ROUNDED_DECIMALS = (2, 3)

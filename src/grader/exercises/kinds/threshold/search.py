@@ -6,7 +6,7 @@ from itertools import pairwise
 from mujoco import mjtWarning
 
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.threshold.judge import Bracket, Claim, NoLimit
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation, Rule
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.range_mistakes import (

@@ -6,17 +6,14 @@ from inspect import getsource
 from typing import Any
 
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
-from grader.exercises.kinds.values import driver
-from grader.exercises.kinds.values.judge import (
-    Comparisons,
-    compute_expected,
-    compute_tolerance,
-    judge_calls,
-    rehearse_call,
-)
+from grader.exercises.kinds.values.judging import driver
+from grader.exercises.kinds.values.judging.described import describe
+from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, judge_calls
 from grader.exercises.kinds.values.mistakes import name_the_mistake
 from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import build_evidence
+from grader.exercises.kinds.values.rehearsal import rehearse_call
+from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
 
@@ -25,12 +22,21 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
 
     parameters = ValuesParameters
     driver = getsource(driver)
+    how = "Your function is called with the inputs of each case, and its results are compared with the author's."
     needs_model = False
 
     def build_trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""
         problem = pose_case(parameters, drawn)
         return [Trial(drawn.case.id, problem.inputs(), problem, entries=(problem.name,))]
+
+    def describe_problem(
+        self, reveal: Reveal | None, parameters: ValuesParameters, trial: Trial[Problem]
+    ) -> Mapping[str, Any] | None:
+        """Returns the expected results where the author reveals them; None where a residual of the author's decides."""
+        if reveal != "value" or trial.problem.function.residual is not None:
+            return None
+        return describe(trial.problem)
 
     def rehearse(self, parameters: ValuesParameters, trial: Trial[Problem]) -> None:
         """Runs the author's programs. Raises ValueError if one gives no results, or others than are declared."""
@@ -71,7 +77,7 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
         (trial,) = trials
         parts: list[list[tuple[float, float]]] = []
         for call in trial.problem.calls:
-            expected = compute_expected(trial.problem, call)
+            expected = trial.problem.compute_expected(call)
             if expected is None:
                 return None
             part = []

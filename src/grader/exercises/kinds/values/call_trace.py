@@ -7,7 +7,7 @@ from math import isfinite, isnan
 import mujoco
 import numpy as np
 
-from grader.exercises.kinds.values.driver import STATE, compile_model, start_data
+from grader.exercises.kinds.values.judging.driver import STATE, compile_model, start_data
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 from grader.exercises.rules import find_sentence
 from grader.exercises.trace import ReturnedValue, Trace

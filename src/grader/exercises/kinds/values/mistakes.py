@@ -14,8 +14,8 @@ from grader.exercises.kinds.values.call_trace import (
     explain_missing_forward,
     explain_unreadable_results,
 )
-from grader.exercises.kinds.values.driver import Rows, compile_model, start_data
-from grader.exercises.kinds.values.judge import Comparisons, compute_tolerance, find_largest, fits
+from grader.exercises.kinds.values.judging.driver import Rows, compile_model, start_data
+from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, find_largest, fits
 from grader.exercises.kinds.values.parameters import Problem, Result, ValuesParameters
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 from grader.exercises.rules import find_sentence

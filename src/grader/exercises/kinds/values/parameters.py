@@ -14,7 +14,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from grader.domain.numbers import NotNegative, Positive, Value, WholeRange, WholeValue
 from grader.errors import GraderError
 from grader.exercises.kind import DrawnCase, TextOf
-from grader.exercises.kinds.values.driver import Rows, call_function, compile_model, start_data
+from grader.exercises.kinds.values.judging.driver import Rows, call_function, compile_model, start_data
+from grader.exercises.kinds.values.judging.problem import Call
 from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
@@ -138,18 +139,6 @@ Program = Mapping[str, Any]
 """The names that an author's program defines."""
 
 
-@dataclass(frozen=True)
-class Call:
-    """The arguments of one call as plain JSON, and the state in which `data` is given."""
-
-    arguments: tuple[Any, ...]
-    start: Mapping[str, Any]
-
-    def inputs(self) -> dict[str, Any]:
-        """Returns the call as the driver reads it."""
-        return {"arguments": list(self.arguments), "start": dict(self.start)}
-
-
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The calls of one trial. `independent`: no number of the model is drawn, so the calls share no draw."""
@@ -200,6 +189,16 @@ class Problem:
             change(model)
         function = (self.program if program is None else program)[self.name]
         return call_function(function, model, call.inputs(), self.results, times)
+
+    def compute_expected(self, call: Call) -> tuple[Rows, ...] | None:
+        """Returns the author's results; None where a residual decides. Raises ValueError if the program has none."""
+        if self.function.residual is not None:
+            return None
+        answer = self.compute_results(call)
+        if isinstance(answer, str):
+            names = ", ".join(result.name for result in self.function.results)
+            raise ValueError(f"{self.name} of the author's program must give {names} as finite numbers, not {answer}")
+        return tuple(answer)
 
     def compute_remainder(self, call: Call, values: tuple[Rows, ...]) -> Rows | None:
         """Returns the residual of the student's results; None if it is not finite. Raises what the residual raises."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.values.judge import Comparisons, shorten
+from grader.exercises.kinds.values.judging.judge import Comparisons, shorten
 from grader.exercises.kinds.values.parameters import Problem
 
 ROWS_MAX = 40

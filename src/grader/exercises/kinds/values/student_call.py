@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import mujoco
 
-from grader.exercises.kinds.values.driver import Rows
-from grader.exercises.kinds.values.judge import Comparison, fits
-from grader.exercises.kinds.values.parameters import Call, Problem, Program, Result
+from grader.exercises.kinds.values.judging.driver import Rows
+from grader.exercises.kinds.values.judging.judge import Comparison, fits
+from grader.exercises.kinds.values.judging.problem import Call
+from grader.exercises.kinds.values.parameters import Problem, Program, Result
 from grader.exercises.trace import NO_TRACE, Trace
 
 

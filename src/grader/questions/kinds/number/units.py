@@ -1,4 +1,7 @@
-"""Read units as people type them, name by name. No text is ever evaluated."""
+"""Read units as people type them, name by name. No text is ever evaluated.
+
+pint takes long to import and to define its units, so both wait for a unit that COMMON does not name, or a conversion.
+"""
 
 import math
 import re
@@ -7,15 +10,15 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum, auto
 from functools import cache, cached_property, lru_cache
-from typing import Any
-
-import pint
-from pint.util import UnitsContainer
+from typing import TYPE_CHECKING, Any
 
 from grader.domain.markup import quoted
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.spelling import fold, without_markup
-from grader.questions.kinds.number.unit_names import COUNTED, IN_ANY_CASE, JOINED, SPELLINGS, TWO_MEANINGS
+from grader.questions.kinds.number.unit_names import COMMON, COUNTED, IN_ANY_CASE, JOINED, SPELLINGS, TWO_MEANINGS
+
+if TYPE_CHECKING:
+    import pint
 
 CHARACTERS_MAX = 60
 """The longest text that is read as a unit."""
@@ -88,8 +91,10 @@ class Unit:
     powers: tuple[tuple[str, int], ...]
 
     @cached_property
-    def quantity(self) -> pint.Unit:
+    def quantity(self) -> "pint.Unit":
         """The same unit for pint's conversions."""
+        from pint.util import UnitsContainer
+
         return registry().Unit(UnitsContainer(dict(self.powers)))
 
     @property
@@ -131,6 +136,8 @@ def registry() -> "pint.UnitRegistry[Any]":
 
 @cache
 def _build_registry() -> "pint.UnitRegistry[Any]":
+    import pint
+
     return pint.UnitRegistry(cache_folder=None)
 
 
@@ -186,12 +193,14 @@ def look_up(name: str) -> str:
     """Find the full name of the unit with this symbol or name. Raises InvalidAnswer where there is none."""
     if name in TWO_MEANINGS:
         raise InvalidAnswer(f"The unit {quoted(name)} can mean {TWO_MEANINGS[name]}")
-    if spelled := SPELLINGS.get(name) or IN_ANY_CASE.get(name.lower()):
+    if spelled := SPELLINGS.get(name) or IN_ANY_CASE.get(name.lower()) or COMMON.get(name):
         return spelled
+    from pint import PintError
+
     for candidate in (name, name.lower()) if len(name) > 3 else (name,):
         try:
             full_name = registry().get_name(candidate)
-        except pint.PintError:  # unknown, or a prefix before a temperature
+        except PintError:  # unknown, or a prefix before a temperature
             continue
         if full_name and not full_name.endswith(LOGARITHMIC):
             return full_name
@@ -225,9 +234,12 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
     """Convert a value to another unit. Raises InvalidAnswer where the units measure different things."""
     if dict(given.powers) == dict(wanted.powers):
         return value
+    from pint import PintError
+
     try:
-        converted: float = registry().Quantity(value, given.quantity).to(wanted.quantity).magnitude
-    except (pint.PintError, OverflowError, ZeroDivisionError) as error:
+        factor = _find_factor(given, wanted)
+        converted: float = _convert_with_pint(value, given, wanted) if factor is None else value * factor
+    except (PintError, OverflowError, ZeroDivisionError) as error:
         case = " (small and capital letters differ)" if given.text.casefold() == wanted.text.casefold() else ""
         raise InvalidAnswer(f"{quoted(given.text)} does not measure what is asked{case}") from error
     if {given.rotation, wanted.rotation} in UNCLEAR:
@@ -239,7 +251,24 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
     return converted
 
 
+@lru_cache(maxsize=1024)
+def _find_factor(given: Unit, wanted: Unit) -> float | None:
+    """The factor between two units; None between scales of temperature, which have an offset. It is what pint itself
+    multiplies by, and takes pint fifty times as long to find as to use. Raises what pint raises."""
+    return None if _convert_with_pint(0.0, given, wanted) else _convert_with_pint(1.0, given, wanted)
+
+
+def _convert_with_pint(value: float, given: Unit, wanted: Unit) -> float:
+    return float(registry().Quantity(value, given.quantity).to(wanted.quantity).magnitude)
+
+
 def from_base_units(value: float, wanted: Unit) -> float:
     """Convert a value from base units (s, m, kg, rad, ...) to another unit of the same kind. Raises InvalidAnswer."""
-    base: Any = registry().get_root_units(wanted.quantity)[1]
-    return convert(value, Unit(str(base), tuple(base._units.items())), wanted)
+    return convert(value, find_base_unit(wanted), wanted)
+
+
+@lru_cache(maxsize=1024)
+def find_base_unit(unit: Unit) -> Unit:
+    """The unit of the same kind in base units."""
+    base: Any = registry().get_root_units(unit.quantity)[1]
+    return Unit(str(base), tuple(base._units.items()))

@@ -1,6 +1,6 @@
-"""What a user would pick instead: the lesson's Python loop, SciPy, Pinocchio, Drake. A peer's `run` integrates a scene
-with one setting, a timestep [s] or a tolerance, and returns qpos at the times, shape (len(times), nq), in MuJoCo's
-coordinates. Pinocchio and Drake run where the extra `peers` is installed."""
+"""What a user would pick instead: the lesson's Python loop, plain mj_step with nstep, SciPy, Pinocchio,
+Drake. A peer's `run` integrates a scene with one setting, a timestep [s] or a tolerance, and returns qpos at the times,
+shape (len(times), nq), in MuJoCo's coordinates. Pinocchio and Drake run where the extra `peers` is installed."""
 
 import logging
 from collections.abc import Callable
@@ -46,6 +46,7 @@ def find_peers(name: str) -> dict[str, Peer]:
     """Returns the peers of a scene that this machine has, by name."""
     scene = load_scene(name)
     found = {f"Python loop, {kind}": Peer(make_python_loop(scene, kind), "timestep") for kind in ("Euler", "RK4")}
+    found |= {f"mj_step(nstep), {kind}": Peer(make_nstep(scene, kind), "timestep") for kind in ("Euler", "RK4")}
     methods: tuple[Method, Method] = ("LSODA", "DOP853")
     for method in methods:
         if name in EQUATIONS:
@@ -75,6 +76,26 @@ def make_python_loop(scene: Scene, integrator: str) -> Run:
                 for _ in range(round((times[row] - times[row - 1]) / timestep_s)):
                     mujoco.mj_step(model, data)
                 samples[row] = data.qpos
+        return samples
+
+    return run
+
+
+def make_nstep(scene: Scene, integrator: str) -> Run:
+    """Returns plain MuJoCo in C: one call of `mj_step` with nstep between two times, the timer off, nothing skipped."""
+    with scene.borrow(integrator=BY_NAME[integrator].code, keep=False) as workspace:
+        model, data = workspace.model, workspace.data
+    start = scene.start
+
+    def run(timestep_s: float, times: Array) -> Array:
+        model.opt.timestep = timestep_s
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = start.qpos, start.qvel
+        samples = np.empty((len(times), model.nq))
+        samples[0] = data.qpos
+        for row in range(1, len(times)):
+            mujoco.mj_step(model, data, round((times[row] - times[row - 1]) / timestep_s))
+            samples[row] = data.qpos
         return samples
 
     return run

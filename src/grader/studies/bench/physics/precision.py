@@ -277,6 +277,7 @@ def summarise_scene(records: Records, scene: str) -> Record:
         "pareto": [[p.method, p.setting, p.cost, p.error] for p in find_front(points)],
         "cheapest": {f"{error:.0e}": point and summarise_point(point) for error, point in best.items()},
         "errors": {name: [point.error for point in own] for name, own in by_method.items()},
+        "costs": {name: [point.cost for point in own] for name, own in by_method.items()},
         "orders": {name: fit_asymptotic_order(own, truth["own_error"]) for name, own in by_method.items()},
         "peers": {
             name: {f"{error:.0e}": compare_with_peer(best[error], find_cheapest(own, error)) for error in ERRORS}
@@ -338,7 +339,13 @@ def draw_axes(axes: Any, scene: Record, title: str) -> None:
     axes.axhspan(1e-17, level, facecolor="none", edgecolor="#bbbbbb", hatch="//", label="own error of the reference")
 
 
-PEER_COLOURS = {"Python loop": "#999999", "SciPy": "#0077bb", "Pinocchio": "#cc3311", "Drake": "#009988"}
+PEER_COLOURS = {
+    "Python loop": "#999999",
+    "mj_step(nstep)": "#aa3377",
+    "SciPy": "#0077bb",
+    "Pinocchio": "#cc3311",
+    "Drake": "#009988",
+}
 
 
 def draw_peers(records: Records, summary: Record) -> Figure:

@@ -1,9 +1,10 @@
-"""What skipping saves: per scene and flag, proven or not and why, time saved, and whether the bits stay the same."""
+"""What skipping saves: per scene and flag, proven or not and why, time saved, and whether the bits stay the same. And
+what a repeat saves, where a run has shown that constraints which may act did not."""
 
 import copy
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from typing import Any
 
@@ -14,8 +15,11 @@ from matplotlib.figure import Figure
 
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.needs import Need
+from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import FULL_STATE, Scene
+from grader.numerics.stepping import STEPS_MAX
 from grader.numerics.visuals import remove_visuals
+from grader.studies.bench.physics.models import find_gymnasium_models
 from grader.studies.bench.physics.peers import Array
 from grader.studies.bench.scenes import describe_scene, load_scene, read_scene
 from grader.studies.bench.study import Measurement, Record, Records, Study, select_kind
@@ -25,6 +29,9 @@ SCENES = (
     *("double_pendulum", "drawn_pendulum", "servo", "spinning_body", "eccentric_body"),
     *("sensed_arm", "joint_limits", "cube", "two_bodies"),
 )
+
+REPEATED = ("inverted_double_pendulum", "inverted_pendulum", "reacher", "swimmer", "hopper", "half_cheetah")
+"""Gymnasium's models of which a run may be free of constraints that the model has."""
 
 TIMESTEP_S = 0.002
 STEPS = 500
@@ -139,17 +146,43 @@ class Savings(Measurement):
         return [{"stage": name, "ratio": one["ratio"]} for name, one in record["stages"].items()]
 
 
+@dataclass(frozen=True)
+class Repeat(Measurement):
+    """A foreign model from its own start: a repeat of its longest run without a constraint, beside that run."""
+
+    model: str
+
+    def measure(self, quick: bool, done: Records) -> Record:
+        """Halve the run until no constraint acted in it, and repeat that one."""
+        path = find_gymnasium_models()[f"{self.model} (Gymnasium)"]
+        scene = Scene.from_xml(path.read_text(encoding="utf-8"))
+        may_act = any(need.needed for need in scene.needs if need.part == "constraints")
+        steps = STEPS
+        while steps and not self._run(scene, steps).unconstrained:
+            steps //= 2
+        record: Record = {"steps": steps, "may_act": may_act, "bitwise": True, "ratio": None, "interval": None}
+        if not steps:
+            return record
+        first, again = (self._run(scene, steps, repeat=repeat).states.tobytes() for repeat in (False, True))
+        work, yardstick = (partial(self._run, scene, steps, repeat=repeat) for repeat in (False, True))
+        return record | {"bitwise": first == again, **asdict(measure_pairs(work, yardstick, BUDGET_S[quick]))}
+
+    def _run(self, scene: Scene, steps: int, *, repeat: bool = False) -> Rollout:
+        return simulate(scene, steps=steps, timestep_s=TIMESTEP_S, every=STEPS_MAX, repeat=repeat)
+
+
 def plan(_quick: bool) -> Sequence[Measurement]:
-    """Returns every part with a flag on every scene, and the savings of each scene."""
+    """Returns every part with a flag on every scene, the savings of each scene, and the repeats."""
     found: list[Measurement] = []
     for name in SCENES:
         found += [Flag(name, need.part) for need in load_scene(name).needs if need.flag]
         found.append(Savings(name))
-    return found
+    return [*found, *map(Repeat, REPEATED)]
 
 
 def summarise(records: Records) -> Record:
-    """Per scene the flags and the savings; `broken_proofs`, which must be empty: proven flags that changed a bit."""
+    """Per scene the flags and the savings, per foreign model the repeat; `broken_proofs`, which must be empty: proven
+    flags that changed a bit."""
     flags = select_kind(records, Flag)
     scenes = {
         key.scene: {
@@ -165,7 +198,12 @@ def summarise(records: Records) -> Record:
         for key, saved in select_kind(records, Savings).items()
     }
     broken = [key.row() for key, record in flags.items() if record["proven"] and not record["bitwise"]]
-    return {"scenes": scenes, "broken_proofs": broken}
+    repeats = {
+        key.model: {name: record[name] for name in ("steps", "may_act", "bitwise", "ratio", "interval")}
+        for key, record in select_kind(records, Repeat).items()
+    }
+    broken += [key.row() for key, record in select_kind(records, Repeat).items() if not record["bitwise"]]
+    return {"scenes": scenes, "repeats": repeats, "broken_proofs": broken}
 
 
 def summarise_ratio(timed: Record) -> Record:

@@ -15,7 +15,8 @@ from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import find_threshold
 from grader.numerics.stability.equilibrium import find_equilibrium
-from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius, find_spectral_limit
+from grader.numerics.stability.limit import find_spectral_limit
+from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius
 from grader.numerics.stability.servo import Servo
 from grader.numerics.stability.trials import Criterion, Stability, try_timestep
 from grader.studies.bench.physics.collisions import CASES, Collision, draw_cases, summarise_case

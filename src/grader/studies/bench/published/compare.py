@@ -19,7 +19,7 @@ from grader.studies.bench.published.measured import STUDIES, fill, load_results
 CIRCUMSTANCES = {"machine", "versions", "quick", "measurements", "interval", "yardstick_s", "fixed_us", "reset_us"}
 """Keys whose numbers are of the machine or belong to a ratio; the fronts also hold costs, and the service has rates."""
 
-NAMING = ("part", "backend", "students", "script", "workers")
+NAMING = ("part", "backend", "students", "server", "script", "workers")
 """Keys that say what a row of a list is, wherever it stands: a machine without PostgreSQL has fewer rows."""
 
 

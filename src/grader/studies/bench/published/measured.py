@@ -12,43 +12,54 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
 import typer
 
+from grader.numerics.version import INSTALLED
 from grader.studies.bench import run
-from grader.studies.bench.physics.skip import IN_C, SKIPPING, STAGES, TIMER
-from grader.studies.bench.physics.stability import LOOK, SECONDS, Class
+from grader.studies.bench.physics import versions
+from grader.studies.bench.published import error_tables as _error_tables
+from grader.studies.bench.published import mjx_tables as _mjx_tables
 from grader.studies.bench.published.claims import CLAIMS, Denied, Results
-from grader.studies.bench.published.service_claims import service_rows
-from grader.studies.bench.scenes import describe_scene
+from grader.studies.bench.published.interactive import render_page
+from grader.studies.bench.published.other import OTHER, REPEATED, describe_other
+from grader.studies.bench.published.tables import BLOCKS
 
-STUDIES = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "service")
+__all__ = ["_error_tables", "_mjx_tables"]
+
+STUDIES = (
+    *("precision", "quantities", "impacts", "stability", "regions", "energy", "adaptive", "skip", "models"),
+    *("batches", "service"),
+)
 """The studies whose results are committed."""
 
-COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium"}
+ADVICE = "advice"
+"""The survey of `grader advise`, which `grader.studies.advise.survey` writes: its models are not on this machine."""
+
+COMPARED = {"Pinocchio": "pinocchio", "Drake": "pydrake", "Gymnasium": "gymnasium", "MJX": "mujoco.mjx"}
 """What the pages compare with or measure, and its module."""
 
 PICTURE = re.compile(r"\(measured/([\w.]+)\)")
 MARKED = re.compile(r"(<!-- measured:begin (\w+) -->\n).*?(<!-- measured:end \2 -->)", re.DOTALL)
 CLAIMED = re.compile(r"(\s*)<!--=(\w+)-->(\s*)(.*?)<!--=-->", re.DOTALL)
-PARAGRAPH = re.compile(r"^(\d\. )?(?!\d\. |[|#!]|<!-- )\S.*(?:\n(?!\d\. |[|#!]|<!-- ).+)*", re.MULTILINE)
+PARAGRAPH = re.compile(r"^(\d+\. )?(?!\d+\. |[|#!]|<!-- )\S.*(?:\n(?!\d+\. |[|#!]|<!-- ).+)*", re.MULTILINE)
 WIDTH = 120
-
-ERRORS = tuple(f"1e-{k:02}" for k in range(1, 11))
-SHOWN_ERRORS = ERRORS[1:8:2]
-
-DATABASES = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}
-
-Rows = Callable[[Results], Iterator[tuple[str, ...]]]
-BLOCKS: dict[str, Callable[[Results], str]] = {}
 
 
 def load_results(folder: Path) -> Results:
-    """Returns the committed JSON of the studies, by name."""
-    return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in STUDIES}
+    """Returns the committed JSON of the studies by name; `versions`, digests of runs by MuJoCo's version; and `other`,
+    the studies that were repeated with the other version."""
+    names = [*STUDIES, ADVICE, *(["versions"] if (folder / "versions.json").exists() else [])]
+    found: Results = {"versions": None} | {name: read_json(folder / f"{name}.json") for name in names}
+    return found | {"other": {path.stem: read_json(path) for path in sorted((folder / OTHER).glob("*.json"))}}
+
+
+def read_json(path: Path) -> Results:
+    """Returns the content of a file of results."""
+    found: Results = json.loads(path.read_text(encoding="utf-8"))
+    return found
 
 
 def fill(page: str, results: Results) -> tuple[str, list[str]]:
@@ -71,305 +82,40 @@ def fill(page: str, results: Results) -> tuple[str, list[str]]:
         text, indent = CLAIMED.sub(claimed, " ".join(found[0].split())), " " * len(found[1] or "")
         return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
-    page = MARKED.sub(lambda found: f"{found[1]}{BLOCKS[found[2]](results)}\n{found[3]}", page)
+    def block(found: re.Match[str]) -> str:
+        render = BLOCKS[found[2]]
+        return f"{found[1]}{render(results)}{describe_other(found[2], render, results)}\n{found[3]}"
+
+    page = MARKED.sub(block, page)
     return PARAGRAPH.sub(paragraph, page), denied
-
-
-def table(*head: str) -> Callable[[Rows], Rows]:
-    """Make a block of the rows that a function yields: a Markdown table under the function's name."""
-
-    def register(rows: Rows) -> Rows:
-        def render(results: Results) -> str:
-            lines = ["| " + " | ".join(cells) + " |" for cells in (head, *rows(results))]
-            return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
-
-        BLOCKS[rows.__name__] = render
-        return rows
-
-    return register
-
-
-def milliseconds(timestep_s: float) -> str:
-    """`2 ms`, `0.0313 ms`."""
-    return f"{1e3 * timestep_s:.3g} ms"
-
-
-def times(timed: Results, digits: str = ".2f") -> str:
-    """Returns a ratio and its 95 % confidence interval, where it was measured: `x2.61 (2.53 to 2.84)`."""
-    ratio = f"x{timed['ratio']:{digits}}"
-    if "interval" not in timed:
-        return ratio
-    low, high = timed["interval"]
-    return f"{ratio} ({low:{digits}} to {high:{digits}})"
-
-
-def setting(best: Results | None) -> str:
-    """`RK4 8 ms (x0.9)`, or a dash where no setting gets there."""
-    return f"{best['integrator']} {milliseconds(best['timestep_s'])} (x{best['ratio']:.3g})" if best else "-"
-
-
-def fitted(fit: Results | None) -> str:
-    """`3.98 (3.95 to 4.01)`, or a dash where no order was fitted."""
-    return "{order:.2f} ({interval[0]:.2f} to {interval[1]:.2f})".format(**fit) if fit else "-"
-
-
-def trade(point: Results) -> str:
-    """Error and cost of one setting with its interval, or that it warned."""
-    error = "warned" if point["error"] is None else f"{point['error']:.1e}"
-    return f"{error}, {times(point, '.3g')}"
-
-
-def ratio(peer: Results | None, mujoco: Results | None) -> str:
-    """Returns the peer's cost over MuJoCo's; in words where one of the two does not get there."""
-    if peer is None:
-        return "neither" if mujoco is None else "does not get there"
-    return "gets there, MuJoCo does not" if peer["ratio"] is None else times(peer, ".2g")
-
-
-def reset(found: Results | None) -> str:
-    """Returns the first warned run, and what its loop reads next."""
-    if found is None:
-        return "never warned"
-    return (
-        f"{found['warning']} at t = {found['warned_at_s']:.3g} s (h = {milliseconds(found['timestep_s'])}); "
-        f"then time reads {found['time_after_s']:.3g} s and qpos {found['qpos_after']}"
-    )
-
-
-def machine(results: Results) -> str:
-    """Machine and versions of every study."""
-    lines = []
-    for name, one in results.items():
-        versions = ", ".join(map(" ".join, one["versions"].items()))
-        lines.append(
-            f"- `{name}`: {'quick' if one['quick'] else 'whole'} run, {one['measurements']} measurements, "
-            "{processor}, {cores} cores, load {load_1min}; ".format(**one["machine"])
-            + versions
-        )
-    return "\n".join(lines)
-
-
-def maps(results: Results) -> str:
-    """Returns the totals of the stability maps."""
-    totals = results["stability"]["totals"]
-    return (
-        "Stability maps: {evaluated} of {grid_points} points evaluated ({share:.0f} %), {disagreeing} of {compared} "
-        "compared points differ from the full grid; spectral radius and closed form agree to {apart:.0e}."
-    ).format(
-        share=100 * totals["evaluated"] / totals["grid_points"], apart=totals["largest_spectral_to_closed"], **totals
-    )
-
-
-BLOCKS |= {"machine": machine, "maps": maps}
-
-
-@table("scene", *ERRORS)
-def precision(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the cheapest setting within each error on each scene."""
-    for name, scene in results["precision"]["scenes"].items():
-        yield describe_scene(name), *(setting(scene["cheapest"][error]) for error in ERRORS)
-
-
-@table("scene", "implicitfast at 2 ms", "RK4 at 0.5 ms", "RK4 at 8 ms")
-def procedure(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the lesson's start beside RK4 at a quarter and at four times its step."""
-    for name, scene in results["precision"]["scenes"].items():
-        yield describe_scene(name), *(trade(scene["procedure"][kind]) for kind in ("start", "quarter", "four_times"))
-
-
-@table("scene", "own error of the reference", "Euler", "RK4", "implicit", "implicitfast", "discrete")
-def orders(results: Results) -> Iterator[tuple[str, ...]]:
-    """Fitted orders with their 95 % intervals."""
-    for name, scene in results["precision"]["scenes"].items():
-        fits = map(fitted, scene["orders"].values())
-        yield describe_scene(name), f"{scene['reference']['own_error']:.0e}", *fits
-
-
-@table("scene", "peer", *SHOWN_ERRORS)
-def peers(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the cost of each peer over that of MuJoCo's cheapest setting within four errors."""
-    for name, scene in results["precision"]["scenes"].items():
-        for peer, ratios in scene["peers"].items():
-            costs = (ratio(ratios[error], scene["cheapest"][error]) for error in SHOWN_ERRORS)
-            yield describe_scene(name), peer, *costs
-
-
-@table(
-    *("map", "integrator", "points evaluated", "points that the full grid has otherwise"),
-    *("spectral radius to closed form", "3 s simulated to closed form"),
-)
-def stability(results: Results) -> Iterator[tuple[str, ...]]:
-    """Per map: what it cost, whether the full grid agrees, and how far closed form, radius and simulation are apart."""
-    for chart, maps in results["stability"]["maps"].items():
-        for integrator, one in maps.items():
-            spectral, simulated = one["edges"]["spectral_to_closed"], one["edges"]["simulated_to_closed"]
-            yield (
-                *(chart, integrator, f"{one['evaluated']} of {one['points']} (x{one['saving']:.1f})"),
-                f"{one['disagreeing']} of {one['full_points']}",
-                "no limit" if spectral is None else f"{spectral:.0e}",
-                "no limit" if simulated is None else f"{100 * simulated[0]:+.2f} to {100 * simulated[1]:+.1f} %",
-            )
-
-
-@table("map", "integrator", "what", "share of the unstable points", "timesteps", "steps in 3 s")
-def windows(results: Results) -> Iterator[tuple[str, ...]]:
-    """Where `no warning` misleads."""
-    for chart, kinds in results["stability"]["windows"].items():
-        for integrator, found in kinds.items():
-            for window in found:
-                share = window["share_of_unstable"]
-                shown = "-" if share is None else f"{100 * share:.1f} %"
-                span = " to ".join(map(milliseconds, window["timesteps_s"]))
-                steps = " to ".join(f"{SECONDS / h:.0f}" for h in window["timesteps_s"])
-                yield chart, integrator, LOOK[Class[window["kind"].upper()]][1], shown, span, steps
-
-
-@table("case", "integrator", "outcomes over the grid", "first warning, at the smallest timestep")
-def cases(results: Results) -> Iterator[tuple[str, ...]]:
-    """What collisions end in, and what the warning and reset do."""
-    for case, kinds in results["stability"]["cases"].items():
-        for integrator, one in kinds.items():
-            shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in one["shares"].items() if share)
-            yield case, integrator, shares, reset(one["reset"])
-
-
-@table("scene", *STAGES, "bitwise equal", "needed, so kept")
-def skip(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the three savings apart and together."""
-    for name, scene in results["skip"]["scenes"].items():
-        needed = ", ".join(flag["part"] for flag in scene["flags"] if not flag["proven"]) or "none"
-        saved = (times(scene["savings"][stage]) for stage in STAGES)
-        yield describe_scene(name), *saved, "yes" if scene["bitwise"] else "NO", needed
-
-
-@table("scene", "flag", "", "why", "bitwise equal", "time saved")
-def flags(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields every flag on every scene: proof, bits, time."""
-    for name, scene in results["skip"]["scenes"].items():
-        for flag in scene["flags"]:
-            proven = "proven" if flag["proven"] else "needed"
-            bits = "yes" if flag["bitwise"] else f"no, {flag['largest_difference']:.0e}"
-            yield describe_scene(name), flag["part"], proven, flag["reason"], bits, times(flag)
-
-
-@table("servo", "eigenvalue [1/s]", "Euler", "RK4", "implicit, implicitfast", "discrete")
-def regions(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the servos on the plane, and the largest stable timestep of each integrator."""
-    for name, one in results["regions"]["servos"].items():
-        limits = {kind: "no limit" if h is None else milliseconds(h) for kind, h in one["limits_s"].items()}
-        real, imaginary = one["eigenvalue"]
-        methods = ("Euler", "RK4", "implicit", "discrete")
-        yield name, f"{real:.1f} + {imaginary:.1f}i", *(limits[kind] for kind in methods)
-
-
-@table("scene", "integrator", "4 ms", "2 ms", "1 ms", "drift per minute at 2 ms")
-def energy(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the largest relative error of the energy, up to the first warning."""
-    for name, kinds in results["energy"]["scenes"].items():
-        for kind, runs in kinds.items():
-            drifts = f"{runs['2 ms']['per_minute']:+.1e}" if runs["2 ms"]["warning"] is None else "-"
-            yield describe_scene(name), kind, *(largest(runs[h]) for h in ("4 ms", "2 ms", "1 ms")), drifts
-
-
-def largest(run: Results) -> str:
-    """`8.9e-01`, or with the warning that ended the run."""
-    warned = run["warning"]
-    return f"{run['largest']:.1e}" + (f", {warned[0]} at {warned[1]:.0f} s" if warned else "")
-
-
-ADAPTIVE_ERRORS = ("1e-02", "1e-03", "1e-04", "1e-05", "1e-06")
-
-
-@table("scene", "method", *ADAPTIVE_ERRORS)
-def adaptive(results: Results) -> Iterator[tuple[str, ...]]:
-    """Yields the fewest evaluations within each error, and the CPU time of that run."""
-    for name, scene in results["adaptive"]["scenes"].items():
-        fewest = (scene["mujoco"][error] for error in ADAPTIVE_ERRORS)
-        cells = (one and f"{evaluations(one)}, {one['method']} {milliseconds(one['setting'])}" for one in fewest)
-        yield describe_scene(name), "MuJoCo, fewest", *(cell or "-" for cell in cells)
-        for method, found in scene["adaptive"].items():
-            yield describe_scene(name), method, *(evaluations(found[error]) for error in ADAPTIVE_ERRORS)
-
-
-def evaluations(best: Results | None) -> str:
-    """`512 (x1.0)`, or a dash where no setting gets there."""
-    return f"{best['evaluations']} (x{best['ratio']:.2g})" if best else "-"
-
-
-PILE_STEPS = ("8 ms", "4 ms", "2 ms", "1 ms", "0.5 ms", "0.25 ms", "0.125 ms")
-
-
-@table("integrator", *PILE_STEPS, "order")
-def pile(results: Results) -> Iterator[tuple[str, ...]]:
-    """Error against timestep where many stiff contacts open and close."""
-    scene = results["adaptive"]["scenes"]["pile"]
-    for kind, errors in scene["errors"].items():
-        order = fitted(scene["orders"][kind])
-        yield kind, *(f"{errors[h]:.0e}" if h in errors else "warned" for h in PILE_STEPS), order
-
-
-@table(
-    *("model", "degrees of freedom", "needed, so kept", "skipping", "an `nstep` loop over our run"),
-    *("beside the steps", "MuJoCo's reset", "bitwise equal"),
-)
-def models(results: Results) -> Iterator[tuple[str, ...]]:
-    """What skipping saves on each model, and what a run costs beside its steps."""
-    for name, one in results["models"]["models"].items():
-        parts = [part for part in one["needed"] if part not in ("constraints", "islands")]
-        fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
-        cells = (times(one["skipping"]), times(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
-        yield describe_scene(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
-
-
-@table(
-    *("database", "learners at once", "answers a second", "beside the bare route", "median", "95 of 100", "99 of 100"),
-    *("CPU time of an answer", "of the bare route's"),
-)
-def answers(results: Results) -> Iterator[tuple[str, ...]]:
-    """Choice answers beside a bare route: rates, wall times and the servers' CPU times."""
-    for row in service_rows(results, "beside"):
-        waits = (f"{1e3 * row[name]:.1f} ms" for name in ("median_s", "p95_s", "p99_s"))
-        costs = (f"{1e3 * row[name]:.2f} ms" for name in ("cpu_s", "bare_cpu_s"))
-        rate, ratio = f"{row['per_second']:.0f}", f"x{row['ratio']:.2f}"
-        yield DATABASES[row["backend"]], str(row["students"]), rate, ratio, *waits, *costs
-
-
-@table("scripts", "workers", "scripts a second", "beside one worker", "busy cores", "CPU time of a script")
-def workers(results: Results) -> Iterator[tuple[str, ...]]:
-    """Queued scripts, worked off by more and more grading processes."""
-    for row in service_rows(results, "workers"):
-        rate, ratio = f"{row['per_second']:.2g}", f"x{row['ratio']:.2f}"
-        yield row["script"], str(row["workers"]), rate, ratio, f"{row['cores']:.2f}", f"{1e3 * row['cpu_s']:.0f} ms"
-
-
-@table("scene", *(f"error {error}" for error in SHOWN_ERRORS), "timer x C x skipping")
-def summary(results: Results) -> Iterator[tuple[str, ...]]:
-    """One line a scene: the cheapest settings, and the three savings."""
-    skipped = {name: scene["savings"] for name, scene in results["skip"]["scenes"].items()}
-    for name, scene in results["precision"]["scenes"].items():
-        apart = [f"{skipped[name][stage]['ratio']:.2f}" for stage in (TIMER, IN_C, SKIPPING)] if name in skipped else []
-        cheapest = (setting(scene["cheapest"][error]) for error in SHOWN_ERRORS)
-        yield describe_scene(name), *cheapest, " x ".join(apart) or "-"
 
 
 def main(
     docs: Path, pages: list[Path], work: Path = Path(".data/bench"), quick: bool = False, tables_only: bool = False
 ) -> None:
-    """Measure in the folder WORK, copy results and the pictures shown to DOCS/measured, fill the pages."""
+    """Measure in the folder WORK, copy results and the pictures shown to DOCS/measured, fill the pages, and write the
+    interactive one. With MuJoCo OTHER, measure what has no times, and copy it to a folder of its own."""
     texts = {page: page.read_text(encoding="utf-8") for page in pages}
     kept = docs / "measured"
-    missing = [name for name, module in COMPARED.items() if find_spec(module) is None]
+    missing = [name for name, module in COMPARED.items() if find_spec(module) is None and INSTALLED != OTHER]
     if missing and not (quick or tables_only):
-        sys.exit(f"the page compares with {', '.join(missing)}: run pip install '.[peers]' gymnasium first")
+        install = "pip install '.[peers]' gymnasium -r requirements-mjx.lock"
+        sys.exit(f"the page compares with {', '.join(missing)}: run {install} first")
     if not tables_only:
-        for name in STUDIES:
+        other = INSTALLED == OTHER
+        for name in REPEATED if other else STUDIES:
             run(name, work, quick)
-        kept.mkdir(parents=True, exist_ok=True)
-        for name in (*(f"{study}.json" for study in STUDIES), *PICTURE.findall("".join(texts.values()))):
-            shutil.copyfile(work / name, kept / name)
-    denied = []
+        shown = [f"{study}.json" for study in (REPEATED if other else STUDIES)]
+        shown += [] if other else PICTURE.findall("".join(texts.values()))
+        folder = kept / OTHER if other else kept
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in shown:
+            shutil.copyfile(work / name, folder / name)
+        versions.main(kept / "versions.json")
+    denied, results = [], load_results(kept)
+    (docs / "measured.html").write_text(render_page(results), encoding="utf-8")
     for page, text in texts.items():
-        filled, against = fill(text, load_results(kept))
+        filled, against = fill(text, results)
         page.write_text(filled, encoding="utf-8")
         denied += [f"{page}: {one}" for one in against]
     if denied:

@@ -99,14 +99,18 @@ class Load(Measurement):
 
 @dataclass(frozen=True)
 class Beside(Measurement):
-    """Choice answers beside a bare route with one durable insert, by so many students at once."""
+    """The answers of a class beside two bare routes, by so many students at once."""
 
     backend: str
     students: int
 
     def measure(self, quick: bool, done: Records) -> Record:
-        """Rates, their ratio, wall times [s] and the servers' CPU times for one answer [s]."""
-        return compare_with_bare(self.backend, self.students, *((1, 1.0) if quick else (5, 5.0)))
+        """Rates, wall times [s] and the CPU times of an answer [s] of each server, and the ratios to the service's."""
+        return compare_with_bare(self.backend, self.students, *((2, 1.0) if quick else (7, 5.0)))
+
+    def rows(self, record: Record) -> list[Record]:
+        """Returns one row a server; ratios stand beside the bare route that they are to."""
+        return [{**one, **record["ratios"].get(one["server"], {}), **record["effort"]} for one in record["servers"]]
 
 
 @dataclass(frozen=True)
@@ -204,7 +208,7 @@ def describe_bar(key: Measurement, row: Record) -> str:
     if isinstance(key, Load):
         return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
     if isinstance(key, Beside):
-        return f"choices on {key.backend}, {key.students} at once: {row['ratio']:.2f} of a bare route"
+        return f"{row['server']} on {key.backend}, {key.students} at once: {row['per_second']:.0f} a second"
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kind import Results
-from grader.exercises.kinds.rk4.driver import Forward, add_force
-from grader.exercises.kinds.rk4.parameters import Run
-from grader.exercises.kinds.rk4.rotations import find_quaternions
+from grader.exercises.judgement import Results
+from grader.exercises.kinds.rk4.judging.driver import Forward, add_force
+from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
+from grader.exercises.kinds.rk4.judging.run import Run
 from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
 from grader.numerics.rollout import Rollout, simulate
 

@@ -1,19 +1,15 @@
 """Judges results: compares them with those of the author's program, or computes a residual that must vanish."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from grader.exercises.kind import Judgement, Results
-from grader.exercises.kinds.values.driver import Rows, to_numbers
-from grader.exercises.kinds.values.parameters import Call, Problem, Result
+from grader.exercises.judgement import Judgement, Results
+from grader.exercises.kinds.values.judging.driver import Rows, to_numbers
+from grader.exercises.kinds.values.judging.problem import Call, Problem, Result
 
 ELEMENTS_SHOWN = 12
-
-REHEARSED = (0.0, 1.0, 0.5, -1.0)
-"""Numbers with which a residual is tried when content is loaded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,49 +61,6 @@ def find_largest(values: Rows) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def compute_expected(problem: Problem, call: Call) -> tuple[Rows, ...] | None:
-    """Returns the author's results; None where a residual decides. Raises ValueError if the program has none."""
-    if problem.function.residual is not None:
-        return None
-    answer = problem.compute_results(call)
-    if isinstance(answer, str):
-        names = ", ".join(result.name for result in problem.function.results)
-        raise ValueError(f"{problem.name} of the author's program must give {names} as finite numbers, not {answer}")
-    return tuple(answer)
-
-
-def rehearse_call(problem: Problem, call: Call) -> None:
-    """Raises ValueError if the author's program gives no results, or others than are declared."""
-    shapes = problem.list_shapes(call)
-    try:
-        expected = compute_expected(problem, call)
-    except Exception as error:  # an author's program may raise anything
-        raise ValueError(f"the author's program fails: {type(error).__name__}: {error}") from error
-    if expected is None:
-        rehearse_residual(problem, call, [shape or () for shape in shapes])
-        return
-    for result, right, shape in zip(problem.function.results, expected, shapes, strict=True):
-        if shape not in (None, right.shape):
-            raise ValueError(f"{result.name} of the author's program has the shape {right.shape}, not {shape}")
-
-
-def rehearse_residual(problem: Problem, call: Call, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Raises ValueError if the residual gives no numbers for results of the declared shapes, whatever they hold."""
-    why = ""
-    for number in REHEARSED:
-        try:
-            rest = problem.compute_remainder(call, tuple(np.full(shape, number) for shape in shapes))
-        except Exception as error:  # it may raise for numbers that are far from right
-            why = why or f"raises {type(error).__name__}: {error}"
-            continue
-        if rest is None or rest.size:
-            return
-        why = "gives no numbers, so that nothing is judged"
-    named = ", ".join(f"{one.name} {shape}" for one, shape in zip(problem.function.results, shapes, strict=True))
-    assert problem.function.residual is not None
-    raise ValueError(f"{problem.function.residual.function} {why}, for results of the shapes {named}: declare `shape`")
-
-
 def judge_calls(problem: Problem, results: Results) -> Judgement[Comparisons]:
     """Judges every call of a trial; all must be right."""
     outcome = tuple(compare(problem, call, read_answer(problem, results, i)) for i, call in enumerate(problem.calls))
@@ -152,11 +105,11 @@ def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
     """Compares the answer of one call with the author's program."""
     if answer.values is None:
         what = " and ".join(filter(None, (describe_returned(problem), describe_fields(problem))))
-        expected = compute_expected(problem, call)
+        expected = problem.compute_expected(call)
         return Comparison(
             call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
-    expected = compute_expected(problem, call)
+    expected = problem.compute_expected(call)
     shapes = problem.list_shapes(call) if expected is None else [right.shape for right in expected]
     for result, got, shape in zip(problem.function.results, answer.values, shapes, strict=True):
         if got.shape != shape:  # before anything is computed: arrays of other shapes broadcast to huge or empty ones

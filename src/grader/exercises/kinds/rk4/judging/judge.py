@@ -1,26 +1,22 @@
 """Judges steps: measures the distance of the student's trajectories from MuJoCo's method and from the exact motion."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import isfinite
 
-import mujoco
 import numpy as np
 
-from grader.exercises.kind import Judgement, Results
-from grader.exercises.kinds.rk4.parameters import OrderCheck, Problem, Run, with_timestep
-from grader.exercises.kinds.rk4.trajectory import (
+from grader.exercises.judgement import Judgement, Results
+from grader.exercises.kinds.rk4.judging.run import Order, Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.judging.trajectory import (
     Difference,
     Trajectory,
-    build_forward,
     compare,
     read_trajectory,
     simulate_fourth_order,
     simulate_mujoco,
 )
-from grader.numerics.accuracy.convergence import fit_order
-from grader.numerics.accuracy.reference import solve_dop853
 from grader.numerics.version import INSTALLED, RK4_ORDER_ON_ROTATIONS
 
 TIME_ROUNDING_S = 1e-9
@@ -54,68 +50,24 @@ FEWEST = 3
 SAMPLES = 5
 """The number of times at which a run is compared with the truth, the last at its end."""
 
-ORDER_RTOL = 1e-13
-"""Gives the truth an error of 1e-12, a thirtieth of the smallest error that the order check meets (3e-11)."""
-
-CASE_RTOL = 1e-12
-"""Gives the truth of a case without order check an error of 1e-11, a tenth of TRUTH_FLOOR."""
-
 ORDER = 4.0
 """The order of the methods that the exercise asks for, and of our own."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact motion at every time [s] at which a trajectory is compared with it; solved on first use."""
+    """The exact motion at every time [s] at which a trajectory is compared with it. `solve` returns it, and caches it;
+    it raises ValueError where the scene has constraints."""
 
-    run: Run
     times_s: tuple[float, ...]
-    rtol: float
-
-    @property
-    def exact(self) -> Trajectory:
-        """The motion at the times. Raises ValueError where the scene has constraints."""
-        return solve_motion(with_timestep(self.run, 1.0, 1), self.times_s, self.rtol)
+    solve: Callable[[], Trajectory]
 
     def measure_error(self, run: Run, trajectory: Trajectory) -> float:
         """Returns the largest distance at the run's sample times; inf where the trajectory ended early. Raises
         ValueError where the scene has constraints."""
         rows = choose_rows(run)
         here = np.searchsorted(self.times_s, list_sample_times(run))
-        return compare(run, trajectory.take(rows[rows < len(trajectory)]), self.exact.take(here)).worst
-
-
-def build_truth(problem: Problem) -> Truth:
-    """Returns the exact motion of a case; the order check uses that of the first case too."""
-    run = problem.run
-    held = [*problem.order_runs, *([run, coarsen(run)[0]] if problem.accepts_other_methods else [])]
-    times = sorted({time for other in held for time in list_sample_times(other)})
-    return Truth(run, tuple(times), ORDER_RTOL if problem.order_runs else CASE_RTOL)
-
-
-def rehearse(problem: Problem) -> None:
-    """Simulates, and solves for the exact motion where the judgement needs it. Raises ValueError where the scene has
-    constraints, or its motion does not stay finite."""
-    if problem.asks_order:
-        return
-    cure = "take a start with less energy, smaller gains or a smaller timestep_s"
-    try:
-        with np.errstate(all="ignore"):  # a motion that diverges overflows first
-            prepare(problem)
-            if problem.order_runs:
-                _ = build_truth(problem).exact
-    except (RuntimeError, mujoco.FatalError) as error:
-        raise ValueError(f"the motion cannot be solved ({error}): {cure}") from error
-    if len(simulate_mujoco(problem.run)) < problem.run.steps:
-        raise ValueError(f"MuJoCo's own run of {problem.run.steps} steps diverges: {cure}")
-
-
-def prepare(problem: Problem) -> None:
-    """Simulates by MuJoCo's method and solves for the exact motion, where every judgement needs them."""
-    if not problem.asks_order:
-        simulate_mujoco(problem.run)
-    if problem.asks_order or problem.accepts_other_methods:
-        _ = build_truth(problem).exact
+        return compare(run, trajectory.take(rows[rows < len(trajectory)]), self.solve().take(here)).worst
 
 
 def coarsen(run: Run) -> tuple[Run, float]:
@@ -135,13 +87,6 @@ def choose_rows(run: Run) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
 def list_sample_times(run: Run) -> tuple[float, ...]:
     """Returns the times [s] of the sampled rows."""
     return tuple(round((row + 1) * run.timestep_s, 12) for row in choose_rows(run).tolist())
-
-
-@lru_cache(maxsize=64)
-def solve_motion(run: Run, times_s: tuple[float, ...], rtol: float) -> Trajectory:
-    """Solves for the motion at ascending times [s]. Raises ValueError where the scene has constraints."""
-    reference = solve_dop853(run.scene(), times_s, rtol=rtol, forward=build_forward(run))
-    return Trajectory(reference.time, reference.qpos, reference.qvel, reference.act)
 
 
 @dataclass(frozen=True)
@@ -165,7 +110,7 @@ class RunOutcome:
     @cached_property
     def agrees(self) -> bool:
         """Whether every position, velocity and activation agrees with MuJoCo's method at every step."""
-        return self.difference.worst <= self.problem.case.tolerance
+        return self.difference.worst <= self.problem.tolerance
 
     @cached_property
     def is_near_truth(self) -> bool:
@@ -187,7 +132,7 @@ class RunOutcome:
     def keeps_time(self) -> bool:
         """Whether data.time is right after every step of the student's, in a case where that matters."""
         late = self.student.time - simulate_mujoco(self.run).time[: len(self.student)]
-        return not self.problem.case.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
+        return not self.problem.time_matters or bool(np.all(np.abs(late) <= TIME_ROUNDING_S))
 
     @cached_property
     def is_right(self) -> bool:
@@ -197,7 +142,7 @@ class RunOutcome:
     @cached_property
     def first_departure(self) -> int | None:
         """The first step whose difference exceeds the tolerance, counted from 1."""
-        over = np.flatnonzero(self.difference.by_step > self.problem.case.tolerance)
+        over = np.flatnonzero(self.difference.by_step > self.problem.tolerance)
         return int(over[0]) + 1 if len(over) else None
 
 
@@ -208,7 +153,7 @@ class OrderOutcome:
     MuJoCo's method, and such a run may count. `other_timestep`: a timestep [s] and what the step took in its place,
     though it takes others as they are."""
 
-    check: OrderCheck
+    check: Order
     errors: tuple[float, ...]
     ignores_timestep: bool
     follows_mujoco: bool
@@ -229,7 +174,8 @@ class OrderOutcome:
         ]
         if not self.is_finite or len(points) < FEWEST:
             return None
-        return fit_order(*zip(*points, strict=True)).order
+        timesteps_s, errors = np.array(points, dtype=np.float64).T
+        return float(np.polyfit(np.log(timesteps_s), np.log(errors), 1)[0])
 
     def is_about(self, order: float) -> bool:
         """Whether the slope is this order."""
@@ -261,9 +207,9 @@ class OrderOutcome:
 Rk4Outcome = RunOutcome | OrderOutcome
 
 
-def judge_run(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
+def judge_run(problem: Problem, truth: Truth, results: Results) -> Judgement[Rk4Outcome]:
     """Compares the run of a case with MuJoCo's method and, where that counts, with the exact motion."""
-    outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), build_truth(problem))
+    outcome = RunOutcome(problem, read_trajectory(results, 0, problem.run), truth)
     message, detail = describe_run(outcome)
     alternative = ", or as near to the truth as a fourth-order method" if problem.accepts_other_methods else ""
     return Judgement(
@@ -272,7 +218,7 @@ def judge_run(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
         outcome=outcome,
         detail=detail,
         measured={name: round_difference(value) for name, value in outcome.difference.largest.items()},
-        expected=f"at most {problem.case.tolerance:g} from MuJoCo's RK4{alternative}",
+        expected=f"at most {problem.tolerance:g} from MuJoCo's RK4{alternative}",
     )
 
 
@@ -298,15 +244,15 @@ def describe_run(outcome: RunOutcome) -> tuple[str, str]:
     return "Departs from MuJoCo's RK4.", f"It departs at step {outcome.first_departure}, and {far}."
 
 
-def judge_order(problem: Problem, results: Results) -> Judgement[Rk4Outcome]:
+def judge_order(problem: Problem, truth: Truth, results: Results) -> Judgement[Rk4Outcome]:
     """Measures the order. Right are the fourth and, where it counts, that of MuJoCo's method on rotations."""
     assert problem.order is not None
-    truth, runs = build_truth(problem), problem.order_runs
+    runs = problem.order_runs
     students = [read_trajectory(results, index, run) for index, run in enumerate(runs)]
     errors = tuple(truth.measure_error(run, student) for run, student in zip(runs, students, strict=True))
     coarsest, student = max(zip(runs, students, strict=True), key=lambda pair: pair[0].timestep_s)
     agrees = problem.accepts_other_methods and (
-        compare(coarsest, student, simulate_mujoco(coarsest)).worst <= problem.case.tolerance
+        compare(coarsest, student, simulate_mujoco(coarsest)).worst <= problem.tolerance
     )
     outcome = OrderOutcome(
         problem.order, errors, is_timestep_ignored(students), agrees, coarsest, truth,
@@ -384,6 +330,6 @@ def list_accepted_states(problem: Problem) -> list[tuple[float, float]]:
     fixed trajectory that is right in the whole run is right here. The force is drawn from continuous distributions, so
     two draws are far further apart than the tolerance."""
     rows = int(choose_rows(problem.run)[0]) + 1 if problem.accepts_other_methods else 1
-    around = max(problem.case.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
+    around = max(problem.tolerance, OTHER_METHODS if problem.accepts_other_methods else 0.0)
     early = simulate_mujoco(with_timestep(problem.run, problem.run.timestep_s, rows))
     return [(value - around, value + around) for value in early.qvel[-1].tolist()]

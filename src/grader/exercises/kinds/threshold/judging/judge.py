@@ -2,22 +2,17 @@
 The linear stability limit (the spectral radius of one step at rest passes 1) lies a little below the limit within the
 horizon (a warning comes in time). Every reasonable reading of "stable" finds a limit between the two."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from grader.exercises.kind import Judgement, Results
-from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.numerics.integrators import BY_NAME
+from grader.exercises.judgement import Judgement, Results
+from grader.numerics.integrators import BY_NAME, Integrator
 from grader.numerics.scene import Scene
-from grader.numerics.stability.bisection import find_threshold
-from grader.numerics.stability.equilibrium import find_equilibrium
+from grader.numerics.stability.horizon import warns_within
 from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius
-from grader.numerics.stability.trials import Stability, try_timestep
 
 SLACK = 0.003
 """Relative widening of the span from the linear stability limit to the limit within the horizon, on both sides.
@@ -33,11 +28,37 @@ WIDTH_ROUNDING = 1e-6
 NUMBER_TOLERANCE_S = 0.0005
 """A single number claims a limit within this distance [s]. Source: the lesson asks for a bisection to 0.5 ms."""
 
-RELATIVE_WIDTH = 0.001
-"""The precision of the limits from which the chance of luck is estimated."""
 
-SHOWN_WIDTH_S = 1e-6
-"""The precision of the expected limits in a finding."""
+class Search(Protocol):
+    """What is searched: timesteps from the shortest to the longest, the horizon of a run and the widest bracket [s]."""
+
+    @property
+    def search_s(self) -> tuple[float, float]: ...  # noqa: D102
+
+    @property
+    def horizon_s(self) -> float: ...  # noqa: D102
+
+    @property
+    def width_s(self) -> float: ...  # noqa: D102
+
+    @property
+    def integrators(self) -> tuple[str, ...]: ...  # noqa: D102
+
+
+class Cell(Protocol):
+    """One model under one integrator: `scene` at its start, and `rest` in its equilibrium, None if there is none."""
+
+    @property
+    def case(self) -> str: ...  # noqa: D102
+
+    @property
+    def integrator(self) -> Integrator: ...  # noqa: D102
+
+    @property
+    def scene(self) -> Scene: ...  # noqa: D102
+
+    @property
+    def rest(self) -> Scene | None: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -109,30 +130,18 @@ def read_claim(results: Results) -> Claim:
     return Bracket(float(values[0]), float(values[1]))
 
 
-def warns(scene: Scene, code: int, timestep_s: float, seconds: float) -> bool:
-    """Whether a run of `seconds` [s] from the scene's start raises any warning."""
-    return try_timestep(scene, timestep_s, seconds, integrator=code).stability is Stability.UNSTABLE
-
-
 @lru_cache(maxsize=256)
 def has_limit(scene: Scene, code: int, longest_s: float, seconds: float) -> bool:
     """Whether the longest timestep of the search is unstable."""
-    return warns(scene, code, longest_s, seconds)
+    return warns_within(scene, longest_s, seconds, integrator=code)
 
 
-@lru_cache(maxsize=64)
-def find_rest(scene: Scene) -> Scene | None:
-    """Returns the scene in its equilibrium, which takes a root search; None if there is none."""
-    return find_equilibrium(scene)
-
-
-def grows(scene: Scene, code: int, timestep_s: float) -> bool:
+def grows(rest: Scene | None, code: int, timestep_s: float) -> bool:
     """Whether a small deviation from the equilibrium grows; False if there is no equilibrium."""
-    rest = find_rest(scene)
     return rest is not None and compute_spectral_radius(rest, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
 
 
-def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Judgement[Claim]:
+def judge_claim(parameters: Search, cell: Cell, claim: Claim) -> Judgement[Claim]:
     """Judges a claim; the message is the first fault found."""
     if isinstance(claim, Unreadable):
         why = "The function must return (h_stable, h_unstable) in seconds, one number, or None."
@@ -147,7 +156,7 @@ def judge_claim(parameters: ThresholdParameters, cell: Cell, claim: Claim) -> Ju
     return Judgement(not why, why or "Certified by simulating at both ends.", claim, detail)
 
 
-def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
+def judge_none(parameters: Search, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
     """Judges the claim that no timestep of the search is unstable. A right None counts only if a limit was found on the
     same model under another integrator that has one: otherwise a function that does nothing would earn points."""
     longest, seconds = parameters.search_s[1], parameters.horizon_s
@@ -164,7 +173,7 @@ def judge_none(parameters: ThresholdParameters, cell: Cell, claim: NoLimit) -> J
     )
 
 
-def explain_form(parameters: ThresholdParameters, claim: Bracket) -> str:
+def explain_form(parameters: Search, claim: Bracket) -> str:
     """Returns the fault of a bracket that is wrong for any model; empty if there is none."""
     longest, allowed = parameters.search_s[1], parameters.width_s
     if claim.width < 0:
@@ -176,65 +185,17 @@ def explain_form(parameters: ThresholdParameters, claim: Bracket) -> str:
     return "A timestep must be positive." if claim.high <= 0 else ""
 
 
-def explain_bracket(parameters: ThresholdParameters, cell: Cell, claim: Bracket) -> str:
+def explain_bracket(parameters: Search, cell: Cell, claim: Bracket) -> str:
     """Returns why a bracket misses the span of right readings; simulates and linearises at most once at each end."""
     scene, code, seconds = cell.scene, cell.integrator.code, parameters.horizon_s
     shortest, longest = parameters.search_s
     below, above = ("at the lower end", "at the upper end") if claim.number is None else ("just below", "just above")
     what = "of the bracket" if claim.number is None else "your number"
-    if warns(scene, code, max(claim.low * (1 - SLACK), shortest), seconds):
+    if warns_within(scene, max(claim.low * (1 - SLACK), shortest), seconds, integrator=code):
         return f"Too high: the run is already unstable {below} {what}."
     high = max(claim.high * (1 + SLACK), shortest)
-    if grows(scene, code, high) or warns(scene, code, high, seconds):
+    if grows(cell.rest, code, high) or warns_within(scene, high, seconds, integrator=code):
         return ""
     if not has_limit(scene, code, longest, seconds):
         return f"No timestep up to {1000 * longest:g} ms is unstable here: return None."
     return f"Too low: the run is still stable {above} {what}."
-
-
-def describe_expected(parameters: ThresholdParameters, cell: Cell) -> str:
-    """Returns the span of right readings in words: from the linear stability limit to the limit within the horizon."""
-    span = find_span(cell.scene, cell.integrator.code, parameters.search_s, parameters.horizon_s)
-    if span is None:
-        return "None"
-    within = f"{1000 * span[1]:.2f} ms (within {parameters.horizon_s:g} s)"
-    return f"a limit from {1000 * span[0]:.2f} ms (linear stability) to {within}"
-
-
-@lru_cache(maxsize=64)
-def find_span(scene: Scene, code: int, search_s: tuple[float, float], horizon_s: float) -> tuple[float, float] | None:
-    """Returns the linear limit and the limit within the horizon [s]; None if the longest timestep raises no warning."""
-    low, high = search_s
-    bracket = find_threshold(
-        scene, low_s=low, high_s=high, horizon_s=horizon_s, integrator=code, width_s=SHOWN_WIDTH_S, scan_step_s=high
-    ).bracket_s
-    if bracket is None:
-        return None
-    stable, growing = low, bracket[1]
-    while growing - stable > SHOWN_WIDTH_S:
-        middle = (stable + growing) / 2
-        stable, growing = (stable, middle) if grows(scene, code, middle) else (middle, growing)
-    return growing, bracket[1]
-
-
-def find_accepted_ends(parameters: ThresholdParameters, cell: Cell) -> tuple[float, float]:
-    """Returns between which values [s] the lower end of the widest bracket is accepted; (inf, inf) if None is right.
-    The limit within the horizon is found to a thousandth, on its far side."""
-    scene, code = cell.scene, cell.integrator.code
-    low, high = parameters.search_s
-    if not has_limit(scene, code, high, parameters.horizon_s):
-        return inf, inf
-    linear = bisect(lambda h: grows(scene, code, h), low, high)
-    if linear == high:
-        linear = within = bisect(lambda h: warns(scene, code, h, parameters.horizon_s), low, high)
-    else:
-        within = bisect(lambda h: warns(scene, code, h, parameters.horizon_s), linear, min(1.1 * linear, high))
-    return linear * (1 - RELATIVE_WIDTH) / (1 + SLACK) - parameters.width_s, within / (1 - SLACK)
-
-
-def bisect(unstable: Callable[[float], bool], low: float, high: float) -> float:
-    """Returns the upper end of the bracket that bisection between `low` and `high` [s] ends with."""
-    while high - low > RELATIVE_WIDTH * high:
-        middle = (low + high) / 2
-        low, high = (low, middle) if unstable(middle) else (middle, high)
-    return high

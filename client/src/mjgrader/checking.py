@@ -1,0 +1,110 @@
+"""Runs a script in a fresh process, and judges the visible cases, as the server does."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from mjgrader import showing
+from mjgrader.errors import NotRunning, Sentence
+from mjgrader.kits import Kit
+
+OUTPUT_CHARS_MAX = 4000
+
+
+@dataclass(frozen=True)
+class Check:
+    """What the visible cases say of a script. Shows itself as text, and in a notebook as HTML."""
+
+    title: str
+    findings: tuple[Mapping[str, Any], ...]
+    output: str = ""
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def passed(self) -> bool:
+        """Whether every case that is judged here is right."""
+        return all(one["passed"] is not False for one in self.findings)
+
+    @property
+    def ran(self) -> bool:
+        """Whether the function returned in any case."""
+        return any(not one["raised"] for one in self.findings)
+
+    def __str__(self) -> str:
+        return showing.write_check(self)
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return showing.draw_check(self)
+
+
+def check_source(source: str, kit: Kit) -> Check:
+    """Judges the visible cases of a script. Raises NotRunning where it does not run alone, and Sentence."""
+    exercise = kit.exercise
+    trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(exercise["trials"])]
+    job = {
+        **{name: exercise[name] for name in ("kind", "without_integrators", "reveal")},
+        "trials": trials, "source": source, "folder": str(kit.folder.resolve()), "file": kit.script,
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="mjgrader-") as folder:
+        asked, results = Path(folder, "job.json"), Path(folder, "results.json")
+        asked.write_text(json.dumps(job), encoding="utf-8")
+        output = start_worker("run", asked, results, exercise["limits"]["wall_s"])
+        run = json.loads(results.read_text(encoding="utf-8"))
+        if run["status"] != "returned":
+            raise NotRunning(f"{run['why']} Nothing was handed in, and no attempt is used.", output)
+        start_worker("judge", asked, results, None)
+        findings = tuple(json.loads(results.read_text(encoding="utf-8")))
+    remarks = list_remarks(exercise)
+    return Check(exercise["title"], findings, output, remarks)
+
+
+def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns what one should know about the verdict."""
+    hidden = f"{exercise['hidden_points']:g} of its {exercise['points']:g} points are for hidden cases"
+    remarks = [f"No attempt is used. The server decides; {hidden}."]
+    if exercise["mujoco"] != mujoco.__version__:
+        remarks.append(
+            f"The server has MuJoCo {exercise['mujoco']}, you have {mujoco.__version__}: the last digits may differ. "
+            f"`pip install mujoco=={exercise['mujoco']}` makes them the same."
+        )
+    return tuple(remarks)
+
+
+def start_worker(command: str, job: Path, results: Path, seconds: float | None) -> str:
+    """Runs a worker to its end; returns what it printed. Raises NotRunning."""
+    arguments = [sys.executable, "-m", "mjgrader.worker", command, str(job), str(results)]
+    paths = [*(path for path in sys.path if path), os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONIOENCODING": "utf-8"}
+    try:
+        done = subprocess.run(  # noqa: S603 - our own module
+            arguments, env=environment, capture_output=True, timeout=seconds, check=False, stdin=subprocess.DEVNULL
+        )
+    except subprocess.TimeoutExpired as error:
+        raise NotRunning(
+            f"Your script did not end within {seconds:g} s: look for a loop that does not end. Nothing was handed in.",
+            read_output(error.stdout or b"", error.stderr or b""),
+        ) from None
+    output = read_output(done.stdout, done.stderr)
+    if done.returncode or not results.exists():
+        if command == "run":
+            raise NotRunning(f"Python ended with status {done.returncode} while your script ran.", output)
+        raise Sentence(f"The judge failed; please report this:\n{output}")
+    return output
+
+
+def read_output(stdout: bytes, stderr: bytes) -> str:
+    """Returns what was printed, cut in the middle."""
+    text = (stdout + stderr).decode("utf-8", "replace").strip()
+    half = OUTPUT_CHARS_MAX // 2
+    return text if len(text) <= OUTPUT_CHARS_MAX else f"{text[:half]}\n...\n{text[-half:]}"

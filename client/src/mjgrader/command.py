@@ -1,0 +1,107 @@
+"""`mjgrade`: the same in a terminal."""
+
+import argparse
+import getpass
+import os
+import sys
+from pathlib import Path
+
+from mjgrader.errors import Sentence
+from mjgrader.kits import Kit, find_kit
+from mjgrader.session import Session
+
+EXIT_RIGHT, EXIT_WRONG, EXIT_REFUSED = 0, 1, 2
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Returns the commands."""
+    parser = argparse.ArgumentParser(prog="mjgrade", description="Check and hand in the exercises of a MuJoCo course.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    sign_in = commands.add_parser("sign-in", help="sign in with a code that you confirm in the browser")
+    sign_in.add_argument("url", help="the address of your course's server")
+    sign_in.add_argument("--token", action="store_true", help="type a token of your instructor's instead")
+    commands.add_parser("sign-out", help="delete the token from this machine")
+    start = commands.add_parser("start", help="get the kit of an exercise into a folder")
+    start.add_argument("question", help="the exercise's id, such as servo-threshold")
+    start.add_argument("--quiz", help="its quiz, where several have it")
+    for name, text in (
+        ("check", "judge the visible cases here; no attempt is used"),
+        ("submit", "hand in, and wait for the verdict"),
+        ("status", "show the newest verdict"),
+    ):
+        one = commands.add_parser(name, help=text)
+        one.add_argument("file", help="the script", type=Path, nargs="?" if name == "status" else None)
+        one.add_argument("--question", help="the exercise, where its kit is not beside the script")
+        if name == "submit":
+            one.add_argument("--anyway", action="store_true", help="also where it does not run here")
+    commands.add_parser("sync", help="send what was kept without a connection")
+    return parser
+
+
+def main() -> None:
+    """Runs one command. Exits with 0 for right, 1 for anything else, 2 where it could not be done."""
+    asked = build_parser().parse_args()
+    try:
+        sys.exit(run(asked, Session(say=lambda text: print(text, file=sys.stderr))))
+    except Sentence as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_REFUSED)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def run(asked: argparse.Namespace, session: Session) -> int:
+    """Runs one command; returns its exit status. Raises Sentence."""
+    if asked.command == "sign-in":
+        token = (os.environ.get("MJGRADER_TOKEN") or getpass.getpass("Token: ")) if asked.token else None
+        session.sign_in(asked.url, token)
+    elif asked.command == "sign-out":
+        session.sign_out()
+    elif asked.command == "start":
+        kit = session.start(asked.question, asked.quiz)
+        print(kit.script)
+    elif asked.command == "sync":
+        session.sync()
+    else:
+        return judge(asked, session)
+    return EXIT_RIGHT
+
+
+def judge(asked: argparse.Namespace, session: Session) -> int:
+    """Checks or hands in a script, or shows the newest verdict. Raises Sentence."""
+    if asked.command == "status" and asked.file is None:
+        answer = session.result(asked.question)
+        print(answer)
+        return EXIT_RIGHT if answer.status == "correct" else EXIT_WRONG
+    kit = find_kit_of(asked.file, asked.question)
+    if asked.command == "status":
+        answer = session.result(kit.name)
+    else:
+        source = read_script(asked.file)
+        if asked.command == "check":
+            check = session.check(source, kit)
+            print(check)
+            return EXIT_RIGHT if check.passed else EXIT_WRONG
+        answer = session.submit(source, kit, anyway=asked.anyway)
+    print(answer)
+    return EXIT_RIGHT if answer.status == "correct" else EXIT_WRONG
+
+
+def find_kit_of(file: Path, question: str | None) -> Kit:
+    """Returns the kit of a script: beside it, or below the working folder. Raises Sentence."""
+    beside = file.resolve().parent
+    if (beside / "exercise.json").is_file():
+        return find_kit(beside, question)
+    return find_kit(Path.cwd(), question or file.stem.replace("_", "-"))
+
+
+def read_script(file: Path) -> str:
+    """Returns the text of a script. Raises Sentence."""
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise Sentence(f"{file} cannot be read: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""Kits on this machine: a folder for each exercise, with its exercise.json."""
+
+import io
+import json
+import sys
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from mjgrader.errors import Sentence
+
+FORMAT = 1
+"""The version of exercise.json that this client reads."""
+
+DESCRIPTION = "exercise.json"
+OF_THE_LEARNER = (".py", ".ipynb")
+"""Files of a kit that a learner changes: they are never overwritten, but for mjcourse.py."""
+
+
+@dataclass(frozen=True)
+class Kit:
+    """The kit of one exercise."""
+
+    folder: Path
+    exercise: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """The exercise's id."""
+        return str(self.exercise["question"])
+
+    @property
+    def script(self) -> str:
+        """The path of the script that the learner writes."""
+        return str(self.folder / f"{self.name.replace('-', '_')}.py")
+
+
+def read_kit(folder: Path) -> Kit:
+    """Reads the kit in a folder. Raises Sentence where there is none, or one of another version."""
+    path = folder / DESCRIPTION
+    try:
+        exercise = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        raise Sentence(f'There is no kit in {folder}: get it with g.start("the-exercise").') from None
+    except ValueError:
+        raise Sentence(f"{path} is damaged: delete it, and get the kit again with g.start().") from None
+    found = exercise.get("format") if isinstance(exercise, dict) else None
+    if found != FORMAT:
+        newer = isinstance(found, int) and found > FORMAT
+        cure = "pip install --upgrade mujoco-grader-client" if newer else "get the kit again with g.start()"
+        raise Sentence(f"The kit in {folder} has format {found}, and this client reads {FORMAT}: {cure}.")
+    return Kit(folder, exercise)
+
+
+def list_kits(folder: Path) -> Iterator[Kit]:
+    """Yields the kits in a folder and in the folders below it."""
+    for path in (folder / DESCRIPTION, *sorted(folder.glob(f"*/{DESCRIPTION}"))):
+        if path.is_file():
+            yield read_kit(path.parent)
+
+
+def find_kit(folder: Path, question: str | None, entry: str | None = None, quiz: str | None = None) -> Kit:
+    """Returns the kit of an exercise, or the only one whose function has this name. Raises Sentence."""
+    kits = [one for one in list_kits(folder) if quiz is None or one.exercise["quiz"] == quiz]
+    if question is not None:
+        found = [one for one in kits if one.name == question]
+        if not found:
+            raise Sentence(f'The kit of {question} is not in {folder}: get it with g.start("{question}").')
+        return found[0]
+    if len(kits) > 1 and entry is not None:
+        kits = [one for one in kits if one.exercise["entry"] == entry]
+    if not kits:
+        raise Sentence('No kit fits: get it with g.start("the-exercise"), or name it with question="the-exercise".')
+    if len(kits) > 1:
+        names = ", ".join(one.name for one in kits)
+        raise Sentence(f'Several exercises fit ({names}): name one with question="{kits[0].name}".')
+    return kits[0]
+
+
+def unpack_kit(data: bytes, folder: Path) -> Kit:
+    """Writes a kit to a folder; what the learner has changed there stays. Raises Sentence."""
+    try:
+        packed = zipfile.ZipFile(io.BytesIO(data))
+    except zipfile.BadZipFile:
+        raise Sentence("The server sent no kit. Is the address that of your course?") from None
+    with packed:
+        for name in packed.namelist():
+            parts = PurePosixPath(name).parts
+            if name.startswith("/") or "\\" in name or ":" in name or ".." in parts or not parts:
+                raise Sentence(f"The kit has a file with an odd name, {name!r}: it was not unpacked.")
+        for name in packed.namelist():
+            path = folder.joinpath(*PurePosixPath(name).parts)
+            if path.exists() and path.suffix in OF_THE_LEARNER and path.name != "mjcourse.py":
+                continue
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(packed.read(name))
+    return read_kit(folder)
+
+
+def add_course_module(kit: Kit) -> None:
+    """Lets `from mjcourse import model_path` find the models of this kit."""
+    folder = str(kit.folder.resolve())
+    sys.path[:] = [folder, *(path for path in sys.path if path != folder)]
+    sys.modules.pop("mjcourse", None)

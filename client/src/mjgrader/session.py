@@ -1,0 +1,179 @@
+"""What a learner does: signs in, gets a kit, checks, hands in, and reads verdicts."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from mjgrader import devices, outbox
+from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
+from mjgrader.checking import Check, check_source
+from mjgrader.connection import Connection
+from mjgrader.errors import NotRunning, Sentence
+from mjgrader.kits import Kit, find_kit, unpack_kit
+from mjgrader.showing import Answer
+from mjgrader.showing import Progress as ProgressTable
+
+POLL_S = (0.3, 0.5, 1.0, 2.0)
+"""Pauses between questions for a verdict [s]; the last one repeats."""
+VERDICT_S_MAX = 900.0
+
+SCOPE_HINT = "Your token is kept in {}; g.sign_out() deletes it."
+
+
+@dataclass
+class Session:
+    """The state of one learner in one process. `say` tells her what happens."""
+
+    say: Callable[[str], None] = print
+    transport: httpx.BaseTransport | None = None
+    account: Account | None = None
+    kit: Kit | None = None
+    last: Answer | None = None
+    folder: Path = field(default_factory=Path.cwd)
+
+    def connect(self) -> Connection:
+        """Returns a connection as the learner who is signed in. Raises SignInAgain."""
+        self.account = self.account or load_account()
+        return Connection(self.account, self.say, self.transport)
+
+    def sign_in(
+        self, url: str, token: str | None = None, *, remember: bool = True, insecure: bool = False,
+        show: Callable[[Mapping[str, Any]], None] | None = None,
+    ) -> None:  # fmt: skip
+        """Signs in with a code that is confirmed in the browser, or with a token. Raises Sentence."""
+        site = read_site(url, insecure=insecure)
+        if token is None:
+            codes = devices.ask_for_code(site, self.transport)
+            (show or self.show_code)(codes)
+            account = devices.wait_for_token(site, codes, self.say, self.transport)
+        else:
+            account = Account(site, token.strip())
+        quizzes = Connection(account, self.say, self.transport).get("/quizzes")["items"]  # the token is tried
+        self.account = account
+        kept = (
+            f" {SCOPE_HINT.format(save_account(account))}" if remember else " Your token is kept in this process alone."
+        )
+        self.say(f"Signed in at {site}: {len(quizzes)} quizzes.{kept}")
+        if any(True for _ in outbox.list_waiting(site)):
+            self.say("Answers wait to be sent: g.sync() sends them as yours.")
+
+    def show_code(self, codes: Mapping[str, Any]) -> None:
+        """Says where to confirm which code."""
+        self.say(f"Open {codes['verification_uri_complete']} and confirm the code {codes['user_code']}")
+
+    def sign_out(self) -> None:
+        """Forgets the token, here and on this machine."""
+        self.account = None
+        forget_account()
+        self.say("Signed out: the token is deleted from this machine.")
+
+    def start(self, question: str, quiz: str | None = None, folder: str | Path | None = None) -> Kit:
+        """Gets the kit of an exercise into a folder of its name. A script that is there stays. Raises Sentence."""
+        connection = self.connect()
+        quiz = quiz or self.find_quiz(connection, question)
+        data = connection.request("GET", f"/quizzes/{quiz}/questions/{question}/kit").content
+        self.kit = unpack_kit(data, Path(folder) if folder is not None else self.folder / question)
+        return self.kit
+
+    def find_quiz(self, connection: Connection, question: str) -> str:
+        """Returns the quiz of a question. Raises Sentence where none or several have it."""
+        found, known = [], []
+        for quiz in connection.get("/quizzes")["items"]:
+            shown = connection.get(f"/quizzes/{quiz['id']}").get("questions") or []
+            names = [one["id"] for one in shown if one.get("kind") == "code"]
+            known += names
+            found += [quiz["id"]] * (question in names)
+        if not found:
+            raise Sentence(f"There is no exercise {question!r}. The course has: {', '.join(known) or 'none yet'}.")
+        if len(found) > 1:
+            raise Sentence(f'Several quizzes have {question}: add quiz="{found[0]}" or one of {", ".join(found[1:])}.')
+        return str(found[0])
+
+    def choose_kit(self, question: str | None, entry: str | None, quiz: str | None = None) -> Kit:
+        """Returns the kit that is meant: the one that is named, else the one begun last. Raises Sentence."""
+        last = self.kit
+        if last is not None and (last.name == question if question else entry in (None, last.exercise["entry"])):
+            return last
+        return find_kit(self.folder, question, entry, quiz)
+
+    def check(self, source: str, kit: Kit) -> Check:
+        """Judges the visible cases on this machine. Raises Sentence."""
+        return check_source(source, kit)
+
+    def submit(self, source: str, kit: Kit, *, anyway: bool = False, wait: bool = True) -> Answer:
+        """Runs a script in a fresh process, hands it in, and waits for its verdict. Raises Sentence; NotRunning where
+        the script does not run, which uses no attempt, unless `anyway`."""
+        connection = self.connect()
+        if not anyway:
+            self.rehearse(source, kit)
+        waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source)
+        outbox.deliver_all(connection, of_others=False, but=waiting)
+        self.last = Answer(outbox.deliver(connection, waiting), connection.account.site)
+        return self.wait(self.last) if wait else self.last
+
+    def rehearse(self, source: str, kit: Kit) -> Check:
+        """Runs the script alone. Raises NotRunning where no visible case returns."""
+        check = check_source(source, kit)
+        if check.findings and not check.ran:
+            why = next(one["message"] for one in check.findings if one["raised"])
+            hint = " It works only in your kernel: define what it names in a cell." if "NameError" in why else ""
+            raise NotRunning(f"{why}{hint} Nothing was handed in, and no attempt is used.", check.output)
+        return check
+
+    def wait(self, answer: Answer) -> Answer:
+        """Waits until a submission has its verdict, and says how it stands. Raises Sentence."""
+        connection, told, began = self.connect(), "", time.monotonic()
+        pauses = iter(POLL_S)
+        pause = POLL_S[0]
+        while answer.is_under_way and time.monotonic() - began < VERDICT_S_MAX:
+            if answer.status != told:
+                told = answer.status
+                self.say({"queued": "Handed in; waiting for a grader.", "running": "Running."}.get(told, told))
+            pause = next(pauses, pause)
+            time.sleep(pause)
+            answer = self.read(connection, answer.id)
+        answer = Answer(answer.submission, answer.site, self.count_left(connection, answer))
+        self.last = answer
+        if answer.is_under_way:
+            self.say("The verdict takes long: g.result() asks again.")
+        return answer
+
+    def read(self, connection: Connection, submission: str) -> Answer:
+        """Returns a submission as it stands."""
+        return Answer(connection.get(f"/submissions/{submission}"), connection.account.site)
+
+    def count_left(self, connection: Connection, answer: Answer) -> int | None:
+        """Returns how many attempts are left; None without a limit."""
+        shown = connection.get(f"/quizzes/{answer.submission['quiz']}").get("questions") or []
+        here = [one for one in shown if one["id"] == answer.submission["question"]]
+        left = here[0].get("attempts_left") if here else None
+        return None if left is None else int(left)
+
+    def result(self, question: str | None = None) -> Answer:
+        """Returns the newest submission, or the newest at an exercise, with its verdict. Raises Sentence."""
+        connection = self.connect()
+        if self.last is not None and question in (None, self.last.submission["question"]):
+            return self.wait(self.read(connection, self.last.id))
+        options = {"params": {"question": question, "limit": 1} if question else {"limit": 1}}
+        items = connection.get("/submissions", **options)["items"]
+        if not items:
+            raise Sentence("You have handed in nothing yet.")
+        return self.wait(self.read(connection, items[0]["id"]))
+
+    def progress(self) -> ProgressTable:
+        """Returns the points and dates of every quiz. Raises Sentence."""
+        connection = self.connect()
+        quizzes = connection.get("/quizzes")["items"]
+        return ProgressTable([connection.get(f"/quizzes/{quiz['id']}") for quiz in quizzes])
+
+    def sync(self) -> list[Answer]:
+        """Sends the answers that were kept without a connection. Raises Sentence."""
+        connection = self.connect()
+        sent = [Answer(one, connection.account.site) for _, one in outbox.deliver_all(connection, of_others=True)]
+        self.say(f"Sent: {len(sent)}." if sent else "Nothing waits to be sent.")
+        self.last = sent[-1] if sent else self.last
+        return sent

@@ -1,0 +1,159 @@
+"""Runs a script over the visible trials, or judges what it returned: each in a process of its own, so that neither the
+kernel nor the judge sees what a script changes. `python -m mjgrader.worker run|judge JOB RESULTS`: files of JSON."""
+
+import base64
+import json
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from grader.exercises import harness
+from grader.exercises.judgement import list_counting
+from grader.numerics.process import prepare
+from mjgrader.judges import DRIVERS, JUDGES
+
+STEPPERS = ("mj_step", "mj_step1", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta")
+"""Functions of MuJoCo that take a step, which some exercises forbid."""
+
+
+class Refused(Exception):
+    """The script did what the exercise forbids."""
+
+
+def run_job(job: Mapping[str, Any]) -> dict[str, Any]:
+    """Runs the script of a job over its trials; returns the results, encoded, and how the script ended."""
+    sys.path.insert(0, job["folder"])
+    prepare()
+    driver = DRIVERS.get(job["kind"])  # a kind that the course has installed itself runs on the server alone
+    results: dict[str, Any] = {}
+
+    def submit(name: str, value: Any) -> None:
+        array = np.asarray(value)
+        results[name] = [array.dtype.str, list(array.shape), base64.b64encode(array.tobytes()).decode()]
+
+    if driver is not None:
+        prepare_harness(driver)
+    forbid = forbid_steps() if job["without_integrators"] else None
+    try:
+        student = load_script(job["source"], job["file"])
+        if forbid:
+            forbid()
+        for trial in job["trials"] if driver is None else ():
+            harness.function_of(student, trial["entries"][0])
+        if driver is not None:
+            harness.run(student, {"trials": job["trials"], "more": False}, submit)
+    except Refused as error:
+        return {"status": "forbidden", "why": str(error), "results": {}}
+    except BaseException as error:
+        where = next((f" in line {one.lineno}" for one in reversed(list_frames(error, job["file"]))), "")
+        traceback.print_exception(error)
+        return {"status": "crashed", "why": f"{type(error).__name__}{where}: {error}", "results": {}}
+    return {"status": "returned", "why": "", "results": results}
+
+
+def prepare_harness(driver: ModuleType) -> None:
+    """Lets the harness of the jail run a driver that notes nothing."""
+    harness.KIND = vars(driver)
+    harness.GIVEN["kind_of"] = lambda error: "forbidden" if isinstance(error, Refused) else "crashed"
+    harness.RECORDER.update(begin=lambda hidden: None, traced=lambda function: function, end=lambda: b"")
+    if hasattr(driver, "before_import"):
+        driver.before_import()
+
+
+def list_frames(error: BaseException, file: str) -> list[traceback.FrameSummary]:
+    """Returns the lines of the script in a traceback."""
+    if isinstance(error, SyntaxError):
+        return [traceback.FrameSummary(file, error.lineno or 0, "")]
+    return [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+
+
+def load_script(source: str, file: str) -> ModuleType:
+    """Returns the script as a module. It is imported, not run as a program."""
+    module = ModuleType("script")
+    module.__file__ = file
+    sys.modules["script"] = module
+    exec(compile(source, file, "exec"), vars(module))  # noqa: S102
+    return module
+
+
+def forbid_steps() -> Callable[[], None]:
+    """Wraps the functions of MuJoCo that step. Returns what forbids them, for the time after the import."""
+    forbidden: list[bool] = []
+
+    def wrap(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def step(*arguments: Any, **named: Any) -> Any:
+            if forbidden:
+                raise Refused(f"The function let MuJoCo take the step ({name}), which this exercise does not allow.")
+            return function(*arguments, **named)
+
+        return step
+
+    for name in STEPPERS:
+        setattr(mujoco, name, wrap(name, getattr(mujoco, name)))
+    return lambda: forbidden.append(True)
+
+
+def judge_job(job: Mapping[str, Any], run: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Returns one finding for each trial: `passed` is None where only the server judges."""
+    arrays = {name: decode(*encoded) for name, encoded in run["results"].items()}
+    judged = {trial["id"]: judge_trial(job["kind"], trial, select(arrays, trial["index"])) for trial in job["trials"]}
+    counting = list_counting({name: one for name, one in judged.items() if not isinstance(one, str)})
+    findings = []
+    for trial in job["trials"]:
+        one = judged[trial["id"]]
+        finding = {"id": trial["id"], "title": trial["title"], "points": trial["points"], "raised": False}
+        if isinstance(one, str):
+            raised = "raised" in select(arrays, trial["index"])
+            findings.append(finding | {"passed": False if raised else None, "message": one, "raised": raised})
+            continue
+        counts = trial["id"] in counting
+        message = one.unmet if one.passed and not counts else one.message
+        detail = "" if job["reveal"] == "direction" else one.detail
+        findings.append(finding | {"passed": counts, "message": " ".join(filter(None, (message, detail)))})
+    return findings
+
+
+def judge_trial(kind: str, trial: Mapping[str, Any], results: Mapping[str, Any]) -> Any:
+    """Returns the judgement on one trial, or a sentence where there is none."""
+    if "raised" in results:
+        said = json.loads(results["raised"].tobytes())
+        line = f", in line {said['line']} of your script" if said["line"] else ""
+        return f"{said['raised']}{line}."
+    if trial["problem"] is None:
+        if any(name.startswith("other") for name in results):
+            return "Your function returned something that is not finite numbers; the server judges this case."
+        return f"Your {'function runs' if results else 'script can be imported'}; the server judges this case."
+    with np.errstate(all="ignore"):
+        return JUDGES[kind](trial["inputs"], trial["problem"], results)
+
+
+def select(arrays: Mapping[str, Any], index: int) -> dict[str, Any]:
+    """Returns the results of one trial by the driver's own names."""
+    prefix = f"t{index}_"
+    return {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
+
+
+def decode(dtype: str, shape: Sequence[int], text: str) -> Any:
+    """Returns an array that `submit` has encoded."""
+    return np.frombuffer(base64.b64decode(text), dtype=np.dtype(dtype)).reshape(shape)
+
+
+def main(command: str, job: str, results: str) -> None:
+    """Runs or judges, and writes what comes of it."""
+    asked = json.loads(Path(job).read_text(encoding="utf-8"))
+    place = Path(results)
+    if command == "run":
+        made: Any = run_job(asked)
+    else:
+        made = judge_job(asked, json.loads(place.read_text(encoding="utf-8")))
+    place.write_text(json.dumps(made), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,42 @@
+"""What a judge reads, and what it says of one trial. The judges in the folders `judging` of the kinds import this,
+NumPy, MuJoCo and `grader.numerics` alone: they also judge on the learner's own machine."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Outcome = TypeVar("Outcome")
+
+Results = Mapping[str, NDArray[np.generic]]
+"""The arrays that a driver submitted in one trial, by name. They are claims of the student's process."""
+
+
+@dataclass(frozen=True)
+class Judgement(Generic[Outcome]):
+    """A kind's judgement on one trial. `message` is a sentence without numbers of the case, of the student's result, or
+    of the expected result. It tells the direction of an error at most. `detail` is a sentence that may have numbers;
+    the runner leaves it, `measured` and `expected` out of hidden trials. `measured` and `expected` are plain JSON.
+    `outcome` is what the kind passes to its `name_mistake` and `build_pictures`; None if the script raised.
+
+    A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
+    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed."""
+
+    passed: bool
+    message: str
+    outcome: Outcome
+    detail: str = ""
+    measured: Any = None
+    expected: Any = None
+    needs: tuple[str, ...] = ()
+    unmet: str = ""
+    review: str = ""
+
+
+def list_counting(judgements: Mapping[str, Judgement[Any]]) -> set[str]:
+    """Returns the ids of the trials that count, of judgements by the trials' ids: those that passed and need no other,
+    or need one that passed and needs none."""
+    firm = {id for id, one in judgements.items() if one.passed and not one.needs}
+    return {id for id, one in judgements.items() if one.passed and (not one.needs or firm & {*one.needs})}

@@ -1,0 +1,102 @@
+"""The kit of an exercise: what a learner needs on a machine of her own. The same content gives the same bytes."""
+
+import io
+import json
+import re
+import zipfile
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+from grader.domain.markup import plain_text
+from grader.errors import NotFound
+from grader.exercises import describe_exercise, list_visible_models
+from grader.library import Library
+from grader.numerics.version import INSTALLED
+from grader.pack.notebook import build_notebook
+from grader.pack.wheel import entry
+from grader.questions.kinds.script import ScriptQuestion
+
+FORMAT = 1
+"""The version of exercise.json, which the client compares with its own."""
+
+COURSE_MODULE = files("grader.pack").joinpath("kit_files/mjcourse.py").read_text(encoding="utf-8")
+
+README = """# {title}
+
+- `{quiz} {question}`, {points:g} points; {hidden:g} of them are for hidden cases, which only the server runs.
+- `{script}` is where you begin: `pip install mujoco numpy`, then `python {script}`.
+- `{notebook}` has the task and the same script, for Jupyter, VS Code and Colab.
+- `mjcourse.py` finds the models in `models/`, as the course's own module does on the server.
+- `exercise.json` has the visible cases, and says how they are judged.
+- With `mujoco-grader-client`: `mjgrade check {script}` judges the visible cases here and uses no attempt;
+  `mjgrade submit {script}` hands in. Without it, hand the script in on the exercise's page.
+- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
+"""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """An exercise of content that a digest names."""
+
+    quiz: str
+    question: str
+    digest: str
+    library: Library = field(compare=False)
+
+
+def build_kit(library: Library, quiz: str, question: str) -> bytes:
+    """Returns the kit of an exercise as a zip file. Raises NotFound, also for a question that is no exercise."""
+    return _build(_Asked(quiz, question, library.digest(quiz), library))
+
+
+@lru_cache(maxsize=64)
+def _build(asked: _Asked) -> bytes:
+    texts = list_texts(asked.library, asked.quiz, asked.question)
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as packed:
+        for path, text in texts.items():
+            packed.writestr(entry(path), text)
+    return written.getvalue()
+
+
+def list_texts(library: Library, quiz: str, name: str) -> dict[str, str]:
+    """Returns the files of a kit by their paths. Raises NotFound."""
+    owner, question = library.find(quiz, name)
+    if not isinstance(question, ScriptQuestion):
+        raise NotFound(f"{quiz} {name} is no exercise: only exercises have a kit.")
+    starter = library.starter(question) or f"def {question.entry}(*arguments):\n    raise NotImplementedError\n"
+    title = plain_text(question.title or question.id)
+    exercise = {
+        "format": FORMAT,
+        "mujoco": INSTALLED,
+        "quiz": quiz,
+        "question": name,
+        "title": title,
+        "entry": question.entry,
+        "points": question.points,
+        "limits": question.limits.model_dump(),
+        "reveal": question.reveal or "size",
+        **describe_exercise(question, library.model_xml, library.text, judged=owner.policy.feedback == "immediate"),
+    }
+    script = f"{name.replace('-', '_')}.py"
+    notebook = f"{name}.ipynb"
+    named = list_visible_models(question) | {model for model in library.models if is_named(model, starter)}
+    texts = {
+        "exercise.json": json.dumps(exercise, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "mjcourse.py": COURSE_MODULE,
+        **{f"models/{model}.xml": library.model_xml(model) for model in sorted(named)},
+    }
+    values: dict[str, Any] = {**exercise, "hidden": exercise["hidden_points"], "script": script, "notebook": notebook}
+    return {
+        "README.md": README.format_map(values),
+        script: starter,
+        notebook: build_notebook(question.q, starter, exercise, texts),
+        **texts,
+    }
+
+
+def is_named(model: str, starter: str) -> bool:
+    """Whether a starter names a model, as in model_path("pendulum")."""
+    return re.search(rf"""["']{re.escape(model)}(\.xml)?["']""", starter) is not None

@@ -1,0 +1,134 @@
+"""Runs a scene under a setting, and measures errors against a reference, in positions or in a quantity."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import mujoco
+import numpy as np
+
+from grader.numerics.accuracy.convergence import measure_distance, measure_position_distance
+from grader.numerics.accuracy.reference import Reference, list_sample_times
+from grader.numerics.integrators import Integrator
+from grader.numerics.rollout import Rollout, simulate
+from grader.numerics.scene import Scene, Vector
+from grader.studies.advise.measures import measure_quantity
+
+SAMPLE_S = 0.02
+"""Errors are evaluated at multiples of this; every timestep in TIMESTEPS_S divides it."""
+
+Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
+States = Rollout | Reference
+
+Setting = tuple[Integrator, float]
+"""An integrator and a timestep [s]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run with its CPU time per simulated second."""
+
+    rollout: Rollout
+    cpu: float
+
+
+class Meter:
+    """Runs a scene and measures errors against a reference, in positions or in a quantity."""
+
+    def __init__(self, scene: Scene, seconds: float, quantity: Quantity | None) -> None:
+        self.scene, self.quantity = scene, quantity
+        self.grid_s = np.asarray(list_sample_times(seconds, SAMPLE_S))
+        self.seconds = float(self.grid_s[-1])
+
+    def times_of(self, timestep_s: float) -> Vector:
+        """Returns the times [s] at which a run is compared: the steps nearest to the multiples of SAMPLE_S."""
+        steps = np.unique(np.rint(self.grid_s / timestep_s))
+        return np.asarray(steps[steps > 0] * timestep_s)
+
+    def run(self, setting: Setting, at_s: Vector | None = None) -> Run:
+        """Returns a run that is kept at these times after the start [s], by default where it is compared."""
+        integrator, timestep_s = setting
+        times = self.times_of(timestep_s) if at_s is None else at_s
+        begin = time.thread_time()
+        rollout = simulate(
+            self.scene, seconds=float(times[-1]), timestep_s=timestep_s, integrator=integrator.code, at_s=times
+        )
+        spent = time.thread_time() - begin
+        return Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
+
+    def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
+        """Returns a run that is kept at the steps on both sides of every time."""
+        timestep_s = setting[1]
+        steps = times_s / timestep_s
+        around = np.unique(np.concatenate([np.floor(steps + 1e-6), np.ceil(steps - 1e-6)]))
+        return self.run(setting, np.asarray(around * timestep_s)).rollout
+
+    def error(self, one: States, other: States) -> float:
+        """Returns the sup norm of the difference at the times of `one`; inf if it diverged."""
+        if isinstance(one, Rollout) and one.diverged_at_step is not None:
+            return inf
+        if isinstance(other, Rollout) and other.diverged_at_step is not None:
+            return inf
+        second = interpolate(self.scene, other, one.time)
+        if self.quantity is None:
+            return measure_distance(self.scene, one, second).qpos
+        values = (measure_quantity(self.scene, run, self.quantity) for run in (one, second))
+        largest = float(np.max(np.abs(np.subtract(*values)), initial=0.0))
+        return largest if isfinite(largest) else inf
+
+    def distances(self, one: States, other: States, times_s: Vector) -> Vector:
+        """Returns the largest difference up to each of these times after the start, (n,); inf where a run ended."""
+        found = np.full(len(times_s), inf)
+        times = times_s + self.scene.start.time_s
+        kept = int(np.sum(times <= min(one.time[-1], other.time[-1]) + 1e-9)) if min(map(_count, (one, other))) else 0
+        first, second = (interpolate(self.scene, run, times[:kept]) for run in (one, other))
+        if self.quantity is None:
+            for row, (a, b) in enumerate(zip(first.qpos, second.qpos, strict=True)):
+                found[row] = measure_position_distance(self.scene, a[None], b[None])
+        else:
+            values = (measure_quantity(self.scene, run, self.quantity) for run in (first, second))
+            found[:kept] = np.abs(np.subtract(*values))
+        found[np.isnan(found)] = inf
+        return np.asarray(np.maximum.accumulate(found))
+
+    def excursion(self, run: Rollout) -> float:
+        """How far the quantity moves from its start; inf for a run that diverged."""
+        if run.diverged_at_step is not None:
+            return inf
+        if self.quantity is None:
+            start = np.tile(self.scene.start.qpos, (len(run.qpos), 1))
+            return measure_position_distance(self.scene, run.qpos, start)
+        still = simulate(self.scene, steps=0)
+        values = measure_quantity(self.scene, run, self.quantity)
+        return float(np.max(np.abs(values - measure_quantity(self.scene, still, self.quantity)[0]), initial=0.0))
+
+
+def interpolate(scene: Scene, run: States, times: Vector) -> Reference:
+    """States at `times`, between two kept ones by linear interpolation. The reference keeps a state within one of its
+    own timesteps on both sides of each time: the error is of second order in that timestep."""
+    after = np.clip(np.searchsorted(run.time, times - 1e-9), 0, len(run.time) - 1)
+    before = np.where(np.abs(run.time[after] - times) < 1e-9, after, np.maximum(after - 1, 0))
+    width = run.time[after] - run.time[before]
+    share = np.divide(times - run.time[before], width, out=np.zeros(len(times)), where=width > 0)[:, None]
+    qpos, qvel, act = (
+        (1 - share) * part[before] + share * part[after] if share.any() else part[after]
+        for part in (run.qpos, run.qvel, run.act)
+    )
+    for row in qpos if share.any() else ():
+        mujoco.mj_normalizeQuat(scene.model, row)
+    return Reference(times, qpos, qvel, act)
+
+
+def extrapolate(scene: Scene, coarse: Reference, fine: Reference) -> Reference:
+    """Returns the first-order extrapolation of two solutions at the same times, one at half the other's timestep."""
+    qpos, qvel, act = (
+        2 * b - a for a, b in ((coarse.qpos, fine.qpos), (coarse.qvel, fine.qvel), (coarse.act, fine.act))
+    )
+    for row in qpos:
+        mujoco.mj_normalizeQuat(scene.model, row)
+    return Reference(fine.time, qpos, qvel, act)
+
+
+def _count(run: States) -> int:
+    return len(run.time)

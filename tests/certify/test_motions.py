@@ -1,0 +1,242 @@
+"""A table of motions with closed forms, one physics a row: the true number is certified, a false one refuted.
+
+No expected value comes from the certifying code: each is a formula, or a solution of SciPy's on equations by hand.
+"""
+
+import math
+from typing import Any
+
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+
+from certify.test_certify import certify, numeric
+from certify.test_claims_by_closed_forms import G, soft_servo
+
+pytestmark = pytest.mark.slow
+
+X, V, TORQUE, ENERGY = "data.qpos[0]", "data.qvel[0]", 'joint="j"', "data.energy[0] + data.energy[1]"
+HEAD = '<mujoco><option timestep="{h}" integrator="{integrator}" gravity="{gravity}"/><worldbody>'
+
+
+def world(body: str, *, more: str = "", h: float = 1e-3, integrator: str = "RK4", gravity: str = "0 0 0") -> str:
+    head = HEAD.format(h=h, integrator=integrator, gravity=gravity)
+    return f"{head}{body}</worldbody>{more}</mujoco>"
+
+
+def slide(m: float = 2.0, joint: str = "", axis: str = "1 0 0") -> str:
+    return f'<body><joint name="j" type="slide" axis="{axis}" {joint}/><geom size=".1" mass="{m}"/></body>'
+
+
+def wheel(inertia: float, joint: str = "") -> str:
+    return f"""<body><joint name="j" axis="0 0 1" {joint}/>
+      <inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/></body>"""
+
+
+def rod(length: float, m: float = 1.0, own: float = 1e-9, joint: str = "") -> str:
+    return f"""<body><joint name="j" axis="0 1 0" {joint}/>
+      <inertial pos="0 0 {-length}" mass="{m}" diaginertia="{own} {own} {own}"/></body>"""
+
+
+def free(inertia: str = ".1 .1 .1", at: str = "0 0 0") -> str:
+    return f'<body pos="{at}"><freejoint/><inertial pos="0 0 0" mass="2" diaginertia="{inertia}"/></body>'
+
+
+def actuator(text: str) -> str:
+    return f"<actuator>{text}</actuator>"
+
+
+def solve(rate: Any, start: list[float], seconds: float) -> float:
+    return float(solve_ivp(rate, (0, seconds), start, rtol=1e-11, atol=1e-13).y[0, -1])
+
+
+def decay(x: float, k: float, c: float, m: float, t: float) -> float:
+    """Position of an overdamped mass from rest at x."""
+    a, b = (-c / 2 / m + s * math.sqrt((c / 2 / m) ** 2 - k / m) for s in (1, -1))
+    return x * (a * math.exp(b * t) - b * math.exp(a * t)) / (a - b)
+
+
+def fall_time(angle: float, length: float) -> float:
+    """Time [s] in which a pendulum falls from rest at `angle` to the bottom."""
+    return float(math.sqrt(length / G) * ellipk(math.sin(angle / 2) ** 2))
+
+
+DOWN, ACROSS = f"0 0 -{G}", f"{G} 0 0"
+COUPLED = """<body><joint type="slide" axis="1 0 0" stiffness="8"/><geom size=".01" mass="1"/></body>
+  <body pos="0 1 0"><joint type="slide" axis="1 0 0" stiffness="8"/><geom size=".01" mass="1"/></body>"""
+COUPLING = "data.qfrc_applied[0] = 3 * (data.qpos[1] - data.qpos[0]); data.qfrc_applied[1] = -data.qfrc_applied[0]"
+TENDON = '<tendon><fixed name="t"><joint joint="j" coef="3"/></fixed></tendon>'
+SPRUNG_TENDON = '<tendon><fixed name="t" stiffness="2"><joint joint="j" coef="3"/></fixed></tendon>'
+DRIVEN = "data.qfrc_applied[0] = 4 * Math.sin(3 * data.time)"
+
+MOTIONS: dict[str, tuple[float, str, dict[str, Any]]] = {
+    "height of a throw": (
+        3**2 / (2 * G), "m",
+        {"xml": world(free(), gravity=DOWN), "setup": "data.qvel[2] = 3", "expr": "data.qpos[2]", "when": "max",
+         "seconds": 0.6}),
+    "width of a throw": (
+        4 * 0.5, "m",
+        {"xml": world(free(), gravity=DOWN), "setup": "data.qvel[0] = 4", "expr": X, "seconds": 0.5}),
+    "slope of 30 degrees": (
+        0.5 * G * math.sin(math.pi / 6) * 1.2**2, "m",
+        {"xml": world(slide(axis="0.8660254 0 -0.5"), gravity=DOWN), "expr": X, "seconds": 1.2}),
+    "torque on a wheel": (
+        0.5 * 0.3 / 0.05 * 0.8**2, "rad",
+        {"xml": world(wheel(0.05), more=actuator(f"<motor {TORQUE}/>")), "setup": "data.ctrl[0] = 0.3", "expr": X,
+         "seconds": 0.8}),
+    "gear of a motor": (
+        7 * 0.3 / 0.05 * 0.5, "rad/s",
+        {"xml": world(wheel(0.05), more=actuator(f'<motor {TORQUE} gear="7"/>')), "setup": "data.ctrl[0] = 0.3",
+         "expr": V, "seconds": 0.5}),
+    "armature adds inertia": (
+        0.3 / (0.05 + 0.15) * 0.5, "rad/s",
+        {"xml": world(wheel(0.05, 'armature="0.15"'), more=actuator(f"<motor {TORQUE}/>")),
+         "setup": "data.ctrl[0] = 0.3", "expr": V, "seconds": 0.5}),
+    "speed servo": (
+        2 * (1 - math.exp(-3 / 2.0 * 0.7)), "m/s",
+        {"xml": world(slide(), more=actuator(f'<velocity {TORQUE} kv="3"/>')), "setup": "data.ctrl[0] = 2", "expr": V,
+         "seconds": 0.7}),
+    "position servo, critically damped": (
+        1 - (1 + 5 * 0.4) * math.exp(-5 * 0.4), "m",
+        {"xml": world(slide(), more=actuator(f'<position {TORQUE} kp="50" kv="20"/>')), "setup": "data.ctrl[0] = 1",
+         "expr": X, "seconds": 0.4}),
+    "overshoot of a servo": (
+        1 + math.exp(-math.pi * 0.2 / math.sqrt(1 - 0.2**2)), "m",
+        {"xml": world(slide(), more=actuator(f'<position {TORQUE} kp="50" kv="4"/>')), "setup": "data.ctrl[0] = 1",
+         "expr": X, "when": "max", "seconds": 2}),
+    "overdamped": (
+        decay(0.1, 50, 40, 2.0, 0.5), "m",
+        {"xml": world(slide(joint='stiffness="50" damping="40"')), "setup": "data.qpos[0] = 0.1", "expr": X,
+         "seconds": 0.5}),
+    "critically damped": (
+        0.1 * (1 + 5 * 0.3) * math.exp(-5 * 0.3), "m",
+        {"xml": world(slide(joint='stiffness="50" damping="20"')), "setup": "data.qpos[0] = 0.1", "expr": X,
+         "seconds": 0.3}),
+    "sag of a spring at its lowest": (
+        2 * 2.0 * G / 50, "m", {"xml": world(slide(joint='stiffness="50"'), gravity=ACROSS), "expr": X, "when": "max",
+                                "seconds": 1.5}),
+    "mean of whole periods": (
+        2.0 * G / 50, "m",
+        {"xml": world(slide(joint='stiffness="50"'), h=2 * math.pi / 5 / 1000, gravity=ACROSS), "expr": X,
+         "when": "mean", "seconds": 4 * math.pi / 5}),
+    "spring with a rest position": (
+        0.3 * (1 - math.cos(5 * 0.4)), "m",
+        {"xml": world(slide(joint='stiffness="50" springref="0.3"')), "expr": X, "seconds": 0.4}),
+    "driven from rest": (
+        4 / 2.0 / (5**2 - 3**2) * (math.sin(3 * 0.9) - 3 / 5 * math.sin(5 * 0.9)), "m",
+        {"xml": world(slide(joint='stiffness="50"')), "controller": DRIVEN, "expr": X, "seconds": 0.9}),
+    "driven without a spring": (
+        4 / 2.0 * (1.1 / 3 - math.sin(3 * 1.1) / 9), "m",
+        {"xml": world(slide()), "controller": DRIVEN, "expr": X, "seconds": 1.1}),
+    "beat of two equal masses": (
+        0.1 * (math.cos(math.sqrt(8) * 1.3) + math.cos(math.sqrt(14) * 1.3)) / 2, "m",
+        {"xml": world(COUPLED), "setup": "data.qpos[0] = 0.1", "controller": COUPLING, "expr": X, "seconds": 1.3}),
+    "the other mass of the beat": (
+        0.1 * (math.cos(math.sqrt(8) * 1.3) - math.cos(math.sqrt(14) * 1.3)) / 2, "m",
+        {"xml": world(COUPLED), "setup": "data.qpos[0] = 0.1", "controller": COUPLING, "expr": "data.qpos[1]",
+         "seconds": 1.3}),
+    "force through a tendon": (
+        3 * 0.5 / 2.0 * 0.6, "m/s",
+        {"xml": world(slide(), more=TENDON + actuator('<motor tendon="t"/>')), "setup": "data.ctrl[0] = 0.5",
+         "expr": V, "seconds": 0.6}),
+    "spring of a tendon": (
+        0.1 * math.cos(3 * 0.7), "m",
+        {"xml": world(slide(), more=SPRUNG_TENDON), "setup": "data.qpos[0] = 0.1", "expr": X, "seconds": 0.7}),
+    "weight borne by a body": (
+        0.0, "m",
+        {"xml": world(free().replace("<body", '<body gravcomp="1"'), gravity=DOWN), "expr": "data.qpos[2]",
+         "seconds": 1}),
+    "half of the weight borne": (
+        -0.25 * G * 0.8**2, "m",
+        {"xml": world(free().replace("<body", '<body gravcomp="0.5"'), gravity=DOWN), "expr": "data.qpos[2]",
+         "seconds": 0.8}),
+    "integrated control": (
+        0.4 * 0.9, "",
+        {"xml": world(slide(), more=actuator(f'<intvelocity {TORQUE} kp="1" actrange="-9 9"/>')),
+         "setup": "data.ctrl[0] = 0.4", "expr": "data.act[0]", "seconds": 0.9}),
+    "exact filter": (
+        2 * (1 - math.exp(-0.4 / 0.25)), "",
+        {"xml": world(slide(), more=actuator(f'<general {TORQUE} dyntype="filterexact" dynprm="0.25"/>')),
+         "setup": "data.ctrl[0] = 2", "expr": "data.act[0]", "seconds": 0.4}),
+    "speed behind a filter": (
+        1 / 2.0 * (0.8 - 0.3 * (1 - math.exp(-0.8 / 0.3))), "m/s",
+        {"xml": world(slide(), more=actuator(f'<general {TORQUE} dyntype="filter" dynprm="0.3"/>')),
+         "setup": "data.ctrl[0] = 1", "expr": V, "seconds": 0.8}),
+    "time of a fall from 1 rad": (
+        0.0, "rad",
+        {"xml": world(rod(0.4), h=fall_time(1.0, 0.4) / 400, gravity=DOWN), "setup": "data.qpos[0] = 1", "expr": X,
+         "seconds": fall_time(1.0, 0.4)}),
+    "speed at the bottom of a compound pendulum": (
+        math.sqrt(2 * 1.5 * G * 0.4 * (1 - math.cos(1.2)) / (1.5 * 0.4**2 + 0.06)), "rad/s",
+        {"xml": world(rod(0.4, 1.5, 0.06), gravity=DOWN), "setup": "data.qpos[0] = 1.2", "expr": f"Math.abs({V})",
+         "when": "max", "seconds": 1.2}),
+    "a damped pendulum": (
+        solve(lambda _, y: [y[1], -G / 0.4 * math.sin(y[0]) - 0.1 / 0.16 * y[1]], [1.0, 0.0], 0.9), "rad",
+        {"xml": world(rod(0.4, joint='damping="0.1"'), gravity=DOWN), "setup": "data.qpos[0] = 1", "expr": X,
+         "seconds": 0.9}),
+    "a pendulum thrown over the top": (
+        solve(lambda _, y: [y[1], -G / 0.4 * math.sin(y[0])], [0.0, 12.0], 0.7), "rad",
+        {"xml": world(rod(0.4), gravity=DOWN), "setup": "data.qvel[0] = 12", "expr": X, "seconds": 0.7}),
+    "cubic spring": (
+        solve(lambda _, y: [y[1], -200 * y[0] ** 3], [0.4, 0.0], 0.8), "m",
+        {"xml": world(slide()), "setup": "data.qpos[0] = 0.4",
+         "controller": "data.qfrc_applied[0] = -400 * data.qpos[0] ** 3", "expr": X, "seconds": 0.8,
+         "timestep": "any"}),
+    "drag that grows with the square": (
+        2.0 / 0.5 * math.log(1 + 0.5 * 6 / 2.0 * 0.9), "m",
+        {"xml": world(slide()), "setup": "data.qvel[0] = 6",
+         "controller": "data.qfrc_applied[0] = -0.5 * data.qvel[0] * Math.abs(data.qvel[0])", "expr": X,
+         "seconds": 0.9, "timestep": "any"}),
+    "escape from an unstable point": (
+        0.01 * math.cosh(3 * 0.9), "m",
+        {"xml": world(slide()), "setup": "data.qpos[0] = 0.01",
+         "controller": "data.qfrc_applied[0] = 18 * data.qpos[0]", "expr": X, "seconds": 0.9, "timestep": "any"}),
+    "energy left by a damper": (
+        0.5 * 2.0 * 3**2 * math.exp(-2 * 4 / 2.0 * 0.3), "J",
+        {"xml": world(slide(joint='damping="4"')), "setup": "data.qvel[0] = 3", "expr": ENERGY, "seconds": 0.3}),
+    "energy of a swing": (
+        -G * 0.4 * math.cos(2), "J",
+        {"xml": world(rod(0.4), gravity=DOWN), "setup": "data.qpos[0] = 2", "expr": ENERGY, "seconds": 1}),
+    "half turn of a free body": (
+        math.sin(1.5 / 2), "",
+        {"xml": world(free(".1 .1 .15")), "setup": "data.qvel[5] = 1.5", "expr": "data.qpos[6]", "seconds": 1}),
+    "precession of a symmetric top": (
+        0.3 * math.cos((0.15 / 0.1 - 1) * 4 * 0.9), "rad/s",
+        {"xml": world(free(".1 .1 .15")), "setup": "data.qvel[3] = 0.3; data.qvel[5] = 4", "expr": "data.qvel[3]",
+         "seconds": 0.9}),
+    "path of a rolling speed": (
+        1.3 + 2 * 0.7 - 0.5 * 0.9 * 0.7**2, "m",
+        {"xml": world(slide()), "setup": "data.qpos[0] = 1.3; data.qvel[0] = 2",
+         "controller": "data.qfrc_applied[0] = -1.8", "expr": X, "seconds": 0.7}),
+    "a force that grows with time": (
+        1.5 * 1.1**3 / 6 / 2.0, "m",
+        {"xml": world(slide()), "controller": "data.qfrc_applied[0] = 1.5 * data.time", "expr": X, "seconds": 1.1}),
+}  # fmt: skip
+"""The truth, its unit, and how it is measured."""
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_true_number_is_certified_and_a_false_one_refuted(name: str) -> None:
+    value, unit, verify = MOTIONS[name]
+    tol = 0.01 * max(abs(value), 0.3)
+    true = certify(numeric(value, tol, unit, by="measurement", **verify))
+    assert (true.verdict, true.regime["failed"]) == ("certified", None), true.why
+    false = certify(numeric(value + 4 * tol, tol, unit, by="measurement", **verify))
+    assert false.verdict == "refuted", false.why
+
+
+STIFFNESSES = [0.02 * 1.4**i for i in range(9)]
+
+
+@pytest.mark.cost
+@pytest.mark.parametrize("kp", STIFFNESSES)
+@pytest.mark.parametrize("beyond", [1.02 + 0.025 * i for i in range(15)])
+def test_no_soft_servo_beyond_its_limit_is_certified_stable(kp: float, beyond: float) -> None:
+    assert certify(soft_servo(kp, beyond, 0)).verdict != "certified"
+
+
+@pytest.mark.cost
+@pytest.mark.parametrize("kp", STIFFNESSES)
+@pytest.mark.parametrize("below", [0.2 + 0.065 * i for i in range(12)])
+def test_every_soft_servo_below_its_limit_is_still_certified_stable(kp: float, below: float) -> None:
+    assert certify(soft_servo(kp, below, 0)).verdict == "certified"

@@ -1,0 +1,128 @@
+"""What runs on the learner's machine: each script in a process of its own, with the server's refusals."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from grader.library import Library, load
+from grader.pack.kit import build_kit
+from mjgrader import worker
+from mjgrader.errors import Sentence
+from mjgrader.kits import find_kit, read_kit, unpack_kit
+from support.sites import ROOT
+
+VALUES = ROOT / "tests/exercises/values"
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return load(ROOT)
+
+
+@pytest.fixture
+def job(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A job of the worker that only imports its script."""
+    monkeypatch.syspath_prepend(tmp_path)
+    kit = unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold"), tmp_path / "kit")
+    trials = [{**trial, "index": index, "problem": None} for index, trial in enumerate(kit.exercise["trials"])]
+    shared = {"without_integrators": False, "reveal": "size", "folder": str(kit.folder), "file": kit.script}
+    return {**shared, "kind": "of_a_plugin", "trials": trials[:1]}
+
+
+def test_a_kind_that_the_client_does_not_know_is_left_to_the_server(job: dict[str, Any]) -> None:
+    entry = job["trials"][0]["entries"][0]
+    run = worker.run_job(
+        {**job, "source": f"from mjcourse import model_path\ndef {entry}(*arguments):\n    return 1\n"}
+    )
+    assert run["status"] == "returned"
+    (finding,) = worker.judge_job(job, run)
+    assert (finding["passed"], finding["raised"]) == (None, False)
+    assert finding["message"] == "Your script can be imported; the server judges this case."
+
+
+@pytest.mark.parametrize(
+    ("source", "why"),
+    [
+        ("x = 1\ny = unknown\n", "NameError in line 2: name 'unknown' is not defined"),
+        ("x = 1\n", "TypeError: the script defines no function largest_stable_timestep"),
+        ("import sys\nsys.exit(3)\n", "SystemExit in line 2: 3"),
+        ("x = (\n", "SyntaxError in line 1"),
+    ],
+)
+def test_a_script_that_does_not_run_is_told_with_its_line(job: dict[str, Any], source: str, why: str) -> None:
+    run = worker.run_job({**job, "source": source})
+    assert run["status"] == "crashed"
+    assert run["why"].startswith(why)
+
+
+@pytest.mark.parametrize(("reveal", "solution", "passed"), [
+    ("value", "correct__as_the_author", [True, True]),
+    ("value", "partial__cosine", [False, True]),
+    (None, "correct__as_the_author", [None, None]),
+    (None, "partial__cosine", [None, None]),
+])  # fmt: skip
+def test_values_are_compared_here_only_where_the_author_reveals_them(
+    reveal: str | None, solution: str, passed: list[bool | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    content = tmp_path / "content"
+    shutil.copytree(VALUES, content, ignore=shutil.ignore_patterns("reference_solutions"))
+    path = content / "quizzes" / "motion.json"
+    quiz = json.loads(path.read_text())
+    quiz["questions"] = [{**quiz["questions"][0], **({"reveal": reveal} if reveal else {})}]
+    path.write_text(json.dumps(quiz))
+    kit = unpack_kit(build_kit(load(content), "motion", "rotor-acceleration"), tmp_path / "kit")
+    source = (VALUES / f"reference_solutions/motion/rotor-acceleration/{solution}.py").read_text()
+    trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(kit.exercise["trials"])]
+    names = ("kind", "without_integrators", "reveal")
+    asked = {"trials": trials, "source": source, "folder": str(kit.folder), "file": kit.script}
+    asked |= {name: kit.exercise[name] for name in names}
+    run = worker.run_job(asked)
+    assert run["status"] == "returned", run["why"]
+    assert [finding["passed"] for finding in worker.judge_job(asked, run)] == passed
+
+
+def test_a_kit_is_found_by_its_name_or_its_function_and_a_script_stays(library: Library, tmp_path: Path) -> None:
+    for name in ("servo-threshold", "rk4-step", "rk4-free-joint"):
+        unpack_kit(build_kit(library, "1.3-exercises", name), tmp_path / name)
+    assert find_kit(tmp_path, "rk4-step").name == "rk4-step"
+    assert find_kit(tmp_path, None, "largest_stable_timestep").name == "servo-threshold"
+    with pytest.raises(Sentence, match=r"rk4-free-joint, rk4-step.*question="):
+        find_kit(tmp_path, None, "rk4_step")
+    with pytest.raises(Sentence, match=r'g\.start\("other"\)'):
+        find_kit(tmp_path, "other")
+    script = tmp_path / "rk4-step" / "rk4_step.py"
+    script.write_text("mine")
+    (tmp_path / "rk4-step" / "mjcourse.py").write_text("damaged")
+    unpack_kit(build_kit(library, "1.3-exercises", "rk4-step"), tmp_path / "rk4-step")
+    assert script.read_text() == "mine"
+    assert "model_path" in (tmp_path / "rk4-step" / "mjcourse.py").read_text()
+
+
+@pytest.mark.parametrize(("found", "cure"), [(2, "pip install --upgrade"), (0, "get the kit again"), (None, "again")])
+def test_a_kit_of_another_version_is_told(found: int | None, cure: str, tmp_path: Path) -> None:
+    (tmp_path / "exercise.json").write_text(f'{{"format": {"null" if found is None else found}}}')
+    with pytest.raises(Sentence, match=cure):
+        read_kit(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["/etc/x", "../x", "a/../../x", "C:x", "a\\x"])
+def test_a_kit_writes_nothing_outside_of_its_folder(name: str, tmp_path: Path) -> None:
+    import io
+    import zipfile
+
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as kit:
+        kit.writestr("exercise.json", '{"format": 1}')
+        kit.writestr(name, "x")
+    with pytest.raises(Sentence, match="odd name"):
+        unpack_kit(packed.getvalue(), tmp_path / "kit")
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_what_is_no_kit_is_told(tmp_path: Path) -> None:
+    with pytest.raises(Sentence, match="sent no kit"):
+        unpack_kit(b"<html>", tmp_path)

@@ -1,0 +1,117 @@
+"""References across constraints, the time until which they can tell, the survey of foreign models, and the page."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from grader.commands.main import main
+from grader.numerics.accuracy.reference import Adaptive, list_sample_times, solve_adaptively
+from grader.numerics.integrators import INTEGRATORS
+from grader.numerics.scene import Scene
+from grader.studies.advise.meter import SAMPLE_S, Meter
+from grader.studies.advise.page import draw_page
+from grader.studies.advise.report import Start, advise
+from grader.studies.advise.survey import main as survey
+from numerics.models import hinge
+
+pytestmark = pytest.mark.slow
+
+FOREIGN = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+
+# A point mass above a floor of soft contact: x'' = -g, and with the contact open again the same.
+BALL = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="5 5 .1"/>
+  <body pos="0 0 0.3"><joint type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody></mujoco>"""
+
+
+def test_adaptive_methods_of_different_order_agree_through_impacts() -> None:
+    times = np.asarray(list_sample_times(1.0, SAMPLE_S))
+    scene = Scene.from_xml(BALL)
+    methods: tuple[tuple[Adaptive, float], ...] = (("RK23", 1e-7), ("RK45", 1e-8), ("DOP853", 1e-9))
+    low, high, eighth = (solve_adaptively(scene, times, method, rtol=rtol) for method, rtol in methods)
+    assert len(low.time) == len(high.time) == len(eighth.time) == len(times)
+    assert np.abs(low.qpos - eighth.qpos).max() < 1e-6
+    assert np.abs(high.qpos - eighth.qpos).max() < 1e-6
+    # Source: free fall up to the impact after sqrt(2 * 0.2 / 9.81) = 0.202 s.
+    falling = times < 0.2
+    assert high.qpos[falling, 0] == pytest.approx(-9.81 / 2 * times[falling] ** 2, abs=1e-7)
+    assert high.qpos[-1, 0] == pytest.approx(-0.2, abs=0.02)
+
+
+def test_an_adaptive_method_that_runs_out_of_time_ends_there() -> None:
+    times, scene = np.asarray(list_sample_times(1.0, SAMPLE_S)), Scene.from_xml(BALL)
+    late = solve_adaptively(scene, times, "RK45", rtol=1e-8, until=0.0)
+    assert len(late.time) == 0
+    assert Meter(scene, 1.0, None).distances(late, late, times).tolist() == [np.inf] * len(times)
+
+
+def test_the_survey_holds_choices_against_another_method_and_goes_on(tmp_path: Path) -> None:
+    out, models = tmp_path / "advice.json", [FOREIGN / f"{name}.xml" for name in ("hopper", "swimmer")]
+    survey(out, models[:1])
+    first = json.loads(out.read_text())["models"]
+    survey(out, models)
+    both = json.loads(out.read_text())["models"]
+    assert both["hopper (Gymnasium)"] == first["hopper (Gymnasium)"]
+    by = {name: (row["reference"], row["independent"]) for name, row in both.items()}
+    assert by == {
+        "hopper (Gymnasium)": ("RK45 across constraints", "DOP853"),
+        "swimmer (Gymnasium)": ("DOP853", "LSODA"),
+    }
+    for row in both.values():
+        assert row["verdict"] == "choice"
+        assert row["independent_error"] <= 1e-3
+        assert row["choice"]["error"] == pytest.approx(row["independent_error"], abs=row["doubt"] + 1e-9)
+        assert row["independent_doubt"] < 1e-5
+
+
+class Page(HTMLParser):
+    """Counts elements, and collects what would be loaded."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.loaded: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.loaded += [value or "" for name, value in attrs if name in ("src", "href", "srcset")]
+
+
+def test_the_page_has_every_setting_as_a_mark_and_a_row_and_loads_nothing() -> None:
+    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=Start(qpos=[1.0]))
+    text = draw_page(advice, "<arm> & hand")
+    page = Page(text)
+    assert (page.loaded, page.tags.count("script"), "url(" in text, "@import" in text) == ([], 0, False, False)
+    assert "&lt;arm&gt; &amp; hand" in text
+    assert "<arm>" not in text
+    assert "prefers-color-scheme: dark" in text
+    count = len(advice.selection.candidates)
+    assert count > 10
+    assert text.count("<tr") == count + 1
+    assert text.count('<g tabindex="0"><title>') == count
+    assert {f">{one.name}</text>" in text for one in INTEGRATORS} == {True}
+    assert f"tolerance {advice.selection.tolerance:.2g}" in text
+    assert "uncertainty of the reference" in text
+    points = re.search(r'class="front" points="([^"]+)"', text)
+    assert points is not None
+    assert len(points[1].split()) == len(advice.selection.front)
+    drawn = [tuple(map(float, point.split(","))) for point in points[1].split()]
+    assert [x for x, _ in drawn] == sorted(x for x, _ in drawn)
+    assert [y for _, y in drawn] == sorted(y for _, y in drawn)  # downwards: smaller errors cost more
+
+
+def test_a_page_is_written_where_nothing_can_be_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, page = tmp_path / "hinge.xml", tmp_path / "page.html"
+    model.write_text(hinge())
+    options = ["--qpos", "1", "--seconds", "0.2", "--budget", "0", "--page", str(page)]
+    monkeypatch.setattr("sys.argv", ["grader", "advise", str(model), *options])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    assert "cannot tell" in page.read_text()
+    assert "<svg" not in page.read_text()
