@@ -199,6 +199,8 @@ def record_people(scene: Scene) -> None:
     scene.record(tina, "PATCH /members/{member_id}", member_id=mary, json={"role": "student"})
     scene.record(tina, "POST /invitations", 201, json={"names": ["Grace Hopper"]})
     scene.record(tina, "GET /invitations")
+    scene.record(tina, "POST /courses", 201, json={"name": "robots"})
+    scene.record(tina, "GET /courses")
     scene.record(tina, "POST /tokens", 201, json={"user": "lti", "role": "service", "scopes": ["results"], "days": 30})
     scene.record(tina, "GET /tokens")
     device = scene.joined.site.anonymous()

@@ -228,8 +228,9 @@ def test_a_token_may_do_what_its_scopes_name_and_nothing_else(site: Site, scope:
     assert client.head(f"{API}/quizzes").status_code == (405 if scope is Scope.READ else 403)
 
 
-UNRESTRICTED = f"{API}/lti/"
-"""Linking a platform's course makes instructors, as changing a role may: both take a token without restriction."""
+UNRESTRICTED = (f"{API}/lti/", f"{API}/courses", f"{API}/devices")
+"""Linking a platform's course makes instructors, as making a course does, and as changing a role may: all of them take
+a token without restriction. A device that asks for a token has none."""
 
 
 def test_every_route_has_a_scope(nobody: httpx.Client) -> None:

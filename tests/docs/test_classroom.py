@@ -135,16 +135,17 @@ def test_the_function_cells_of_notebooks_are_graded(tmp_path: Path) -> None:
     notebook(tmp_path / "submitted/eve/ps1/servo.ipynb", asked, cell("code", right, "another"))
     (tmp_path / "submitted/zoe/ps1").mkdir(parents=True)
     (tmp_path / "submitted/zoe/ps1/servo.ipynb").write_text("{not JSON")
-    [line] = re.findall(r"^python (deploy/grade_notebook\.py .*) > points\.jsonl$", PAGE, re.MULTILINE)
-    script, *words = shlex.split(line)
+    [line] = re.findall(r"^grader (grade-notebook .*) > points\.jsonl$", PAGE, re.MULTILINE)
+    words = shlex.split(line)
     paths = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.glob(words.pop()))
-    command = [sys.executable, str(ROOT / script), *words, *paths]
+    command = [str(BIN / "grader"), *words, *paths]
     done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
     told = [json.loads(line) for line in done.stdout.splitlines()]
     assert done.returncode == 3
     assert [(Path(one["notebook"]).parts[1], one["points"], one["status"]) for one in told] == [
         ("ada", 3.0, "correct"), ("bob", 1.0, "partial"), ("eve", None, None), ("zoe", None, None),
     ]  # fmt: skip
+    assert told[3]["message"].endswith("zoe/ps1/servo.ipynb is no notebook of format 4: save it again with Jupyter.")
     assert "same answer for every model" in told[1]["message"]
     assert "0 code cells have the grade_id 'servo-threshold'" in told[2]["message"]
 

@@ -19,7 +19,6 @@ from support.sites import Site, open_site, write_content
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SETTINGS = (ROOT / "docs" / "settings.md").read_text(encoding="utf-8")
 DEPENDENCIES = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
 TEACHING = (ROOT / "docs" / "teaching.md").read_text(encoding="utf-8")
 STEPS = README.partition("## First steps for a teacher")[2].partition("##")[0]
@@ -29,12 +28,6 @@ SHELL = "".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
 def test_the_readme_is_a_front_door() -> None:
     assert len(README.split()) <= 900
     assert len(re.findall(r"!\[", README)) == 1
-
-
-def test_the_settings_are_these_and_no_others() -> None:
-    rows = dict(re.findall(r"^\| `GRADER_(\w+)` \| (.*) \|$", SETTINGS, re.MULTILINE))
-    fields = {name.upper(): field.description for name, field in Settings.model_fields.items()}
-    assert rows == fields
 
 
 @pytest.fixture(scope="module")

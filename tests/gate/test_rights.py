@@ -81,6 +81,7 @@ BODIES: dict[str, Any] = {
     "POST /regrades": {"quiz": "small", "scope": "all"},
     "POST /lti/platforms": {**PLATFORM, "client_id": "another"},
     "POST /webhooks": {"url": HOOK},
+    "POST /courses": {"name": "a new one"},
     "POST /devices": {"client_name": "a laptop"},
     "POST /devices:token": {"device_code": "{device_code}"},
 }
@@ -94,6 +95,7 @@ FORMS: dict[str, dict[str, str]] = {
     "POST /instructor/extensions/publication": {"quiz": "small"},
     "POST /instructor/regrades": {"quiz": "small", "scope": "all"},
     "POST /instructor/review/{submission_id}": {"do": "decide", "points": "0.5", "comment": ""},
+    "POST /instructor/courses": {"name": "one more"},
     "POST /instructor/lti/platforms": {**PLATFORM, "client_id": "by a form"},
 }
 

@@ -87,7 +87,7 @@ def grade(autograder: Path) -> Grade:
             shutil.rmtree(autograder / folder, ignore_errors=True)
             (autograder / folder).mkdir()
         for name, text in files.items():
-            (autograder / "submission" / f"{name}.py").write_bytes(text)
+            (autograder / "submission" / (name if "." in name else f"{name}.py")).write_bytes(text)
         said = (autograder / "source/exercise.sh").read_text().splitlines()
         said[-1] = f"GRADER_ALLOW_T2={str(allow_t2).lower()}"
         (autograder / "source/exercise.sh").write_text("\n".join(said) + "\n")
@@ -113,6 +113,26 @@ def test_a_packed_exercise_grades_scripts_with_the_same_hidden_cases_each_time(g
     assert results is not None
     assert results["output"].startswith("The function gave the same answer for every model")
     assert seeds[0] != seeds[1] == seeds[2]
+
+
+@pytest.mark.jail
+def test_a_notebook_is_graded_by_its_code_cells(grade: Grade) -> None:
+    lines = (SOLUTIONS / "correct__spectral_radius.py").read_text().splitlines(keepends=True)
+    middle = next(number for number, line in enumerate(lines) if line.startswith("def "))
+    sources = (["%matplotlib inline\n", *lines[:middle]], "!pip list", lines[middle:], "%%bash\nexit 1")
+    cells: list[dict[str, Any]] = [
+        {"cell_type": "code", "metadata": {}, "source": source, "outputs": []} for source in sources
+    ]
+    cells.insert(1, {"cell_type": "markdown", "metadata": {}, "source": "# My answer"})
+    notebook = json.dumps({"cells": cells, "metadata": {}, "nbformat": 4, "nbformat_minor": 5}).encode()
+    code, output, results = grade(**{"answer.ipynb": notebook})
+    assert code == 0 and results is not None, output
+    assert results["score"] == 3.0
+    for files in ({"answer.ipynb": b"{}"}, {"answer.ipynb": notebook, "other": b""}):
+        code, output, results = grade(**files)
+        assert code == 0 and results is not None, output
+        assert results["score"] == 0
+    assert results["output"].startswith("Hand in one file that ends in .py or .ipynb; this submission has 2.")
 
 
 SPY = """

@@ -78,6 +78,8 @@ class Simulated:
     requests: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     fault: Callable[[Asked], str | None] | None = None
+    override: Callable[[Asked], Answer | None] | None = None
+    """What is answered in place of the platform."""
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _draw: random.Random = field(init=False)
 
@@ -105,6 +107,8 @@ class Simulated:
         return self._answer(asked)
 
     def respond(self, asked: Asked) -> Answer:
+        if self.override is not None and (answer := self.override(asked)) is not None:
+            return answer
         with self._lock:
             fault = self._fault(asked)
             if fault is not None:

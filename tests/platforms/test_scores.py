@@ -37,7 +37,7 @@ from grader.store.outbox import SCORES, Delivery
 from grader.store.tables import Member, Result, now
 from platforms.classes import COURSE, Class
 from platforms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, PROFILES, Grade, Profile, Simulated, place, simulated
-from platforms.receivers import HERE, Asked
+from platforms.receivers import HERE, Answer, Asked, receiving
 from platforms.sending import sender_of, sign
 from platforms.working import database_of, work
 from support.databases import BACKENDS, database_url
@@ -74,6 +74,10 @@ class Course(Class):
     @property
     def sent(self) -> list[tuple[Any, str]]:
         return [(one.get("scoreGiven"), one["gradingProgress"]) for one in self.platform.taken]
+
+    @property
+    def comments(self) -> list[tuple[Any, str | None]]:
+        return [(one.get("scoreGiven"), one.get("comment")) for one in self.platform.taken]
 
     def change_policy(self, policy: dict[str, Any]) -> None:
         set_policy(self.folder, policy)
@@ -523,7 +527,8 @@ def test_what_may_pass_is_tried_again_and_then_a_dead_letter(make: MakeCourse, f
 @pytest.mark.parametrize(
     ("status", "body", "is_retried"),
     [(408, b"", True), (425, b"", True), (429, b"", True), (401, b"", True), (500, b"", True), (599, b"", True),
-     (403, b"Rate Limit Exceeded", True), (403, b"forbidden", False), (402, b"", False), (405, b"", False),
+     (403, b"Rate Limit Exceeded", True), (403, b"forbidden", True), (301, b"", True), (302, b"", True),
+     (307, b"", True), (308, b"", True), (402, b"", False), (405, b"", False),
      (415, b"", False), (422, b"no attempt is left", False)],
 )  # fmt: skip
 def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body: bytes, is_retried: bool) -> None:
@@ -532,6 +537,71 @@ def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body
     reply = sender.reply_to(Response(status, {"retry-after": "7"}, body))
     assert isinstance(reply, Again if is_retried else Dead)
     assert not isinstance(reply, Again) or reply.after_s == 7.0
+
+
+@pytest.mark.parametrize("status", [302, 307, 403])
+def test_a_redirection_or_a_missing_right_is_tried_again_and_never_followed(make: MakeCourse, status: int) -> None:
+    course = make()
+    (ann,) = course.learners
+    platform, asked_elsewhere = course.platform, list[Asked]()
+
+    def elsewhere(asked: Asked) -> Answer:
+        asked_elsewhere.append(asked)
+        return Answer(200)
+
+    with receiving(elsewhere) as port:
+        refusals = iter([Answer(status, b"", {"Location": f"http://{HERE}:{port}/scores"})] * 2)
+        platform.override = lambda asked: next(refusals, None) if "/scores" in asked.path else None
+        course.answer([(ann, "q1", 1)])
+        course.deliver()
+    assert next(refusals, None) is None
+    assert course.sent == [(1.0, "FullyGraded")]
+    assert course.row().state == "sent"
+    assert asked_elsewhere == []
+
+
+@both
+def test_what_a_reviewer_wrote_travels_with_the_score(make: MakeCourse) -> None:
+    course = make()
+    (ann,) = course.learners
+    course.answer([(ann, "q4", "Because.")])
+    course.review(ann, 0.5, "Why <b>the damping</b>?")
+    course.deliver()
+    assert course.comments == [(0.5, "q4: Why <b>the damping</b>?")]
+    course.deliver()
+    course.review(ann, 0.5, "Better now.")  # the points stay
+    course.deliver()
+    assert course.comments[1:] == [(0.5, "q4: Better now.")]
+    course.review(ann, 0.5)
+    course.deliver()
+    assert course.comments[2:] == [(0.5, "")]  # taken back
+    course.deliver()
+    course.answer([(ann, "q1", 1)])
+    course.deliver()
+    assert course.comments[3:] == [(1.5, None)]
+
+
+def test_a_comment_whose_answer_got_lost_is_not_sent_twice(make: MakeCourse) -> None:
+    course = make()
+    (ann,) = course.learners
+    course.answer([(ann, "q4", "Because.")])
+    course.review(ann, 1.0, "Well done.")
+    lost = iter(["lost after"])
+    course.platform.fault = lambda asked: next(lost, None) if "/scores" in asked.path else None
+    course.deliver(forgetful=True)
+    assert course.comments == [(1.0, "q4: Well done.")]
+    assert course.row().state == "sent"
+
+
+def test_a_comment_reaches_a_platform_where_a_person_entered_the_same_points(make: MakeCourse) -> None:
+    course = make()
+    (ann,) = course.learners
+    course.platform.items["item0"] = {"resourceId": "small/", "byTool": True}
+    course.enter(1.0)
+    course.answer([(ann, "q4", "Because.")])
+    course.review(ann, 1.0, "Well done.")
+    course.deliver()
+    assert course.comments == [(1.0, "q4: Well done.")]
 
 
 @both

@@ -41,6 +41,7 @@ PAGES = {
     "regrades": "/instructor/regrades",
     "extensions": "/instructor/extensions?quiz=small",
     "platforms": "/instructor/lti",
+    "courses": "/instructor/courses",
     "content": "/instructor/content",
     "answer keys": "/instructor/certificates",
     "service": "/instructor/service",
@@ -71,6 +72,9 @@ def teacher(site: Site) -> Iterator[BrowserContext]:
         page = context.new_page()
         page.goto(f"/signin?code={code}")
         page.get_by_role("button", name="Sign in").click()
+        page.goto("/instructor/courses")
+        page.get_by_label("Name").fill(HOSTILE)  # a course to switch to
+        page.get_by_role("button", name="Make the course").click()
         page.close()
         yield context
 

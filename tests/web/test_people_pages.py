@@ -80,6 +80,21 @@ def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: C
     expect(desk.locator("[data-list=audit]")).to_contain_text("member removed")
 
 
+def test_a_member_is_renamed_by_a_form(desk: Page) -> None:
+    desk.goto(PEOPLE)
+    desk.get_by_label("Names, one per line").fill("Eve")
+    desk.get_by_role("button", name="Make links").click()
+    for typed, shown, told in (("Evelyn", "Evelyn", "tina set this name"), ("", "Evelyn", "It stays, whatever")):
+        desk.goto(PEOPLE)
+        row = desk.locator("[data-list=members] tr").filter(has_text=re.compile("^Eve"))
+        row.locator("summary", has_text="Rename").click()
+        row.get_by_label("Name").fill(typed)
+        row.get_by_role("button", name="Set the name").click()
+        row = desk.locator("[data-list=members] tr").filter(has=desk.get_by_role("rowheader", name=shown))
+        row.locator("summary", has_text="Rename").click()
+        expect(row.get_by_text(told)).to_be_visible()
+
+
 def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
     desk.goto(PEOPLE)
     for typed, told in (("Ann\nEve\nEve", "Given twice: Eve."), ("Ann\nEve\teve@example.org", r"Eve\teve@example.org")):
@@ -129,3 +144,31 @@ def test_only_instructors_and_only_the_own_pages_change_people(site: Site, desk:
         forged = site.anonymous({"Cookie": f"{cookie['name']}={cookie['value']}", "Sec-Fetch-Site": "cross-site"})
         assert student.status_code in {401, 403}
         assert forged.post(f"{PEOPLE}/{path}", data={"names": "x"}).status_code == 403
+
+
+def test_a_course_is_made_and_entered_by_forms(desk: Page) -> None:
+    desk.goto("/instructor/courses")
+    for name in ("welding", "robots"):
+        desk.get_by_label("Name").fill(name)
+        desk.get_by_role("button", name="Make the course").click()
+        expect(desk).to_have_url(re.compile("/instructor/courses$"))
+    desk.get_by_label("Name").fill("robots")
+    desk.get_by_role("button", name="Make the course").click()
+    expect(desk.get_by_role("alert")).to_contain_text("There is a course 'robots' already")
+    expect(desk.get_by_label("Name")).to_have_value("robots")
+    assert desk.locator("[data-list=taught] th").all_inner_texts() == ["default", "robots", "welding"]
+    desk.get_by_role("button", name="Switch to robots").click()
+    expect(desk.locator(".brand")).to_have_text("robots")
+    expect(desk).to_have_url(re.compile("/instructor$"))
+    desk.goto(PEOPLE)
+    desk.get_by_label("Names, one per line").fill("mia")
+    desk.get_by_label("Role").first.select_option("instructor")
+    desk.get_by_role("button", name="Make links").click()
+    link = desk.get_by_label("mia", exact=True).input_value()
+    desk.goto("/instructor/courses")
+    desk.get_by_role("button", name="Switch to welding").click()
+    desk.goto(link)  # of somebody else, for a course of one's own: it may be added
+    expect(desk.get_by_role("button", name="Sign in, and add it to my courses")).to_be_visible()
+    desk.goto("/instructor/courses")
+    desk.get_by_role("button", name="Switch to default").click()
+    expect(desk.locator(".brand")).to_have_text("MuJoCo course")

@@ -18,13 +18,13 @@ NO_STORE = {"Cache-Control": "no-store"}
 
 
 @router.get("/healthz", responses=refusals(429))
-async def healthz() -> dict[str, str]:
+async def show_health() -> dict[str, str]:
     """The process answers."""
     return {"status": "ok"}
 
 
 @router.get("/readyz", response_class=JSONResponse, responses=refusals(429, 503, more={200: {"model": Ready}}))
-async def readyz(services: AppServices) -> Response:
+async def show_readiness(services: AppServices) -> Response:
     """What database, content, jail and workers say, at most a second ago; 503 if one of them does not work."""
     results = await services.readiness.results()
     failed = {name: result["why"] for name, result in results.items() if not result["ok"]}
@@ -35,7 +35,7 @@ async def readyz(services: AppServices) -> Response:
 
 
 @router.get("/metrics", response_class=PlainTextResponse, responses=refusals(401, 403, 422, 429))
-def metrics(services: AppServices, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
+def show_metrics(services: AppServices, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
     """Metrics in Prometheus' text format: of this process, and of the queue in the database.
 
     Open on loopback without `GRADER_PUBLIC_ORIGIN`; elsewhere, or where `GRADER_METRICS_TOKEN` is set, for its bearer.

@@ -1,6 +1,7 @@
 """The OpenAPI document: what FastAPI knows of the routes, with what holds for all of them, and with the examples."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from pathlib import Path
@@ -27,36 +28,63 @@ HEADERS = {
 }
 HEADERS_OF = {"401": "WWW-Authenticate", "429": "Retry-After", "503": "Retry-After"}
 
-UNTAGGED = ("/healthz", "/readyz", "/metrics")
+TAGS = {
+    "quizzes": "What can be answered, and when.",
+    "submissions": "Answers and their verdicts: a learner's own, or handed in by a service.",
+    "labs": "The authors' simulations.",
+    "devices": "Tokens for programs on a learner's own machine.",
+    "reviews": "Answers that a person decides on.",
+    "dates": "Extensions, the publication of feedback, and counting again after a change of the policy.",
+    "regrades": "Grading again by changed content.",
+    "results": "What counts: the feed, the gradebook, statistics.",
+    "people": "Members, invitations, tokens, rosters, and the audit log.",
+    "courses": "The courses that an instructor teaches.",
+    "platforms": "Learning platforms, connected by LTI 1.3.",
+    "webhooks": "Messages about changed results, and deliveries that failed.",
+    "health": "For monitoring.",
+}
+"""What the routes are about, in the order of a reader who begins."""
+
+WITHOUT_ETAG = ("/healthz", "/readyz", "/metrics")
 
 
-def install(app: FastAPI) -> None:
-    """Makes the app describe itself completely."""
+def install(app: FastAPI, origin: str | None = None) -> None:
+    """Makes the app describe itself completely. `origin` is where it is reached, if that is known; else the document
+    says that it is the server that the document comes from."""
     derive = app.openapi
 
     def describe() -> dict[str, Any]:
         if app.openapi_schema is None:
-            app.openapi_schema = complete_document(derive())
+            app.openapi_schema = complete_document(derive(), origin or "/")
         return app.openapi_schema
 
     app.openapi = describe  # type: ignore[method-assign]
 
 
-def complete_document(document: dict[str, Any]) -> dict[str, Any]:
-    """The document of FastAPI, changed in place: with every refusal, and an example for every response."""
+def complete_document(document: dict[str, Any], server: str) -> dict[str, Any]:
+    """The document of FastAPI, changed in place: with the server, what the tags mean, every refusal, and an example for
+    every response. The id of an operation is the name of its function."""
+    document["servers"] = [{"url": server}]
+    document["tags"] = [{"name": name, "description": text} for name, text in TAGS.items()]
     document["components"]["schemas"]["Problem"] = SCHEMA
     recorded = json.loads(EXAMPLES.read_text(encoding="utf-8"))
     for method, path, operation in operations(document):
+        operation["operationId"] = operation["operationId"].removesuffix(mangle(path, method))
         responses = operation["responses"]
         if path.startswith(PREFIX):
             more = ANY_ROUTE + (WITH_BODY if "requestBody" in operation else ())
             responses |= {str(status): one for status, one in refusals(*more).items() if str(status) not in responses}
-        if method == "GET" and path not in UNTAGGED:
+        if method == "GET" and path not in WITHOUT_ETAG:
             responses["304"] = {"description": "Not modified: If-None-Match named the ETag"}
         examples = recorded["responses"].get(f"{method} {path.removeprefix(PREFIX)}", {})
         for status, response in responses.items():
             complete_response(status, response, examples, recorded["problems"])
     return document
+
+
+def mangle(path: str, method: str) -> str:
+    """Returns what FastAPI appends to the name of a function to make the id of its operation."""
+    return re.sub(r"\W", "_", path) + f"_{method.lower()}"
 
 
 def operations(document: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:

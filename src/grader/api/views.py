@@ -89,12 +89,14 @@ class PlatformCourse(BaseModel):
 
 
 class MemberView(BaseModel):
-    """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come.
+    """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come,
+    `named_by` which instructor set the name; null while it follows platforms and rosters.
     `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged: an
     address on another roster may be anybody's, and merging would hand over the work of its owner."""
 
     id: str
     name: str
+    named_by: str | None
     role: Role
     way_in: Literal["name", "oidc", "lms", "lti", "browser"]
     created_at: datetime
@@ -163,6 +165,26 @@ class CourseView(BaseModel):
 
     course: str
     join_url: str | None
+
+
+class TaughtCourseView(BaseModel):
+    """A course in which the caller is an instructor: who they are in it, how many learners it has, and whether the
+    token or session is of it."""
+
+    course: str
+    member: str
+    name: str
+    learners: int
+    is_current: bool
+
+
+class NewCourse(BaseModel):
+    """A new course, and a single-use link with which its first instructor signs in."""
+
+    course: str
+    member: str
+    url: str
+    expires_at: datetime
 
 
 class AuditView(BaseModel):

@@ -1,4 +1,4 @@
-"""Grades one answer without a server: `grader grade`."""
+"""Grades answers without a server: `grader grade`, and `grader grade-notebook` for cells of notebooks."""
 
 import json
 import sys
@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from grader.commands.options import CORRECT, FAULT, OTHER_VERDICT, Json, read_settings
-from grader.errors import Unprocessable
+from grader.errors import CallerError, InvalidAnswer, Unprocessable
 
 if TYPE_CHECKING:
     from grader.domain.verdict import Verdict
@@ -40,7 +40,7 @@ def open_pipeline(library: "Library", jailed: bool = True) -> Iterator["Pipeline
 def grade(
     quiz: str,
     question: str,
-    answer: Annotated[str, typer.Argument(help="A file for an exercise, else the answer itself.")],
+    answer: Annotated[str, typer.Argument(help="A script or notebook for an exercise, else the answer itself.")],
     as_json: Json = False,
     seed: Annotated[
         int | None,
@@ -86,8 +86,52 @@ def grade(
     sys.exit(CORRECT if verdict.status is Status.CORRECT else OTHER_VERDICT)
 
 
+@cli.command("grade-notebook")
+def grade_notebook(
+    quiz: str,
+    question: str,
+    cell: Annotated[str, typer.Argument(help="The grade_id that nbgrader gave the cell with the function.")],
+    notebooks: list[Path],
+    key: Annotated[
+        Path | None, typer.Option(help="A file of random bytes: with it the same answer gets the same hidden cases.")
+    ] = None,
+) -> None:
+    """Grade one cell of each notebook. Prints a line of JSON for each. Exits 3 if one could not be graded."""
+    from grader.courses.rules.policy import reported
+    from grader.domain.verdict import Status
+    from grader.grading.notebooks import assemble_script, find_cell, read_notebook
+    from grader.library import load
+    from grader.questions import kind_of
+
+    library = load(read_settings().content)
+    kind = kind_of(library.question(quiz, question))
+    if not kind.is_script:
+        raise Unprocessable(f"{quiz} {question} is no exercise: cells of notebooks are answers to exercises.")
+    code = CORRECT
+    with open_pipeline(library) as opened:
+        pipeline = opened if key is None else replace(opened, secret=key.read_bytes())
+        for path in notebooks:
+            told = dict.fromkeys(("points", "max_points", "status", "message"))
+            try:
+                source = assemble_script([find_cell(read_notebook(path), cell)])
+                submission = pipeline.read(quiz, question, {"source": source})
+                verdict = reported(pipeline.judge_with_retries(submission), submission.question)
+                told["message"] = verdict.diagnosis
+                if verdict.status is not Status.GRADER_FAULT:
+                    told |= verdict.model_dump(mode="json", include={"points", "max_points", "status"})
+            except (OSError, CallerError, InvalidAnswer) as error:
+                told["message"] = str(error)
+            code = FAULT if told["status"] is None else code
+            print(json.dumps({"notebook": str(path), **told}, ensure_ascii=False), flush=True)
+    sys.exit(code)
+
+
 def read_script(path: Path) -> str:
-    """Reads the text of a script. Raises OSError, Unprocessable."""
+    """Reads the text of a script, or the code cells of a notebook. Raises OSError, Unprocessable."""
+    if path.suffix == ".ipynb":
+        from grader.grading.notebooks import assemble_script, read_notebook
+
+        return assemble_script(read_notebook(path))
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:

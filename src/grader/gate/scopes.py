@@ -14,6 +14,7 @@ RULES = (
     (r".*", r"/lms/.*|/(webhooks|deliveries)([:/].*)?", Scope.LMS),
     (r".*", r"/content[:/].*", Scope.CONTENT),
     (r"PATCH", r"/members/.*", None),  # a role is more than any scope
+    (r".*", r"/courses", None),  # whoever makes a course is its instructor
     (r".*", r"/(members|invitations|tokens|course|audit|roster)([.:/].*)?", Scope.PEOPLE),
 )
 """Method, path below the prefix, and scope; the first rule that matches both decides."""

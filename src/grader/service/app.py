@@ -79,7 +79,7 @@ def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
     problems.install(app, error_page)
     routes.include_in(app)
     app.include_router(pages)
-    openapi.install(app)
+    openapi.install(app, settings.origin if settings.public_origin else None)
     app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
     app.add_middleware(RequestsMiddleware)

@@ -34,6 +34,12 @@ def touch(session: Session, credential_id: str, clock: datetime) -> None:
     session.execute(update(Credential).where(Credential.id == credential_id).values(last_used_at=clock))
 
 
+def rename(session: Session, member: str, name: str) -> None:
+    """Writes the new name of a member into the credentials that are theirs."""
+    theirs = update(Credential).where(Credential.member == member, Credential.user != name)
+    session.execute(theirs.values(user=name), execution_options={"synchronize_session": False})
+
+
 def revoke(session: Session, credential_id: str, clock: datetime) -> bool:
     """Revokes the credential. False if it had ended before: of two calls at once only one gets True."""
     return _revoke(session, clock, Credential.id == credential_id, is_alive(clock)) == 1
@@ -74,5 +80,10 @@ def is_alive(clock: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
 
 
 def _revoke(session: Session, clock: datetime, *conditions: ColumnElement[bool]) -> int:
-    ended = update(Credential).where(*conditions).values(revoked_at=clock)
-    return cast(CursorResult[Any], session.execute(ended)).rowcount
+    """Revokes credentials, and the sessions of other courses that were opened from them. Returns how many of the
+    former."""
+    homes = select(Credential.id).where(*conditions).correlate(None)
+    entered = update(Credential).where(Credential.home.in_(homes), Credential.revoked_at.is_(None))
+    ended = update(Credential).where(*conditions)
+    session.execute(entered.values(revoked_at=clock), execution_options={"synchronize_session": False})
+    return cast(CursorResult[Any], session.execute(ended.values(revoked_at=clock))).rowcount

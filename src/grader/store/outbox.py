@@ -129,9 +129,9 @@ OPEN_DESTINATIONS = select(
 ).where(Destination.course.in_(bindparam("courses", expanding=True)), Destination.disabled_at.is_(None))
 
 
-def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> list[Noted]:
-    """Notes changed results for the destinations of their courses, or `only` one. The caller holds the learners' locks.
-    Adds a row for each result and destination, or counts one more change of it."""
+def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind: str = ALL) -> list[Noted]:
+    """Notes changed results for the destinations of their courses, or `only` one, or those of a `kind`. The caller
+    holds the learners' locks. Adds a row for each result and destination, or counts one more change of it."""
     if not changed:
         return []
     courses = {one.course for one in changed}
@@ -139,7 +139,7 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> l
         _key_of_delivery(destination, one): one.course
         for destination in session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
         for one in changed
-        if only in (ALL, destination.id) and _is_wanted(destination, one)
+        if only in (ALL, destination.id) and kind in (ALL, destination.kind) and _is_wanted(destination, one)
     }
     if not keys:
         return []

@@ -69,6 +69,20 @@ def has_learners(session: Session, course: str) -> bool:
     return session.scalar(select(exists().where(*here))) or False
 
 
+def with_home(session: Session, home: str) -> Sequence[Member]:
+    """The members of other courses who are the same person as the member with this id, by course; removed ones are left
+    out."""
+    theirs = select(Member).where(Member.home == home, Member.removed_at.is_(None))
+    return session.scalars(theirs.order_by(Folded(Member.course), Member.id)).all()
+
+
+def count_learners(session: Session, courses: Iterable[str]) -> dict[str, int]:
+    """How many learners each of the courses has; one without is left out. Removed ones do not count."""
+    here = (Member.course.in_(list(courses)), Member.role == "student", Member.removed_at.is_(None))
+    counts = select(Member.course, func.count()).where(*here).group_by(Member.course)
+    return {row[0]: row[1] for row in session.execute(counts)}
+
+
 def by_name(session: Session, course: str, start: int, limit: int) -> Sequence[Member]:
     """At most `limit` members in the order of their names, after the first `start`; removed ones are left out."""
     wanted = select(Member).where(Member.course == course, Member.removed_at.is_(None))

@@ -16,6 +16,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from grader.domain.platform import Platform, ScoreTarget
+from grader.store.line_items import LineItem
 from grader.store.tables import NAME, Base, Credential, now
 
 ID = 255
@@ -226,6 +227,25 @@ def enrol(session: Session, context: int, subject: str, member: str) -> None:
     if user is None:
         user = add_once(session, LtiUser(context=context, subject=subject, member=member), found)
     user.member, user.seen_at = member, now()
+
+
+def member_at(session: Session, context: int, subject: str) -> str | None:
+    """The id of the member who a user of a context is; None before the first launch and roster."""
+    return session.scalar(select(LtiUser.member).where(LtiUser.context == context, LtiUser.subject == subject))
+
+
+def place_of_review(session: Session, context: int, link_id: str, line_item_url: str) -> tuple[str | None, str | None]:
+    """The quiz and question that a link of a context leads to, or else those whose scores go to this line item; None
+    where neither is known."""
+    links = select(ResourceLink).where(ResourceLink.context == context, ResourceLink.quiz.is_not(None))
+    for same in (ResourceLink.link_id == link_id, ResourceLink.line_item_url == (line_item_url or None)):
+        found = session.scalar(links.where(same).limit(1))
+        if found is not None:
+            return found.quiz, found.question
+    containers = select(ResourceLink.line_items_url).where(ResourceLink.context == context)
+    made = select(LineItem.resource).where(LineItem.url == line_item_url, LineItem.container.in_(containers))
+    quiz, _, question = (session.scalar(made.limit(1)) or "").partition("/")
+    return quiz or None, question or None
 
 
 def courses_of(session: Session, members: Sequence[str]) -> dict[str, list[tuple[str, str]]]:

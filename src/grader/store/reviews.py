@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
-from grader.store.submissions import GRADED, NEEDS_REVIEW, SubmissionFilter
+from grader.domain.verdict import NO_COMMENT, REVIEW
+from grader.store.submissions import GRADED, NEEDS_REVIEW, NEWEST, SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, SavedComment, Submission, VerdictRow
 
 NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs", "decided"
@@ -50,6 +51,19 @@ class Queue:
         if self.quizzes is not None:
             found.append(Submission.quiz.in_(self.quizzes))
         return found
+
+
+def read_remarks(session: Session, submissions: Collection[str]) -> dict[str, str]:
+    """What reviewers wrote to the learner, by submission; those whose newest verdict is not a person's are left
+    out."""
+    decided = (
+        select(VerdictRow.submission_id, VerdictRow.body)
+        .join(Submission, NEWEST)
+        .where(Submission.id.in_(submissions), VerdictRow.reviewer.is_not(None))
+    )
+    findings = {one: json.loads(body)["findings"] for one, body in session.execute(decided)}
+    written = {one: finding["message"] for one, all_ in findings.items() for finding in all_ if finding["id"] == REVIEW}
+    return {one: text for one, text in written.items() if text != NO_COMMENT}
 
 
 def page(session: Session, queue: Queue, after: str | None, limit: int, clock: datetime) -> Sequence[Waiting]:

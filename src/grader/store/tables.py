@@ -326,7 +326,9 @@ class Member(Base):
     __table_args__ = (
         UniqueConstraint("course", "account", name="uq_members_account"),
         Index("ix_members_name", "course", "name"),
-    )
+        Index("ix_members_home", "home", sqlite_where=text("home IS NOT NULL"),
+              postgresql_where=text("home IS NOT NULL")),
+    )  # fmt: skip
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_member_id)
     course: Mapped[str] = mapped_column(String(NAME))
@@ -340,6 +342,10 @@ class Member(Base):
     """The other system that knows the member as `external_id`; the account is a digest of both."""
     external_id: Mapped[str | None] = mapped_column(String(EXTERNAL_ID))
     email: Mapped[str | None] = mapped_column(String(EMAIL))
+    named_by: Mapped[str | None] = mapped_column(String(NAME))
+    """The instructor who set the name; None while it follows platforms and rosters."""
+    home: Mapped[str | None] = mapped_column(String(32))
+    """The member of another course who is the same person, and enters this course from there."""
 
 
 class Credential(Base):
@@ -348,6 +354,12 @@ class Credential(Base):
     __tablename__ = "credentials"
     __table_args__ = (
         Index("ix_credentials_member", "member"),
+        Index(
+            "ix_credentials_home",
+            "home",
+            sqlite_where=text("home IS NOT NULL"),
+            postgresql_where=text("home IS NOT NULL"),
+        ),
         Index("ix_credentials_expires_at", "kind", "expires_at"),
         Index("ix_credentials_course", "course", "kind"),
     )
@@ -367,6 +379,8 @@ class Credential(Base):
     """What a device calls itself that its owner gave a token."""
     platform: Mapped[int | None]
     """The learning platform whose launch opened a browser session."""
+    home: Mapped[str | None] = mapped_column(String(32))
+    """The session from which its owner entered another course of theirs: it leads back, and both end together."""
     created_at: Mapped[datetime] = mapped_column(default=now)
     expires_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]

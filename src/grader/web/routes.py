@@ -5,6 +5,7 @@ from fastapi.responses import Response
 
 from grader.web.frame import assets
 from grader.web.instructor import (
+    courses,
     extensions,
     gradebook,
     people,
@@ -23,7 +24,7 @@ from grader.web.signing_in import devices, links, oidc
 
 router = APIRouter(include_in_schema=False)
 for room in (pages, answering, links, oidc, devices, today, review_list, review, people, gradebook, statistics,
-             extensions, service, seen_as, regrades, lti, platforms):  # fmt: skip
+             extensions, service, seen_as, regrades, lti, platforms, courses):  # fmt: skip
     router.include_router(room.router)
 
 

@@ -88,7 +88,9 @@ def test_a_platform_registers_itself_and_waits_for_approval(pair: Joined, other:
     assert (told["initiate_login_uri"], told["jwks_uri"]) == (f"{origin}/lti/login", f"{origin}/lti/keys.json")
     assert told["redirect_uris"] == [f"{origin}/lti/launch"]
     tool = told["https://purl.imsglobal.org/spec/lti-tool-configuration"]
-    assert {message["type"] for message in tool["messages"]} == {"LtiResourceLinkRequest", "LtiDeepLinkingRequest"}
+    assert {message["type"] for message in tool["messages"]} == {
+        "LtiResourceLinkRequest", "LtiDeepLinkingRequest", "LtiSubmissionReviewRequest",
+    }  # fmt: skip
     assert "email" not in tool["claims"]
     assert browser.post("/lti/register", data=fields_of(page)).status_code == 401  # once
     assert browser.get(f"{link}&{httpx.QueryParams(query)}").status_code == 401

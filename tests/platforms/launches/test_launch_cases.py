@@ -92,6 +92,8 @@ def with_the_public_key_as_secret(_: Joined, claims: Claims) -> str:
     return f"{signed}.{encoded(hmac.digest(KEYS[0].as_pem(private=False), signed.encode(), 'sha256'))}"
 
 
+REVIEW = "LtiSubmissionReviewRequest"
+
 CASES: dict[str, tuple[Forge, int]] = {
     "right": (with_(), ENTERED),
     # issuer and audience
@@ -128,8 +130,15 @@ CASES: dict[str, tuple[Forge, int]] = {
     "deployment missing": (lti(deployment_id=None), REFUSED),
     "version unknown": (lti(version="1.1"), REFUSED),
     "version missing": (lti(version=None), REFUSED),
-    "message type unknown": (lti(message_type="LtiSubmissionReviewRequest"), REFUSED),
+    "message type unknown": (lti(message_type="LtiEulaRequest"), REFUSED),
     "message type missing": (lti(message_type=None), REFUSED),
+    "review of nobody": (lti(message_type=REVIEW), REFUSED),
+    "review of a text": (lti(message_type=REVIEW, for_user="user-7"), REFUSED),
+    "review of another": (lti(message_type=REVIEW, for_user={"user_id": "user-8"}), 403),
+    "review of oneself": (lti(message_type=REVIEW, for_user={"user_id": "user-7"}), ENTERED),
+    "review without a resource link": (
+        lti(message_type=REVIEW, for_user={"user_id": "user-7"}, resource_link=None), ENTERED,
+    ),
     "resource link missing": (lti(resource_link=None), REFUSED),
     "resource link without id": (lti(resource_link={"title": "x"}), REFUSED),
     "resource link no object": (lti(resource_link="link-1"), REFUSED),
@@ -200,6 +209,13 @@ def test_a_launch(pair: Joined, name: str) -> None:
         browser, asked, pair.platform.sign(pair.claims(asked))
     )  # what was refused is used up all the same
     assert again.status_code == (ENTERED if expected == 413 else REFUSED)
+
+
+def test_a_launch_without_a_link_says_so(pair: Joined) -> None:
+    for link in (None, {"title": "x"}):
+        refused = pair.launch(pair.browser(), **{f"{CLAIM}resource_link": link})
+        assert refused.status_code == 401
+        assert "it has no resource_link with an id" in refused.text
 
 
 def test_keys_that_a_token_names_are_not_fetched(pair: Joined) -> None:

@@ -318,6 +318,59 @@ def test_a_roster_is_pulled_page_by_page(pair: Joined) -> None:
     assert other.post(f"{API}/lti/contexts/{context['id']}:roster").status_code == 404
 
 
+def test_a_name_follows_the_platform_unless_an_instructor_has_set_it(pair: Joined) -> None:
+    ada, teacher = pair.browser(**OURS), pair.site.client("tina", "instructor", pair.course)
+    pair.platform.roster = [{"user_id": "user-7", "name": "Ada King", "roles": [LEARNER]}]
+    pair.launch(ada, **{NRPS: {"context_memberships_url": f"{pair.platform.origin}/roster/0"}})
+    assert ada.post(f"{API}/submissions", json={"quiz": "small", "question": "q1", "answer": 1}).status_code == 201
+    [context] = get_json(teacher, f"{API}/lti/contexts")["items"]
+
+    def shown() -> tuple[str, str | None]:
+        [one] = [one for one in get_json(teacher, f"{API}/members")["items"] if one["way_in"] == "lti"]
+        return one["name"], one["named_by"]
+
+    def pull() -> None:
+        assert teacher.post(f"{API}/lti/contexts/{context['id']}:roster").json() == {"members": 1, "removed": 0}
+
+    assert shown() == ("Ada Lovelace", None)
+    pair.launch(pair.browser(), name="Ada L.")
+    assert shown() == ("Ada L.", None)
+    assert "Ada L." in ada.get("/").text  # in a session that was open before, too
+    assert "Ada L." in teacher.get(f"{API}/gradebook.csv").text
+    pull()
+    assert shown() == ("Ada King", None)
+    pair.launch(pair.browser(), name=None)  # some platforms tell no names
+    assert shown() == ("Ada King", None)
+
+    address = f"{API}/members/{member_id(teacher)}"
+    assert teacher.patch(address, json={"name": "Countess"}).json()["named_by"] == "tina"
+    pair.launch(pair.browser(), name="Ada L.")
+    pull()
+    csv = f"name,namespace,external_id\nSomebody,grader,{member_id(teacher)}\n"
+    imported = teacher.post(f"{API}/roster:import", content=csv, headers={"Content-Type": "text/csv"})
+    assert imported.status_code == 200, imported.text
+    assert shown() == ("Countess", "tina")
+    entries = [one for one in get_json(teacher, f"{API}/audit")["items"] if one["action"] == "member renamed"]
+    assert [one["subject"] for one in entries] == ["Countess"]
+
+    assert teacher.patch(address, json={"name": None}).json()["named_by"] is None
+    assert shown() == ("Countess", None)
+    assert teacher.post(f"{API}/roster:import", content=csv, headers={"Content-Type": "text/csv"}).is_success
+    assert shown() == ("Somebody", None)
+    pair.launch(pair.browser(), name="Ada L.")
+    assert shown() == ("Ada L.", None)
+    for wrong in ({}, {"name": " "}, {"name": "x" * 201}, {"role": "service"}):
+        assert teacher.patch(address, json=wrong).status_code == 422, wrong
+    student = pair.site.client("sam", course=pair.course)
+    assert student.patch(address, json={"name": "Mine"}).status_code == 403
+
+
+def member_id(teacher: httpx.Client) -> str:
+    """The member who was launched."""
+    found = [one["id"] for one in get_json(teacher, f"{API}/members")["items"] if one["way_in"] == "lti"]
+    return str(found[0])
+
+
 def test_who_is_on_two_rosters_is_two_members_and_the_instructor_is_told(pair: Joined) -> None:
     """An address that two systems tell is no proof of a person: merging would hand over the work of one of them."""
     pair.platform.roster = [
@@ -373,6 +426,35 @@ def test_where_a_score_goes(pair: Joined) -> None:
     pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q2"}})  # the grant is taken back
     with pair.database.read() as session:
         assert platforms.score_target(session, pair.course, member.id, "small", "q2") is None
+
+
+def test_a_submission_review_opens_the_learners_verdict(pair: Joined) -> None:
+    ada, teacher = pair.browser(**OURS), pair.browser(**OURS)
+    item = f"{pair.platform.origin}/lineitem"
+    gradebook = {"lineitem": item, "scope": [f"{AGS_SCOPE}score"]}
+    pair.launch(ada, **{f"{CLAIM}custom": {"quiz": "small", "question": "q1"}, AGS: gradebook})
+    assert ada.post(f"{API}/submissions", json={"quiz": "small", "question": "q1", "answer": 1}).status_code == 201
+    review: dict[str, Any] = {
+        f"{CLAIM}message_type": "LtiSubmissionReviewRequest",
+        f"{CLAIM}for_user": {"user_id": "user-7", "name": "Ada Lovelace"},
+        AGS: gradebook,
+    }
+    opened = pair.teach(teacher, **review)
+    assert opened.status_code == 303, opened.text
+    address = opened.headers["location"]
+    assert re.fullmatch(r"/instructor/learners/[0-9a-f]{32}#small--q1", address)
+    shown = teacher.get(address.partition("#")[0]).text
+    assert 'id="small--q1"' in shown
+    assert "Correct1 / 1" in re.sub(r"<[^>]*>", "", shown).replace("\u202f", " ")
+    # without the link, the column says which question it is
+    assert pair.teach(teacher, **review, **{f"{CLAIM}resource_link": None}).headers["location"] == address
+    elsewhere = {**review, AGS: {"lineitem": f"{item}/2"}, f"{CLAIM}resource_link": None}
+    assert pair.teach(teacher, **elsewhere).headers["location"] == address.partition("#")[0]
+    assert pair.launch(pair.browser(), **review).headers["location"] == "/?quiz=small#small--q1"
+    other = pair.launch(pair.browser(), **review, sub="user-8", name="Eve")
+    assert (other.status_code, "Only an instructor" in other.text) == (403, True)
+    stranger = pair.teach(pair.browser(), **review | {f"{CLAIM}for_user": {"user_id": "user-99"}})
+    assert (stranger.status_code, "no work to show" in stranger.text) == (404, True)
 
 
 def test_an_erased_learner_is_known_to_no_platform(pair: Joined) -> None:

@@ -31,7 +31,7 @@ class DeviceCodeBody(RequestBody):
 
 
 @router.post("/devices", response_model=NewDeviceView, responses=refusals(413, 422, 429))
-def begin(body: DeviceBody, services: AppServices, request: Request, response: Response) -> dict[str, Any]:
+def begin_device(body: DeviceBody, services: AppServices, request: Request, response: Response) -> dict[str, Any]:
     """Begins the sign-in of a device: show the user code and the address, then ask for the token."""
     with services.database.write() as session:
         made = devices.begin(session, body.client_name)
@@ -47,7 +47,7 @@ def begin(body: DeviceBody, services: AppServices, request: Request, response: R
 
 
 @router.post("/devices:token", response_model=DeviceTokenView, responses=refusals(400, 413, 422, 429))
-def get_token(body: DeviceCodeBody, services: AppServices, response: Response) -> Any:
+def get_device_token(body: DeviceCodeBody, services: AppServices, response: Response) -> Any:
     """Returns the token of a device once its owner has allowed it; else 400 with the `error` of RFC 8628."""
     with services.database.write() as session:
         answer = devices.ask(session, body.device_code)

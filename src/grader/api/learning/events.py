@@ -62,7 +62,7 @@ def listen(
     response_class=EventSourceResponse,
     responses=refusals(401, 403, 404, 422, 429, more={204: {"description": "No more events"}}),
 )
-async def follow(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterator[ServerSentEvent]:
+async def follow_events(listener: Annotated[Listener, Depends(listen)]) -> AsyncIterator[ServerSentEvent]:
     """Every event since `Last-Event-ID`, then those to come; the last is `graded` or `needs_review`."""
     last, over, user = listener.last, False, listener.who.id
     loop, streams = asyncio.get_running_loop(), listener.services.streams

@@ -66,7 +66,7 @@ class IntegratorsSettings(BaseModel):
 
 
 @router.post("/labs:run", responses=refusals(401, 403, 404, 409, 413, 422, 429, more={200: {"model": dict[str, Any]}}))
-async def run(
+async def run_lab(
     body: LabBody, who: Learner, services: AppServices, accept_encoding: Annotated[str, Header()] = ""
 ) -> Response:
     """Runs a lab: poses, readouts, traces, and warnings with their time. 409 before the question is answered."""

@@ -119,7 +119,7 @@ def delete_webhook(webhook_id: str, who: Staff, services: AppServices) -> None:
 
 
 @router.post("/webhooks/{webhook_id}:rotate", response_model=NewSecret, responses=refusals(401, 403, 404, 422, 429))
-def rotate_secret(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
+def rotate_webhook_secret(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Gives a webhook a new secret, shown this once. For a day messages bear signatures of both."""
     with services.database.write() as session:
         found = webhooks.rotate(session, who, webhook_id)

@@ -73,7 +73,7 @@ def learner_of(session: Session, body: ExtensionBody, who: Identity) -> Member:
 
 
 @router.put("/quizzes/{quiz_id}/publication", status_code=204, responses=refusals(401, 403, 404, 422, 429))
-def publish(quiz_id: str, who: Instructor, services: AppServices) -> Response:
+def publish_feedback(quiz_id: str, who: Instructor, services: AppServices) -> Response:
     """Publishes the feedback of a quiz with `"feedback": "after_publish"`: learners see how they were graded."""
     services.content.of(who.course).library.quiz(quiz_id)
     with services.database.write() as session:
@@ -82,7 +82,7 @@ def publish(quiz_id: str, who: Instructor, services: AppServices) -> Response:
 
 
 @router.delete("/quizzes/{quiz_id}/publication", status_code=204, responses=refusals(401, 403, 404, 422, 429))
-def withdraw(quiz_id: str, who: Instructor, services: AppServices) -> Response:
+def withhold_feedback(quiz_id: str, who: Instructor, services: AppServices) -> Response:
     """Withholds the feedback of a quiz again."""
     services.content.of(who.course).library.quiz(quiz_id)
     with services.database.write() as session:
@@ -91,7 +91,7 @@ def withdraw(quiz_id: str, who: Instructor, services: AppServices) -> Response:
 
 
 @router.post("/quizzes/{quiz_id}/results:recount", responses=refusals(401, 403, 404, 422, 429))
-def recount(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, int]:
+def recount_results(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, int]:
     """Counts every result of a quiz again, after its policy has changed; the feed gets those that change."""
     library = services.content.of(who.course).library
     library.quiz(quiz_id)

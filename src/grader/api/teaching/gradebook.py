@@ -39,7 +39,7 @@ CANVAS = "canvas"
         more={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
     ),
 )  # fmt: skip
-def gradebook(
+def export_gradebook(
     who: Staff,
     services: AppServices,
     quiz: Annotated[str | None, Query(max_length=64)] = None,

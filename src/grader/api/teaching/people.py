@@ -38,10 +38,11 @@ class ListQuery(CursorQuery):
 ListParams = Annotated[ListQuery, Query()]
 
 
-class RoleBody(RequestBody):
-    """A member's new role."""
+class MemberBody(RequestBody):
+    """What changes of a member: the role, the name, or both. A name of null follows platforms and rosters again."""
 
-    role: Role
+    role: Role | None = None
+    name: str | None = Field(default=None, pattern=NO_NUL)
 
 
 class InvitationBody(RequestBody):
@@ -71,13 +72,19 @@ def list_members(query: ListParams, who: Instructor, services: AppServices, resp
 
 
 @router.patch("/members/{member_id}", response_model=MemberView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
-def change_role(member_id: str, body: RoleBody, who: Instructor, services: AppServices) -> dict[str, Any]:
-    """Changes a member's role: tokens, sessions and links end, and the member signs in again with a new link.
+def change_member(member_id: str, body: MemberBody, who: Instructor, services: AppServices) -> dict[str, Any]:
+    """Changes a member's role or name. With another role tokens, sessions and links end: sign in with a new link.
 
-    A restricted token changes no role.
+    A name that is set here stays, whatever platforms and rosters tell. A restricted token changes no member.
     """
+    if body.role is None and "name" not in body.model_fields_set:
+        raise Unprocessable("Give a `role`, a `name` or both.")
     with services.database.write() as session:
-        return member_views(session, who.course, [members.change_role(session, who, member_id, body.role)])[0]
+        if "name" in body.model_fields_set:
+            members.set_name(session, who, member_id, body.name)
+        if body.role is not None:
+            members.change_role(session, who, member_id, body.role)
+        return member_views(session, who.course, [session.get_one(Member, member_id)])[0]
 
 
 @router.delete("/members/{member_id}", status_code=204, responses=refusals(401, 403, 404, 409, 422, 429))
@@ -101,7 +108,9 @@ def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
     response_model=Page[NewInvitation],
     responses=refusals(401, 403, 404, 409, 413, 422, 429),
 )
-def invite(body: InvitationBody, who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+def create_invitations(
+    body: InvitationBody, who: Instructor, services: AppServices, request: Request
+) -> dict[str, Any]:
     """Makes a single-use link for each name, or for one member. The links are shown this once.
 
     409 for a name that is a member with another role: an invitation changes none. A restricted token invites students.
@@ -166,7 +175,7 @@ def show_course(who: Instructor, services: AppServices, request: Request) -> dic
 
 
 @router.put("/course/link", response_model=CourseView, responses=refusals(401, 403, 429))
-def rotate_link(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
+def rotate_course_link(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
     """Opens the course to everybody with the new link; an earlier one ends."""
     with services.database.write() as session:
         code = invitations.rotate_link(session, who)
@@ -174,14 +183,14 @@ def rotate_link(who: Instructor, services: AppServices, request: Request) -> dic
 
 
 @router.delete("/course/link", status_code=204, responses=refusals(401, 403, 429))
-def close_link(who: Instructor, services: AppServices) -> None:
+def close_course_link(who: Instructor, services: AppServices) -> None:
     """Ends the link; learners who joined stay."""
     with services.database.write() as session:
         invitations.close_link(session, who)
 
 
 @router.get("/audit", response_model=Page[AuditView], responses=refusals(401, 403, 422, 429))
-def list_audit(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+def list_audit_entries(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Lists who did what in the course, newest first."""
     before = None if query.cursor is None else query.read_number()
     with services.database.read() as session:
@@ -212,7 +221,7 @@ def member_views(session: Session, course: str, members: Sequence[Member]) -> li
 def member_view(member: Member) -> dict[str, Any]:
     """A member as JSON. `way_in` is name, oidc, lms, lti or browser: how the member is found again."""
     way_in = "browser" if member.account is None else member.account.partition(":")[0]
-    shown = {name: getattr(member, name) for name in ("id", "name", "role", "created_at", "email")}
+    shown = {name: getattr(member, name) for name in ("id", "name", "named_by", "role", "created_at", "email")}
     return shown | {"way_in": way_in, "learner": vars(known_as(member))}
 
 

@@ -168,7 +168,7 @@ def claim_review(body: ClaimBody, who: Instructor, services: AppServices, respon
 
 
 @router.post("/reviews:heartbeat", responses=refusals(401, 403, 404, 409, 413, 422, 429))
-def keep_claim(body: HeldBody, who: Instructor, services: AppServices) -> dict[str, Any]:
+def prolong_claim(body: HeldBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Prolongs the caller's claim to 15 minutes from now. 409 once it has ended."""
     with services.database.write() as session:
         services.desk_of(who.course).lock(session, who.course)
@@ -184,7 +184,7 @@ def release_claim(body: HeldBody, who: Instructor, services: AppServices) -> Non
 
 
 @router.post("/reviews:recompute", responses=refusals(401, 403, 404, 413, 422, 429))
-def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dict[str, int]:
+def recompute_reviews(body: QuestionBody, who: Instructor, services: AppServices) -> dict[str, int]:
     """Computes the points of a question's reviews again from its rubric as it is now; returns how many changed.
 
     The service does so by itself whenever the content is loaded.
@@ -197,7 +197,7 @@ def recompute(body: QuestionBody, who: Instructor, services: AppServices) -> dic
 @router.get(
     "/submissions/{submission_id}/review", response_model=ReviewView, responses=refusals(401, 403, 404, 422, 429)
 )
-def show_for_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+def show_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows a submission as its reviewer sees it, without claiming it."""
     with services.database.read() as session:
         submission = visible(session, submission_id, who)
@@ -209,7 +209,7 @@ def show_for_review(submission_id: str, who: Instructor, services: AppServices, 
 
 
 @router.put("/submissions/{submission_id}/review", response_model=SubmissionView, responses=DECIDING)
-def review(
+def put_review(
     submission_id: str,
     body: ReviewBody,
     who: Instructor,
@@ -232,7 +232,7 @@ def review(
 
 
 @router.put("/submissions/{submission_id}/review/second", responses=DECIDING)
-def review_again(
+def put_second_mark(
     submission_id: str, body: ReviewBody, who: Instructor, services: AppServices, *, if_match: IfMatch = None
 ) -> SecondMark:
     """Keeps a second mark, which no learner sees; the first goes on counting. 409 unless one is waited for."""

@@ -18,6 +18,7 @@ from grader.library import Library
 from grader.store import extensions, results, submissions
 from grader.store.engine.database import Database
 from grader.store.intake import QuestionState, SourceAttempt
+from grader.store.outbox import SCORES
 from grader.store.results import COUNTED, Columns, LearnerAt
 from grader.store.tables import Member, Submission, now
 
@@ -26,12 +27,15 @@ def append_verdict(
     database: Database, library: Library, session: Session, submission: Submission, verdict: Verdict, *, cause: str,
     reviewer: str | None = None
 ) -> None:  # fmt: skip
-    """Adds a verdict as the submission's newest revision, and counts the learner's result again."""
+    """Adds a verdict as the submission's newest revision, and counts the learner's result again. What a reviewer wrote
+    goes to learning platforms, also where the points stay as they were."""
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
     session.flush()
     place = LearnerAt.of(submission)
-    recount(session, library, place, NewSubmission(library, submission, verdict, place))
+    is_revised = recount(session, library, place, NewSubmission(library, submission, verdict, place))
+    if cause == "review" and not is_revised:
+        outbox.note(session, [place], kind=SCORES)
 
 
 @dataclass(frozen=True)
@@ -90,12 +94,13 @@ def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] |
     return values | {"diagnoses": dump_diagnoses([*diagnoses, verdict.diagnosis])}
 
 
-def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmission | None = None) -> None:
-    """Counts a result from all attempts; `new` is what has just got a verdict. The caller holds the learner's lock."""
+def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmission | None = None) -> bool:
+    """Counts a result from all attempts; `new` is what has just got a verdict. Returns whether what counts has changed.
+    The caller holds the learner's lock."""
     before, rows = results.read_columns(session, key), results.attempts_of(session, key)
     decided = [row for row in rows if row.outcome is not None]
     if before is None and not decided:
-        return
+        return False
     policy, extension = read_rules(session, library, key)
     worth = {row.id: row.max_points for row in decided}
     values = count_attempts([make_attempt(row) for row in rows], policy, extension, worth, before)
@@ -105,6 +110,7 @@ def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmissi
     results.save(session, [after] if after is not before else [], [after] if is_revised else [], now())
     if is_revised:
         outbox.note(session, [key])
+    return is_revised
 
 
 def describe_answers(

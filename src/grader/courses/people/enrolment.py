@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people.audit import Action, record
 from grader.courses.people.external import OWN, External, known_as
 from grader.courses.people.identity import Identity, Role
-from grader.courses.people.members import give_role, is_restricted, require_credential
+from grader.courses.people.members import follow_name, give_role, is_restricted, require_credential
 from grader.courses.people.roster import FAULTS_MAX, Entry
 from grader.errors import Conflict, Fault, FaultyRows
 from grader.store import people, results
@@ -104,8 +104,10 @@ def plan_member(plan: _Plan, file: str, entry: Entry) -> None:
 
 
 def compare_member(member: Member, entry: Entry) -> dict[str, Any]:
-    """Returns the columns of a member that a roster changes."""
-    wanted: dict[str, Any] = {"name": entry.name, "role": entry.role.value, "removed_at": None}
+    """Returns the columns of a member that a roster changes; a name that an instructor set is none of them."""
+    wanted: dict[str, Any] = {"role": entry.role.value, "removed_at": None}
+    if member.named_by is None:
+        wanted["name"] = entry.name
     if entry.email is not None:
         wanted["email"] = entry.email or None
     return {name: value for name, value in wanted.items() if getattr(member, name) != value}
@@ -128,8 +130,9 @@ def create_members(session: Session, course: str, entries: Sequence[Entry]) -> N
 def change_member(session: Session, by: Identity | None, member: Member, changes: dict[str, Any]) -> None:
     """Changes a member. With another role they sign in again, as after any change of it."""
     for name, value in changes.items():
-        if name != "role":
+        if name not in ("role", "name"):
             setattr(member, name, value)
+    follow_name(session, member, changes.get("name", member.name))
     give_role(session, by, member, Role(changes.get("role", member.role)))
     results.touch(session, member.course, member.id)
 
@@ -152,8 +155,8 @@ def list_roster_with_ids(session: Session, course: str, namespace: str) -> list[
 
 
 def is_named(member: Member) -> bool:
-    """Says whether an instructor or operator made the member by a name."""
-    return member.account is not None and member.account.startswith(NAMED)
+    """Says whether an instructor or operator made the member by the name that they still have."""
+    return member.account == f"{NAMED}{member.name}"
 
 
 def make_entry(member: Member, external: External | None) -> Entry:

@@ -11,7 +11,6 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role, checked_name
 from grader.errors import Forbidden, Unprocessable
 from grader.store import people as stored_people
-from grader.store import results
 from grader.store.engine.database import Database
 from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE, Member
 
@@ -72,13 +71,14 @@ def member_for(session: Session, course: str, who: External, name: str | None, r
 
 def learner_behind(database: Database, service: Identity, who: External, name: str | None) -> Identity:
     """Returns the learner for whom a service acts, with the service's credential and a student's rights. At first sight
-    they become a member of the service's course. A `name` replaces the earlier one. Raises Unprocessable, and Forbidden
-    for a learner whom an instructor has removed."""
+    they become a member of the service's course. A `name` replaces the earlier one, unless an instructor set
+    that. Raises Unprocessable, and Forbidden for a learner whom an instructor has removed."""
     if name is not None:
         checked_name("learner", name)
     with database.read() as session:
         member = stored_people.with_account(session, service.course, who.account)
-    if member is None or (name is not None and member.name != name and member.removed_at is None):
+    is_news = member is not None and name not in (None, member.name) and member.named_by is None
+    if member is None or (is_news and member.removed_at is None):
         with database.write() as session:
             member = enter(session, service, who, name)
     if member.removed_at is not None:
@@ -95,6 +95,5 @@ def enter(session: Session, service: Identity, who: External, name: str | None) 
         session.flush()
         record(session, service, service.course, Action.JOINED, member.name, member=member.id)
     elif name is not None and member.removed_at is None and member.role == Role.STUDENT:
-        member.name = name
-        results.touch(session, member.course, member.id)
+        members.follow_name(session, member, name)
     return member

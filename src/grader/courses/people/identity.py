@@ -152,20 +152,21 @@ class Recalled:
 def issue(
     session: Session, kind: Kind, member: Member, lifetime: timedelta | None = None, *,
     scopes: frozenset[Scope] | None = None, by: Identity | None = None, platform: int | None = None,
-    label: str | None = None,
+    label: str | None = None, home: str | None = None,
 ) -> str:  # fmt: skip
     """Stores a new credential of the member, valid for `lifetime` or until it is revoked. Returns its text.
 
     It has the member's role, and is of no use as soon as they have another.
 
     `by` is the member who issues it; None for the command line, and for sessions, which members start themselves.
-    `platform` is the learning platform whose launch opens a session, `label` what a device calls itself.
+    `platform` is the learning platform whose launch opens a session, `label` what a device calls itself, `home` the
+    session of another course from which one is opened.
     """
     credential_id, secret = secrets.token_hex(8), secrets.token_hex(32)
     credential = Credential(
         id=credential_id, kind=kind.value, secret_hash=_hash(secret), member=member.id, user=member.name,
         role=member.role, course=member.course, scopes=None if scopes is None else " ".join(sorted(scopes)),
-        created_by=None if by is None else by.user, platform=platform, label=label,
+        created_by=None if by is None else by.user, platform=platform, label=label, home=home,
         expires_at=None if lifetime is None else now() + lifetime,
     )  # fmt: skip
     credentials.add(session, credential)

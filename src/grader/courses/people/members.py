@@ -18,7 +18,7 @@ from grader.courses.people.identity import (
     still_holds,
 )
 from grader.errors import Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
-from grader.store import credentials, people
+from grader.store import credentials, people, results
 from grader.store.tables import Member, new_member_id, now
 
 STUDENTS_ALONE = "A restricted token and a service reach students alone: this takes an instructor without restriction."
@@ -129,6 +129,34 @@ def give_role(
     credentials.revoke_all(session, member.id, now())
     changed = {"member": member.id, "role": role.value}
     record(session, by, member.course, Action.ROLE_CHANGED, member.name, unsigned=unsigned, **changed)
+
+
+def set_name(session: Session, by: Identity, member_id: str, name: str | None) -> Member:
+    """Gives a member a name that no platform and no roster changes; with None it follows them again. Raises NotFound,
+    Unprocessable, Forbidden, Unauthorized."""
+    require_credential(session, by)
+    member = people.get(session, member_id, by.course)
+    if member is None:
+        raise NotFound("There is no such member.")
+    require_reach(by, member.role)
+    member.named_by = None if name is None else by.user
+    if name is not None:
+        rename(session, member, checked_name("member", name.strip()))
+    record(session, by, member.course, Action.RENAMED, member.name, member=member.id, follows=name is None)
+    return member
+
+
+def follow_name(session: Session, member: Member, name: str) -> None:
+    """Gives a member the name that a platform, a roster or a service tells, unless an instructor has set another."""
+    if member.named_by is None and member.name != name:
+        rename(session, member, name)
+
+
+def rename(session: Session, member: Member, name: str) -> None:
+    """Changes the name: in the sessions and tokens that the member has, and in what gradebooks show."""
+    member.name = name
+    credentials.rename(session, member.id, name)
+    results.touch(session, member.course, member.id)
 
 
 def checked_person(role: str) -> Role:

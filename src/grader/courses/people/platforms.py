@@ -19,6 +19,12 @@ from grader.store.tables import Member, now
 
 ADMINISTRATOR = "The platforms belong to the installation: an instructor of the course `default` administers them."
 
+NAMELESS = "learner"
+"""The name of a user whose name a platform does not tell."""
+
+NEW_COURSES = "lti-courses"
+"""The lock under which a course is looked for and made: two who name the same new one do not both make it."""
+
 PLATFORM = "learning platform"
 """Who changes a role in the audit log, where a platform's course has given it."""
 
@@ -159,7 +165,8 @@ def get_context(session: Session, context_id: int) -> Context:
 
 def member_of(session: Session, context: Context, person: Person) -> Member:
     """Returns the member who a platform's user is in the linked course; made at the first call. The platform gives the
-    role. A subject belongs to one person of its issuer. Raises Forbidden if an instructor has removed the member."""
+    role, and the name unless an instructor has set it. A subject belongs to one person of its issuer. Raises
+    Forbidden if an instructor has removed the member."""
     assert context.course is not None
     digest = hashlib.sha256(f"{person.issuer}\n{person.subject}".encode()).hexdigest()
     account = f"lti:{digest}"
@@ -170,5 +177,7 @@ def member_of(session: Session, context: Context, person: Person) -> Member:
     members.give_role(session, None, member, person.role, unsigned=PLATFORM)
     if person.email is not None:
         member.email = person.email
+    if person.name != NAMELESS:
+        members.follow_name(session, member, person.name)
     platforms.enrol(session, context.id, person.subject, member.id)
     return member

@@ -1,7 +1,7 @@
 """Browser sessions, and the single-use links that open them."""
 
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 from sqlalchemy.orm import Session
 
@@ -41,13 +41,19 @@ def create_sign_in_code(session: Session, user: str, role: Role | str, course: s
     return issue(session, Kind.SIGN_IN, member, SIGN_IN_CODE)
 
 
-def start_session(session: Session, member: Member, platform: int | None = None) -> BrowserSession:
+def start_session(
+    session: Session, member: Member, platform: int | None = None, *, home: str | None = None,
+    until: datetime | None = None,
+) -> BrowserSession:  # fmt: skip
     """Starts a browser session, and deletes sessions and codes that have ended. `platform` is the learning platform
-    that launched it; each launch opens another one, so they are short."""
+    that launched it; each launch opens another one, so they are short. `home` is the session of another course from
+    which it is opened; it ends at `until` at the latest."""
     people.prune(session, credentials.prune(session, PRUNED, now()))
     is_short = member.role != Role.STUDENT or platform is not None
     lifetime = INSTRUCTOR_SESSION if is_short else LEARNER_SESSION
-    secret = issue(session, Kind.SESSION, member, lifetime, platform=platform)
+    if until is not None:
+        lifetime = min(lifetime, until - now())
+    secret = issue(session, Kind.SESSION, member, lifetime, platform=platform, home=home)
     session.flush()
     credential = session.get_one(Credential, secret.split("_")[1])
     return BrowserSession(replace(identity_of(credential), by_cookie=True), secret, lifetime)
@@ -88,6 +94,6 @@ def is_only_in_browser(session: Session, who: Identity) -> bool:
 
 
 def end_session(session: Session, cookie: str) -> None:
-    """Revokes the session of a cookie; an invalid cookie is ignored."""
+    """Revokes the session of a cookie, and the one that it was opened from; an invalid cookie is ignored."""
     if credential := find(session, Kind.SESSION, cookie):
-        credentials.revoke(session, credential.id, now())
+        credentials.revoke(session, credential.home or credential.id, now())

@@ -19,10 +19,10 @@ REPLAY_MAX = 1000
 """Dead letters that are replayed at a time."""
 
 
-def note(session: Session, changed: Collection[LearnerAt], only: str = ALL) -> None:
-    """Puts changed results into the outbox, for every destination of their courses or `only` one. The caller holds the
-    learners' locks, and changes the results in this transaction."""
-    queue(session, [row for row in outbox.note(session, changed, only) if not row.has_job])
+def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind: str = ALL) -> None:
+    """Puts changed results into the outbox, for every destination of their courses, `only` one, or those of a `kind`.
+    The caller holds the learners' locks, and changes the results in this transaction."""
+    queue(session, [row for row in outbox.note(session, changed, only, kind) if not row.has_job])
 
 
 def queue(session: Session, rows: Sequence[Noted]) -> None:

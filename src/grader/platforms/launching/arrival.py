@@ -9,6 +9,7 @@ from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Role
 from grader.courses.people.platforms import Person
 from grader.courses.sending.outbox import send_scores
+from grader.errors import Forbidden, NotFound
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.launch import Gradebook, Launch
 from grader.store import platforms
@@ -46,8 +47,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
     if launch.members_url and context.members_url != launch.members_url:
         context.members_url = launch.members_url
     session.flush()
-    link = recorded(session, context, launch) if launch.link_id else None
-    quiz, question = (None, None) if link is None else (link.quiz, link.question)
+    quiz, question = find_place(session, context, launch)
     role = Role.INSTRUCTOR if launch.teaches and launch.subject is not None else Role.STUDENT
     if context.course is None:
         return Arrival(context, None, role, quiz, question)
@@ -56,9 +56,33 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
     else:
         person = Person(launch.platform.issuer, launch.subject, launch.name, role)
         member = rules.member_of(session, context, person)
-        if quiz is not None and role is Role.STUDENT and words.SCORES in launch.gradebook.scopes:
+        sends = launch.reviewed is None and words.SCORES in launch.gradebook.scopes
+        if sends and quiz is not None and role is Role.STUDENT:
             send_scores(database, session, context.course, quiz, question or "", learner=member.id, by="lti")
     return Arrival(context, member, role, quiz, question)
+
+
+def find_place(session: Session, context: Context, launch: Launch) -> tuple[str | None, str | None]:
+    """Returns the quiz and question that a launch leads to; its link is recorded. A Submission Review says less of its
+    link than a launch by it, and changes none; where it names no quiz, its column of the gradebook does."""
+    if launch.reviewed is None:
+        link = recorded(session, context, launch) if launch.link_id else None
+        return (None, None) if link is None else (link.quiz, link.question)
+    if launch.quiz is not None:
+        return launch.quiz, launch.question
+    return platforms.place_of_review(session, context.id, launch.link_id, launch.gradebook.line_item_url)
+
+
+def find_reviewed(session: Session, launch: Launch, arrival: Arrival) -> str:
+    """Returns the member whose work a Submission Review opens: anybody's for an instructor, else one's own. Raises
+    Forbidden, NotFound."""
+    assert launch.reviewed is not None
+    if arrival.role is not Role.INSTRUCTOR and launch.reviewed != launch.subject:
+        raise Forbidden("Only an instructor of the course looks at the work of others.")
+    member = platforms.member_at(session, arrival.context.id, launch.reviewed)
+    if member is None:
+        raise NotFound("This learner has not been here by a link of this course: there is no work to show.")
+    return member
 
 
 def recorded(session: Session, context: Context, launch: Launch) -> ResourceLink:

@@ -11,6 +11,7 @@ VERSION = "1.3.0"
 RESOURCE_LINK, DEEP_LINKING, DEEP_LINKING_RESPONSE = (
     "LtiResourceLinkRequest", "LtiDeepLinkingRequest", "LtiDeepLinkingResponse",
 )  # fmt: skip
+SUBMISSION_REVIEW = "LtiSubmissionReviewRequest"
 
 AGS_SCOPE = "https://purl.imsglobal.org/spec/lti-ags/scope/"
 LINE_ITEMS, SCORES, RESULTS = f"{AGS_SCOPE}lineitem", f"{AGS_SCOPE}score", f"{AGS_SCOPE}result.readonly"

@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from grader.courses.people.identity import visible_part
+from grader.courses.people.platforms import NAMELESS
 from grader.domain.platform import Platform
 from grader.errors import Unauthorized
 from grader.platforms.launching import claims as words
@@ -41,7 +42,8 @@ class Selection:
 @dataclass(frozen=True)
 class Launch:
     """A verified launch. `subject` is None where the platform does not say who comes. `link_id` is empty, and
-    `selection` given, in a Deep Linking request. `quiz` and `question` are what the link leads to, if it says so
+    `selection` given, in a Deep Linking request. `reviewed` is the user whose work a Submission Review asks for; its
+    `link_id` may be empty, too. `quiz` and `question` are what the link leads to, if it says so
     itself."""
 
     platform: Platform
@@ -57,6 +59,7 @@ class Launch:
     gradebook: Gradebook
     members_url: str
     selection: Selection | None
+    reviewed: str | None
 
 
 def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> Launch:
@@ -64,7 +67,7 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
     if claims.get(f"{words.CLAIM}version") != words.VERSION:
         raise Unauthorized(f"The launch is not of LTI {words.VERSION}.")
     message = claims.get(f"{words.CLAIM}message_type")
-    if message not in (words.RESOURCE_LINK, words.DEEP_LINKING):
+    if message not in (words.RESOURCE_LINK, words.DEEP_LINKING, words.SUBMISSION_REVIEW):
         raise Unauthorized("This kind of launch is not offered here.")
     target = claims.get(f"{words.CLAIM}target_link_uri")
     is_selection = message == words.DEEP_LINKING
@@ -77,11 +80,31 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
         subject=identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
         teaches=words.teaches(roles_in(claims)), context_id=identifier(context, "id") if context else "",
         context_title=label(context.get("title")) or label(context.get("label")),
-        link_id="" if is_selection else identifier(part(claims, f"{words.CLAIM}resource_link"), "id"), quiz=quiz,
-        question=question, gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
+        link_id="" if is_selection else link_in(claims, is_required=message == words.RESOURCE_LINK), quiz=quiz,
+        question=question, reviewed=reviewed_in(claims) if message == words.SUBMISSION_REVIEW else None,
+        gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
         members_url=address(part(claims, words.NRPS_CLAIM).get("context_memberships_url")),
         selection=selection_in(claims) if is_selection else None,
     )  # fmt: skip
+
+
+def link_in(claims: Mapping[str, Any], *, is_required: bool) -> str:
+    """Returns the id of the platform's link, empty for none where it is not required. Raises Unauthorized."""
+    link = part(claims, f"{words.CLAIM}resource_link")
+    if not link and not is_required:
+        return ""
+    if "id" not in link:
+        raise Unauthorized(
+            "The launch does not say which link was opened: it has no resource_link with an id. Open the grader by a "
+            "link of the course, such as an assignment, and not from a menu of the platform."
+        )
+    return identifier(link, "id")
+
+
+def reviewed_in(claims: Mapping[str, Any]) -> str:
+    """Returns the user whose work a Submission Review asks for. Raises Unauthorized. Source: LTI Submission Review 1.0,
+    section 3.2."""
+    return identifier(part(claims, f"{words.CLAIM}for_user"), "user_id")
 
 
 def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -109,7 +132,7 @@ def label(text: object) -> str:
 def name_in(claims: Mapping[str, Any]) -> str:
     """Returns the user's name as far as the platform tells it."""
     whole, given, family, user = (label(claims.get(claim)) for claim in NAME_CLAIMS)
-    return whole or f"{given} {family}".strip()[:NAME] or user or "learner"
+    return whole or f"{given} {family}".strip()[:NAME] or user or NAMELESS
 
 
 def roles_in(claims: Mapping[str, Any]) -> list[str]:

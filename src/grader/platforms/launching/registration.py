@@ -56,6 +56,7 @@ def tool_configuration(origin: str) -> dict[str, Any]:
             "messages": [
                 {"type": words.RESOURCE_LINK, "target_link_uri": launch, "label": NAME},
                 {"type": words.DEEP_LINKING, "target_link_uri": launch, "label": "Choose a quiz or an exercise"},
+                {"type": words.SUBMISSION_REVIEW, "target_link_uri": launch, "label": "Answers and verdicts"},
             ],
         },
     }

@@ -16,25 +16,30 @@ DIGITS = 6
 SAME = 0.01
 """Points by which a platform's copy may differ: gradebooks round to hundredths."""
 
+NO_COMMENTS: Mapping[str, str] = {}
+
 CANVAS = "https://canvas.instructure.com/lti/submission"
 
 
 @dataclass(frozen=True)
 class Score:
-    """A score in real points. `given` is None while nothing of it is decided."""
+    """A score in real points, with what reviewers wrote to the learner. `given` is None while nothing of it is
+    decided."""
 
     given: float | None
     maximum: float
     activity: str
     grading: str
+    comment: str = ""
 
     @property
     def is_final(self) -> bool:
         """Whether grading is over."""
         return self.grading == FULLY_GRADED
 
-    def body(self, user: str, timestamp: datetime) -> bytes:
-        """Returns the JSON document of the score service. To Canvas it is no new submission."""
+    def body(self, user: str, timestamp: datetime, *, clears_comment: bool = False) -> bytes:
+        """Returns the JSON document of the score service. To Canvas it is no new submission. With `clears_comment` an
+        empty comment is sent as well."""
         points = {} if self.given is None else {"scoreGiven": self.given, "scoreMaximum": self.maximum}
         document = {
             "userId": user,
@@ -42,6 +47,7 @@ class Score:
             "activityProgress": self.activity,
             "gradingProgress": self.grading,
             **points,
+            **({"comment": self.comment} if self.comment or clears_comment else {}),
             CANVAS: {"new_submission": False},
         }
         return json.dumps(document).encode()
@@ -55,11 +61,11 @@ class Score:
 
     def to_json(self) -> str:
         """As it is stored."""
-        return json.dumps([self.given, self.maximum, self.activity, self.grading])
+        return json.dumps([self.given, self.maximum, self.activity, self.grading, self.comment])
 
     @classmethod
     def from_json(cls, stored: str) -> Self:
-        """Says what `to_json` has made."""
+        """Says what `to_json` has made, earlier versions without a comment too."""
         return cls(*json.loads(stored))
 
 
@@ -85,9 +91,12 @@ def number(given: Any) -> float | None:
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 
 
-def score_of(results: Mapping[str, Result], worth: Mapping[str, float], question: str) -> Score | None:
+def score_of(
+    results: Mapping[str, Result], worth: Mapping[str, float], question: str, comments: Mapping[str, str] = NO_COMMENTS
+) -> Score | None:
     """Returns the score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by
-    question, and `worth` the points of the quiz's questions. None if there is nothing to score."""
+    question, `worth` the points of the quiz's questions, and `comments` the reviewers' by submission. None if there is
+    nothing to score."""
     if question:
         found = {question: results[question]} if question in results else {}
         asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}
@@ -104,4 +113,12 @@ def score_of(results: Mapping[str, Result], worth: Mapping[str, float], question
         activity = "InProgress"
     else:
         activity = "Completed" if is_final else "Submitted"
-    return Score(given, maximum, activity, FULLY_GRADED if is_final else PENDING_MANUAL)
+    grading = FULLY_GRADED if is_final else PENDING_MANUAL
+    return Score(given, maximum, activity, grading, join_comments(found, comments, of_quiz=not question))
+
+
+def join_comments(results: Mapping[str, Result], comments: Mapping[str, str], *, of_quiz: bool) -> str:
+    """Returns what reviewers wrote on the answers that count; in the score of a quiz each after its question's id."""
+    written = {name: comments[one.submission_id] for name, one in results.items() if one.submission_id in comments}
+    lines = [f"{name}: {text}" if of_quiz else text for name, text in sorted(written.items())]
+    return "\n\n".join(lines)

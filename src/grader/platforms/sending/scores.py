@@ -27,7 +27,7 @@ from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, 
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, score_of
-from grader.store import results
+from grader.store import results, reviews
 from grader.store.outbox import Delivery, Destination
 from grader.store.tables import Member, now
 
@@ -37,11 +37,11 @@ MEDIA_RESULTS = "application/vnd.ims.lis.v2.resultcontainer+json"
 TRIED_MAX = 8
 """Tries of unknown outcome that are remembered."""
 
-RETRIED = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.TOO_EARLY, HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.UNAUTHORIZED)
-"""Statuses after which another try may help, beside 5xx. A 401 to a new token may be that of a platform restarting."""
-
-THROTTLED = "rate limit exceeded"
-"""What Canvas says in a 403 when it throttles, in lower case."""
+RETRIED = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.TOO_EARLY, HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.UNAUTHORIZED,
+           HTTPStatus.FORBIDDEN)  # fmt: skip
+"""Statuses after which another try may help, beside 3xx and 5xx. A 401 to a new token may be that of a platform
+restarting; Canvas throttles with 403, and rights that are missing today may be given tomorrow. A redirection is never
+followed: the score would go to an address that no launch told; one to a page of maintenance is over some day."""
 
 SECOND = timedelta(seconds=1)
 
@@ -66,6 +66,11 @@ class Prepared:
     is_contested: bool
     forced: bool
 
+    @property
+    def clears_comment(self) -> bool:
+        """Whether the platform may show a comment that has been taken back."""
+        return any(one.comment for one in self.known)
+
 
 @dataclass(frozen=True)
 class Scores:
@@ -83,7 +88,8 @@ class Scores:
         theirs = results.of_learner(session, row.course, row.learner, row.quiz)
         quiz = library.quizzes.get(row.quiz)
         worth = {} if quiz is None else {question.id: question.points for question in quiz.questions}
-        score = score_of(theirs, worth, row.question)
+        remarks = reviews.read_remarks(session, [one.submission_id for one in theirs.values()])
+        score = score_of(theirs, worth, row.question, remarks)
         sent = None if row.sent is None else Score.from_json(row.sent)
         tried = [Score.from_json(one) for one in json.loads(row.tried or "[]")]
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
@@ -149,7 +155,7 @@ class Scores:
 
     async def _post(self, prepared: Prepared, url: str) -> Reply:
         target, score = prepared.target, prepared.score
-        body = score.body(target.lti_user_id, prepared.timestamp)
+        body = score.body(target.lti_user_id, prepared.timestamp, clears_comment=prepared.clears_comment)
         response = await self._call(target, "POST", with_path(url, "scores"), {"Content-Type": MEDIA_SCORE}, body)
         if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
             return Sent(score.to_json())
@@ -174,8 +180,8 @@ class Scores:
     def reply_to(self, response: Response) -> Reply:
         """Says whether another try may help after an answer that is no success."""
         status, text = response.status, f"The platform answered {response.status} {response.text}".strip()
-        throttled = status == HTTPStatus.FORBIDDEN and THROTTLED in response.text.lower()
-        if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or throttled:
+        is_redirection = HTTPStatus.MULTIPLE_CHOICES <= status < HTTPStatus.BAD_REQUEST
+        if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or is_redirection:
             return Again(text, retry_after_s(response.headers, self.clock()))
         return Dead(text)
 
@@ -222,11 +228,14 @@ def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Re
 
 
 def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
-    """Whether the platform has the final score already, for good: it is no pending one of the same points, either."""
+    """Whether the platform has the final score already, for good, with its comment: it is no pending one of the same
+    points, and none with another comment, either."""
     score = prepared.score
     if prepared.is_contested or not score.is_final or found.score is None or not score.is_at(found):
         return False
-    return not any(one.is_at(found) and not one.is_final for one in prepared.known)
+    alike = [one for one in prepared.known if one.is_at(found)]
+    has_comment = not score.comment or bool(alike)  # a person may have entered the same points
+    return has_comment and all(one.is_final and one.comment == score.comment for one in alike)
 
 
 def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:

@@ -32,7 +32,15 @@ PREFIX = "erased-"
 STATISTICS = ("option", "value")
 """What results take from the evidence of a verdict on a choice or a number; that on a script or a text has neither."""
 
-BY_ID = ("invited", "invitation revoked", "joined", "member removed", "member exported", "role changed")
+BY_ID = (
+    "invited",
+    "invitation revoked",
+    "joined",
+    "member removed",
+    "member exported",
+    "member renamed",
+    "role changed",
+)
 BY_ACTOR = ("joined", "signed in")
 BY_NAME = ("token created", "token revoked", "credentials revoked", "answers under review looked up by name")
 """Actions of the audit log whose subject is a member's name: whose it is tells the id in the detail, the actor, or the

@@ -172,13 +172,15 @@ def change_link(services: AppServices, who: Instructor, form: Form) -> Response:
 
 @router.post(f"{PAGE}/members/{{member_id}}")
 def change_member(request: Request, member_id: str, services: AppServices, who: Instructor, form: Form) -> Response:
-    """Makes a new link for a member, which is shown this once; changes the role; or removes. `do` says which. Shows the
-    page again if it is refused. Raises Unauthorized, Forbidden."""
+    """Makes a new link for a member, which is shown this once; changes the role or the name; or removes. `do` says
+    which. Shows the page again if it is refused. Raises Unauthorized, Forbidden."""
     do = form.get("do", "")
     try:
         with services.database.write() as session:
             if do == "remove":
                 rules.remove(session, who, member_id)
+            elif do == "rename":
+                rules.set_name(session, who, member_id, form.get("name", "").strip() or None)
             elif do in (Role.STUDENT, Role.INSTRUCTOR):
                 rules.change_role(session, who, member_id, do)
             elif do == "link":

@@ -66,7 +66,7 @@ def link_course(request: Request, services: AppServices, pairs: Pairs) -> Respon
     course = dict(pairs).get("course", "").strip()
     with services.database.write() as session:
         body = take_ticket(session, COURSE, pairs)
-        services.database.lock(session, "lti-courses")  # two who name the same new course: one of them asks the other
+        services.database.lock(session, rules.NEW_COURSES)  # of two who name the same one, one asks the other
         known = services.content.libraries()
         is_linked = rules.ask_for(session, body["context"], course, body["by"], known)
         platform = get_platform(session, body["platform"])

@@ -7,12 +7,13 @@ from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
+from grader.courses.people.identity import Role
 from grader.errors import Forbidden, Unauthorized, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.platforms.launching import login as logins
 from grader.platforms.launching.addresses import origin_of
-from grader.platforms.launching.arrival import NOT_APPROVED, Arrival, arrive
+from grader.platforms.launching.arrival import NOT_APPROVED, Arrival, arrive, find_reviewed
 from grader.platforms.launching.id_token import verify
 from grader.platforms.launching.launch import Launch, read_launch
 from grader.platforms.launching.login import Answered, Login, Unbound
@@ -131,6 +132,10 @@ def settle(request: Request, services: Services, launch: Launch, *, in_tab: bool
     if launch.selection is not None:
         return show_choices(request, services, library, launch, arrival)
     address = make_address(library, arrival)
+    if launch.reviewed is not None:
+        reviewed = services.sessions.reading(lambda session: find_reviewed(session, launch, arrival))
+        if arrival.role is Role.INSTRUCTOR:
+            address = make_review_address(reviewed, arrival)
     if in_tab:
         return show_button(request, services, launch.platform, arrival, address)
     return enter(request, services, arrival.member, launch.platform.id, address=address)
@@ -146,6 +151,15 @@ def make_address(library: Library, arrival: Arrival) -> str:
         return address
     if kind_of(library.question(arrival.quiz, arrival.question)).is_script:
         return f"/quizzes/{quote(arrival.quiz, safe='')}/{quote(arrival.question, safe='')}"
+    return f"{address}#{quote(arrival.quiz)}--{quote(arrival.question)}"
+
+
+def make_review_address(member: str, arrival: Arrival) -> str:
+    """Returns the page of a learner's answers and verdicts, at the question if there is one. Answers under review
+    without a name are not on it."""
+    address = f"/instructor/learners/{quote(member, safe='')}"
+    if arrival.quiz is None or arrival.question is None:
+        return address
     return f"{address}#{quote(arrival.quiz)}--{quote(arrival.question)}"
 
 

@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
+from grader.courses.people.courses import add_course
 from grader.courses.people.invitations import CLOSED, join
 from grader.courses.people.sign_in import (
     SPENT,
@@ -50,13 +51,20 @@ def show_sign_in(request: Request, services: AppServices, who: Visitor, code: st
     invited = services.sessions.reading(lambda session: identity_behind(session, code))
     if invited is None:
         return page(request, "signin.html", 401, PRIVATE, who=who, trouble=SPENT)
-    return page(request, "confirm.html", 200, PRIVATE, who=who, invited=invited, code=code)
+    adds = who is not None and who.is_instructor and invited.is_instructor and who.course != invited.course
+    return page(request, "confirm.html", 200, PRIVATE, who=who, invited=invited, code=code, adds=adds)
 
 
 @router.post("/signin")
-def sign_in(request: Request, services: AppServices, form: Form) -> Response:
-    """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role."""
+def sign_in(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
+    """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role. With `add` the
+    course is added to those of the instructor who is signed in, whose session goes on behind the new one. Raises
+    Unauthorized, Forbidden, Conflict."""
     code = form.get("code", "")
+    if who is not None and "add" in form:
+        entered = services.sessions.writing(lambda session: add_course(session, who, code))
+        headers = {"Set-Cookie": services.sessions.set_cookie(entered), "Cache-Control": "no-store"}
+        return RedirectResponse("/instructor", 303, headers)
     opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
     return redirect_signed_in(request, services, opened)
 
