@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint wheel examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -77,12 +77,19 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+wheel: $(SERVING) ## the wheel of the grader, into dist/
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
+	@ls dist/*.whl
+
 examples: install ## record the examples of /openapi.json anew, from a real server
 	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples
 
-lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
-	$(LOCK) --group build -o requirements.lock
-	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
+lock: ## rewrite the locks from pyproject.toml (needs uv: UV=)
+	$(COMPILE) --group build --no-deps -o requirements-build.lock
+	$(LOCK) --group build --constraint requirements-build.lock -o requirements.lock
+	$(LOCK) $(SERVED) --constraint requirements.lock -o requirements-all.lock
+	$(LOCK) $(SERVED) --group build --group dev --extra bench --constraint requirements.lock \
+		--constraint requirements-all.lock -o requirements-dev.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
@@ -110,6 +117,8 @@ jail-package:
 COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	--no-emit-index-url --no-emit-find-links
 LOCK = $(COMPILE) pyproject.toml
+# The extras that a server may need; those of benchmarks are for development alone.
+SERVED = --extra oidc --extra lti
 
 define install_from
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
