@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint wheel examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint wheel release examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -78,8 +78,12 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/lint-imports
 
 wheel: $(SERVING) ## the wheel of the grader, into dist/
+	@rm -rf build/lib build/bdist.*
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
 	@ls dist/*.whl
+
+release: install ## everything of a release, built and checked in dist/; nothing is uploaded
+	$(BIN)/python -m release
 
 examples: install ## record the examples of /openapi.json anew, from a real server
 	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples
@@ -90,6 +94,7 @@ lock: ## rewrite the locks from pyproject.toml (needs uv: UV=)
 	$(LOCK) $(SERVED) --constraint requirements.lock -o requirements-all.lock
 	$(LOCK) $(SERVED) --group build --group dev --extra bench --constraint requirements.lock \
 		--constraint requirements-all.lock -o requirements-dev.lock
+	$(COMPILE) --group docs --constraint requirements-dev.lock -o requirements-docs.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
 
 # Whatever else runs on the machine makes code slower, never faster: what is over its budget is measured again.
