@@ -77,7 +77,7 @@ def build_one(source: Path, kind: str, out: Path) -> Path:
 
 
 def pack_evenly(sdist: Path) -> bytes:
-    """Returns an sdist with its files sorted, of the commit's time, and nobody's: setuptools keeps those of the disk."""
+    """Returns an sdist with its files sorted, all of the commit's time and of no user."""
     packed = io.BytesIO()
     with (
         tarfile.open(sdist) as old,

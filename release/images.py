@@ -4,8 +4,8 @@ import json
 import shutil
 import subprocess
 
-from release.building import ROOT
-from release.checking import ReleaseError, read_choice, run
+from release.building import ROOT, ReleaseError
+from release.checking import read_choice, run
 
 OPTIONS = ("--security-opt=seccomp=unconfined", "--network=none")
 """What the jail needs of every engine; docs/deploy.md says why."""
