@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint wheel release examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint wheel release examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -61,6 +61,9 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute
 	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast
+
+test-pythons: $(DEVELOPING) ## the fast tests on the other Pythons that are here, and the keys on the newest
+	@.ci/pythons
 
 check: install ## every answer key re-derived, every reference solution graded
 	$(BIN)/grader check
