@@ -47,7 +47,7 @@ serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HO
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser (MUJOCO=4.0.0)
 	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
-		caddy:caddy zsh:zsh pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
+		caddy:caddy zsh:zsh docker-compose:docker-compose pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
 	$(BIN)/python -m pytest -n 3 $(TOGETHER) --reruns $(RERUNS)
 

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 from release.building import ROOT, ReleaseError, build, list_uncommitted
-from release.checking import check_client, check_files, check_grader, check_metadata
+from release.checking import check_client, check_files, check_grader, check_metadata, run
 from release.images import build_image, find_engine
 from release.notes import read_changes, write_notes
 
@@ -35,6 +35,9 @@ def main() -> None:
     engine = find_engine()
     checks.append(build_image(engine, version) if engine else "No container engine answers: the image was not built")
     print(checks[-1], flush=True)
+    if promtool := shutil.which("promtool"):
+        run([promtool, "check", "rules", str(ROOT / "deploy/alerts.yml")])
+        checks.append("deploy/alerts.yml: promtool accepts the rules")
     files += [Path(shutil.copy(ROOT / name, out / name)) for name in LOCKS]
     write_notes(version, files, checks, out)
     print(f"dist/NOTES.md has the notes. To publish, tag the commit: git tag v{version}")
