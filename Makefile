@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint wheel release examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint wheel docs release examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -85,7 +85,13 @@ wheel: $(SERVING) ## the wheel of the grader, into dist/
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
 	@ls dist/*.whl
 
-release: install ## everything of a release, built and checked in dist/; nothing is uploaded
+docs: $(DEVELOPING) ## the documentation site, in build/site
+	@[ -x $(VENV)-docs/bin/sphinx-build ] || $(BIN)/python -m venv $(VENV)-docs
+	@$(VENV)-docs/bin/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	@PYTHONPATH=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'):src:. \
+		$(VENV)-docs/bin/python -m release.site
+
+release: install docs ## everything of a release, built and checked in dist/; nothing is uploaded
 	$(BIN)/python -m release
 
 examples: install ## record the examples of /openapi.json anew, from a real server

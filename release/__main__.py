@@ -1,4 +1,4 @@
-"""`python -m release`: builds, checks and describes the release of this commit, into dist/."""
+"""`python -m release`: builds, checks and describes the release of this commit, in dist/."""
 
 import shutil
 import sys

@@ -8,7 +8,7 @@ from typing import Any
 
 import promql_parser
 import pytest
-import yaml
+import yaml  # type: ignore[import-untyped]
 
 from grader.domain.verdict import Status
 from grader.queue.jobs import TOPICS
@@ -103,7 +103,7 @@ def compose_program() -> list[str]:
 
 @pytest.mark.process
 def test_compose_accepts_its_file(tmp_path: Path) -> None:
-    command = [*compose_program(), "-f", DEPLOY / "compose.yaml", "config"]
+    command = [*compose_program(), "-f", str(DEPLOY / "compose.yaml"), "config"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert set(yaml.safe_load(done.stdout)["services"]) == {"server", "worker", "database", "proxy"}
@@ -111,7 +111,9 @@ def test_compose_accepts_its_file(tmp_path: Path) -> None:
     wrong.write_text(
         (DEPLOY / "compose.yaml").read_text().replace("    init: true", "    intit: true", 1).replace("init:", "intit:")
     )
-    refused = subprocess.run([*compose_program(), "-f", wrong, "config"], capture_output=True, text=True, check=False)
+    refused = subprocess.run(
+        [*compose_program(), "-f", str(wrong), "config"], capture_output=True, text=True, check=False
+    )
     assert refused.returncode != 0
 
 
