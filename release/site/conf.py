@@ -1,4 +1,4 @@
-"""Sphinx's configuration of the documentation site. The theme brings its scripts along, and takes the system's fonts."""
+"""Sphinx's configuration of the documentation site. The theme brings its scripts along, and uses the system's fonts."""
 
 import re
 import tomllib
