@@ -7,6 +7,9 @@ from functools import partial
 from pathlib import Path
 
 LINK = re.compile(r"(\]\()(?!https?://|#)([^)#\s]+)((?:#[^)\s]+)?\))")
+NAMED = re.compile(r"\[[\w.-]+\.md\]\((?=[^)#]+\.md\))")
+"""What begins a link to a page that is called by its file: Sphinx calls it by its title."""
+
 DOCS = "docs"
 DOOR = re.compile(r"^## (.+)$", re.MULTILINE)
 PAGE = re.compile(r"\]\(([\w./-]+\.md)\)")
@@ -21,7 +24,8 @@ def stage(root: Path, out: Path) -> None:
         target = out / place_of(page.relative_to(root))
         target.parent.mkdir(parents=True, exist_ok=True)
         text = page.read_text(encoding="utf-8")
-        target.write_text(LINK.sub(partial(move_link, page=page, root=root, out=out), text), encoding="utf-8")
+        text = LINK.sub(partial(move_link, page=page, root=root, out=out), text)
+        target.write_text(NAMED.sub("[](", text), encoding="utf-8")
     index = out / "index.md"
     index.write_text(index.read_text(encoding="utf-8") + "".join(build_doors(index)), encoding="utf-8")
 
