@@ -100,6 +100,8 @@ def test_the_image_holds_what_it_needs_and_its_sources_exist() -> None:
     assert not {"src", "quizzes", "models", "reference_solutions", "setup.py", "pyproject.toml"} & set(ignored)
     last = text[text.rindex("FROM ") :]
     assert "bubblewrap" in last
+    assert "python3 -m venv --without-pip /opt/grader " in text
+    assert not re.search(r"\b(pip|venv|setuptools)\b", last)
     assert last.index("USER grader") < last.index("CMD")
 
 
