@@ -33,7 +33,8 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast check verdicts fuzz-content lint client examples lock bench-check \
+.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint client wheel docs \
+	release examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
 
@@ -47,7 +48,7 @@ serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HO
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser (MUJOCO=4.0.0)
 	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
-		caddy:caddy zsh:zsh pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
+		caddy:caddy zsh:zsh docker-compose:docker-compose pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
 	$(BIN)/python -m pytest -n 3 $(TOGETHER) --reruns $(RERUNS)
 
@@ -61,6 +62,9 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute
 	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast
+
+test-pythons: $(DEVELOPING) ## the fast tests on the other Pythons that are here, and the keys on the newest
+	@.ci/pythons
 
 check: install ## every answer key re-derived, every reference solution graded
 	$(BIN)/grader check
@@ -82,12 +86,30 @@ client: $(DEVELOPING) ## the wheel of mujoco-grader-client, into build/client
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir build/client ./client
 	@ls -l build/client
 
+wheel: $(SERVING) ## the wheel of the grader, into dist/
+	@rm -rf build/lib build/bdist.*
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
+	@ls dist/*.whl
+
+docs: $(DEVELOPING) ## the documentation site, in build/site
+	@[ -x $(VENV)-docs/bin/sphinx-build ] || $(BIN)/python -m venv $(VENV)-docs
+	@$(VENV)-docs/bin/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	@PYTHONPATH=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'):src:deploy \
+		$(VENV)-docs/bin/python -m release.site
+
+release: install docs ## everything of a release, built and checked in dist/; nothing is uploaded
+	PYTHONPATH=deploy $(BIN)/python -m release
+
 examples: install ## record the examples of /openapi.json anew, from a real server
 	$(BIN)/python -m pytest -q tests/api/test_examples.py --record-examples
 
-lock: ## rewrite both locks from pyproject.toml (needs uv: UV=)
-	$(LOCK) --group build -o requirements.lock
-	$(LOCK) --group build --group dev --extra bench --extra oidc --extra lti --constraint requirements.lock -o requirements-dev.lock
+lock: ## rewrite the locks from pyproject.toml (needs uv: UV=)
+	$(COMPILE) --group build --no-deps -o requirements-build.lock
+	$(LOCK) --group build --constraint requirements-build.lock -o requirements.lock
+	$(LOCK) $(SERVED) --constraint requirements.lock -o requirements-all.lock
+	$(LOCK) $(SERVED) --group build --group dev --extra bench --constraint requirements.lock \
+		--constraint requirements-all.lock -o requirements-dev.lock
+	$(COMPILE) --group docs --constraint requirements-dev.lock -o requirements-docs.lock
 	printf '%s==4.0.0\n' mujoco mujoco-core mujoco-studio | $(COMPILE) --no-deps -o requirements-mujoco-4.0.0.lock -
 	printf '%s==3.14.0\n' mujoco mujoco-mjx | $(COMPILE) --constraint requirements.lock -o requirements-mjx.lock -
 
@@ -116,6 +138,8 @@ jail-package:
 COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	--no-emit-index-url --no-emit-find-links
 LOCK = $(COMPILE) pyproject.toml
+# The extras that a server may need; those of benchmarks are for development alone.
+SERVED = --extra oidc --extra lti
 
 define install_from
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'

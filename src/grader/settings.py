@@ -164,9 +164,11 @@ class Settings(BaseSettings):
         issuer = urlsplit(self.oidc_issuer)
         if issuer.scheme != "https" and issuer.hostname not in LOOPBACK:
             raise ValueError("GRADER_OIDC_ISSUER is an https address")
-        missing = [name for name in ("authlib", "httpx2") if find_spec(name) is None]
+        missing = [name for name in ("authlib", "joserfc", "httpx2") if find_spec(name) is None]
         if missing:
-            raise ValueError(f"GRADER_OIDC_ISSUER needs {' and '.join(missing)}: pip install mujoco-grader[oidc]")
+            raise ValueError(
+                f"GRADER_OIDC_ISSUER needs {' and '.join(missing)}: install requirements-all.lock, as in docs/deploy.md"
+            )
         return self
 
     @model_validator(mode="after")

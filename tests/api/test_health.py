@@ -10,13 +10,17 @@ from typing import Any
 import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
+from structlog.testing import capture_logs
 
 from grader.errors import JailFault
+from grader.gate import monitoring
 from grader.gate.monitoring import Monitor
-from grader.gate.readiness import Readiness
+from grader.gate.readiness import Readiness, run_check
 from grader.grading.pipeline import Retries
+from grader.numerics.version import INSTALLED, warn_of_newer
 from grader.queue import jobs
 from grader.queue.worker import Worker
+from grader.service import opening
 from grader.service.worker import build_graders
 from grader.settings import Settings
 from grader.store.engine.database import Database
@@ -50,8 +54,25 @@ def test_readiness_lists_its_checks_and_says_what_cures_them(nobody: httpx.Clien
     assert problem["checks"]["database"] == {"ok": True, "backend": "sqlite"}
     assert problem["checks"]["content"]["quizzes"].keys() == {"small"}
     assert not problem["checks"]["worker"]["ok"]
+    assert problem["checks"]["mujoco"] == {"ok": True, "version": INSTALLED}
     assert "GRADER_WORKERS" in problem["detail"]
     assert nobody.get("/healthz").json() == {"status": "ok"}
+
+
+def test_a_mujoco_newer_than_tested_is_a_warning_and_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [warn_of_newer(version) for version in (3_014_000, 4_000_000)] == [None, None]
+    warning = warn_of_newer(4_001_012)
+    assert warning is not None
+    assert "4.1.12 is newer than 4.0.0" in warning
+    monkeypatch.setattr(monitoring, "warn_of_newer", lambda: warning)
+    assert run_check("mujoco", monitoring.check_mujoco) == {"ok": True, "version": INSTALLED, "warning": warning}
+
+
+def test_a_service_that_starts_on_a_newer_mujoco_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opening, "warn_of_newer", lambda: "MuJoCo 9.9.9 is newer")
+    with capture_logs() as logs:
+        opening.open_database(Settings(data=tmp_path)).close()
+    assert {"event": "untested MuJoCo", "why": "MuJoCo 9.9.9 is newer", "log_level": "warning"} in logs
 
 
 @pytest.fixture

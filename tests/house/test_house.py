@@ -5,6 +5,8 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
+from importlib import import_module, metadata
 from pathlib import Path
 
 import pytest
@@ -39,8 +41,39 @@ def pins(lock: str) -> set[str]:
     return set(re.findall(r"^[\w.-]+(?:\[\w,]+\])?==[\w.]+", (ROOT / lock).read_text(), re.MULTILINE))
 
 
-def test_what_serving_needs_is_locked_alike_for_development_and_draws_nothing() -> None:
-    assert pins("requirements.lock") < pins("requirements-dev.lock")
+def lines_of(lock: str) -> set[str]:
+    """Each package with its version and hashes; markers are wider where more packages need one."""
+    text = re.sub(r" ; [^\\\n]*", " ", (ROOT / lock).read_text())
+    return set(re.findall(r"^\S.*(?:\n .*)*", text, re.MULTILINE))
+
+
+def test_the_locks_agree_to_the_hash() -> None:
+    build, plain, whole, dev = (lines_of(f"requirements{name}.lock") for name in ("-build", "", "-all", "-dev"))
+    assert build < plain
+    assert plain - build < whole < dev
+    assert plain < dev
+
+
+EXTRAS_OF_BENCHMARKS = {"bench", "peers"}
+
+
+def test_a_server_is_installed_with_every_extra_and_no_build_tool() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    wanted = {re.split("[>=]", one)[0] for name in extras.keys() - EXTRAS_OF_BENCHMARKS for one in extras[name]}
+    locked = dict(pin.split("==") for pin in pins("requirements-all.lock"))
+    assert wanted
+    assert wanted <= locked.keys()
+    assert not {"pip", "setuptools", "wheel"} & locked.keys()
+    # The packages of this environment are those of the lock, so what imports here imports there.
+    assert {name: metadata.version(name) for name in wanted} == {name: locked[name] for name in wanted}
+    for name in wanted:
+        import_module(name)
+    for path in ("docs/deploy.md", "deploy/Containerfile"):
+        assert "--require-hashes -r requirements-all.lock" in (ROOT / path).read_text()
+        assert "-r requirements.lock" not in (ROOT / path).read_text()
+
+
+def test_what_serving_needs_draws_nothing() -> None:
     assert not [pin for pin in pins("requirements.lock") if pin.startswith(("matplotlib", "pytest", "ruff"))]
 
 

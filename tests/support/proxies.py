@@ -91,7 +91,7 @@ def caddy(folder: Path, port: int, upstream: str, changes: Mapping[str, str] = N
     site = adapted("Caddyfile", {
         "\tservers {": f"{CADDY}\tservers {{",
         "grader.example.org": f"localhost:{port}",
-        "127.0.0.1:8000 {": f"{upstream} {{",
+        "127.0.0.1:8000} {": f"{upstream}}} {{",
         **changes,
     })  # fmt: skip
     (folder / "Caddyfile").write_text(site)

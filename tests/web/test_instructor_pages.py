@@ -315,7 +315,7 @@ def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: h
             assert why in told
             assert address != "/instructor" or "measured:" not in told
             assert "Graded" in told or address == "/instructor"
-    again = {"headers": {"Sec-Fetch-Site": "same-origin"}, "follow_redirects": True}
+    again: Any = {"headers": {"Sec-Fetch-Site": "same-origin"}, "follow_redirects": True}
     assert "The changed content was refused" in words(tina.post("/instructor/content", **again).text)
     path.write_text(json.dumps(GRADED))
     assert "loaded again, without a fault" in words(tina.post("/instructor/content", **again).text)

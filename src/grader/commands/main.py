@@ -7,6 +7,7 @@ of a short command.
 import os
 import sys
 from collections.abc import Callable
+from typing import Annotated
 
 import typer
 
@@ -47,8 +48,21 @@ def main(run: Callable[[], object] = cli) -> None:
         sys.exit(USAGE)
 
 
+def show_version(wanted: bool) -> None:
+    """Prints the version, and ends."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(version("mujoco-grader"))
+        raise typer.Exit
+
+
 @cli.callback()
-def begin() -> None:
+def begin(
+    version: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="The version.")
+    ] = False,
+) -> None:
     """Auto-grading of a MuJoCo course."""
     from grader.logs import log_to_stderr
 

@@ -17,6 +17,7 @@ from grader.errors import JailFault, NotReady
 from grader.grading.content import Contents
 from grader.grading.processes import Graders
 from grader.metrics import FOLDER
+from grader.numerics.version import INSTALLED, warn_of_newer
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store import outbox
@@ -108,6 +109,12 @@ def process_registry() -> CollectorRegistry:
     sums = CollectorRegistry()
     MultiProcessCollector(sums)  # type: ignore[no-untyped-call]
     return sums
+
+
+def check_mujoco() -> dict[str, Any]:
+    """The version of MuJoCo, with a warning where it is newer than tested; that alone is no failure."""
+    warning = warn_of_newer()
+    return {"version": INSTALLED} | ({"warning": warning} if warning else {})
 
 
 def check_content(content: Contents) -> dict[str, Any]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # it needs the packages of the extra
     from grader.platforms.sending.access_tokens import AccessTokens
 
 NEEDED = ("joserfc", "httpx2")
-MISSING = "LTI is not installed here. Its packages come with: pip install mujoco-grader[lti]"
+MISSING = "LTI is not installed here. Install requirements-all.lock, which has its packages: docs/deploy.md"
 
 
 @dataclass(frozen=True)

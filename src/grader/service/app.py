@@ -26,7 +26,7 @@ from grader.courses.sending.outbox import release_all
 from grader.gate import problems
 from grader.gate.admission import AdmissionMiddleware, AdmissionRules
 from grader.gate.lab_runs import LabRuns
-from grader.gate.monitoring import Monitor, check_content
+from grader.gate.monitoring import Monitor, check_content, check_mujoco
 from grader.gate.openid import Provider
 from grader.gate.rate import RateLimit
 from grader.gate.readiness import Check, Readiness
@@ -151,6 +151,7 @@ def tool_of(settings: Settings, database: Database) -> Tool | None:
 def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
     """What must work for a server with these settings to be ready. Without grading processes it has no jail."""
     checks: dict[str, Check] = {"database": monitor.check_database, "content": lambda: check_content(content)}
+    checks["mujoco"] = check_mujoco
     if settings.workers:
         checks["jail"] = monitor.check_jail
     return Readiness({**checks, "worker": monitor.check_worker})

@@ -1,4 +1,4 @@
-"""Opens the database of a server or worker, once it answers."""
+"""What a server or worker does first: it warns of an untested MuJoCo, and opens the database once it answers."""
 
 import time
 from contextlib import ExitStack
@@ -7,6 +7,7 @@ import structlog
 from sqlalchemy.exc import OperationalError
 
 from grader.errors import Unprocessable
+from grader.numerics.version import warn_of_newer
 from grader.settings import Settings
 from grader.store.engine.database import Database
 
@@ -25,8 +26,11 @@ log = structlog.get_logger()
 
 
 def open_database(settings: Settings) -> Database:
-    """Opens the database of the settings with the newest tables; waits for a PostgreSQL that does not answer yet.
-    Raises Unprocessable behind a pooler without sessions, and Conflict if a later version has written the tables."""
+    """Opens the database of the settings with the newest tables; waits for a PostgreSQL that does not answer yet, and
+    warns of a MuJoCo that is newer than tested. Raises Unprocessable behind a pooler without sessions, and
+    Conflict if a later version has written the tables."""
+    if warning := warn_of_newer():
+        log.warning("untested MuJoCo", why=warning)
     database = Database(settings.database, settings.connections)
     with ExitStack() as opened:
         opened.callback(database.close)

@@ -37,7 +37,7 @@ def create(
     """Adds a webhook; its secret is shown this once. Raises Unprocessable for a URL that is not allowed, Conflict if
     there are too many, and Unauthorized."""
     if find_spec("httpx2") is None:
-        raise Unprocessable("Webhooks need a client for HTTP: pip install mujoco-grader[lti]")
+        raise Unprocessable("Webhooks need the package httpx2: install requirements-all.lock, as in docs/deploy.md")
     try:
         endpoint_of(url, private_hosts)
     except RefusedURL as refused:

@@ -217,7 +217,8 @@ def symbols(powers: tuple[tuple[str, int], ...]) -> str:
 
 
 def _symbol(name: str, power: int) -> str:
-    symbol = str(registry().get_symbol(name))
+    # Pint 0.26, which needs Python 3.12, writes micro as a Greek letter; 0.25 as a sign of its own.
+    symbol = str(registry().get_symbol(name)).replace("\u03bc", "\u00b5")
     return symbol if power == 1 else f"{symbol}^{power}"
 
 

@@ -1,0 +1,1 @@
+"""`make docs`: the documentation site, made of docs/, the pages beside it, docstrings and OpenAPI."""
