@@ -78,7 +78,7 @@ def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
     app.state.services = services
     problems.install(app, error_page)
     routes.include_in(app)
-    app.include_router(pages)
+    app.routes.extend(pages.routes)
     openapi.install(app)
     app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
