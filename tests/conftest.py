@@ -4,6 +4,7 @@ A test uses what its own code, its fixtures and the helpers that those call name
 so on. What cannot be seen in names, such as a server with a worker, is marked where it is written.
 """
 
+import gc
 import inspect
 from functools import cache
 from pathlib import Path
@@ -33,18 +34,24 @@ LONGEST = (
 """What takes longest comes first, and files of fast tests last: the last file decides when all processes have ended."""
 
 
+# What is imported here stays to the end: to look through all of it for cycles, again and again, takes longer than any.
+gc.set_threshold(50_000, 20, 20)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--record-examples", action="store_true", help="write src/grader/api/examples.json anew")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    fast: set[pytest.Item] = set()
     for item in items:
         if isinstance(item, pytest.Function):
             for mark in marks_of(item):
                 item.add_marker(mark)
-        if not any(item.get_closest_marker(mark) for mark in NOT_FAST):
+        if NOT_FAST.isdisjoint(mark.name for mark in item.iter_markers()):
             item.add_marker("fast")
-    quick = {path: all(item.get_closest_marker("fast") for item in of) for path, of in by_file(items).items()}
+            fast.add(item)
+    quick = {path: fast.issuperset(of) for path, of in by_file(items).items()}
     turns = {Path(HERE, name): turn for turn, name in enumerate(LONGEST)}
     items.sort(key=lambda item: (quick[item.path], turns.get(item.path, len(turns))))
 
@@ -59,11 +66,17 @@ def by_file(items: list[pytest.Item]) -> dict[Path, list[pytest.Item]]:
 
 def marks_of(item: pytest.Function) -> set[str]:
     """The marks of what a test uses."""
-    fixtures = [one.func for several in item._fixtureinfo.name2fixturedefs.values() for one in several]
-    named = uses(item.function).union(*map(uses, fixtures))
+    fixtures = (one.func for several in item._fixtureinfo.name2fixturedefs.values() for one in several)
+    named = all_uses((item.function, *fixtures))
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
     found = {MARKS[name] for name in named & MARKS.keys()} | {"postgres" for one in parameters if one == "postgresql"}
     return found | ({"slow"} if is_hypothesis_test(item.function) else set())
+
+
+@cache
+def all_uses(functions: tuple[Any, ...]) -> frozenset[str]:
+    """As `uses`, of a test with its fixtures."""
+    return frozenset().union(*map(uses, functions))
 
 
 @cache

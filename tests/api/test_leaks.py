@@ -177,6 +177,7 @@ VARIES = [
     (re.compile(r'"(?:content_digest|digest)": ?"[^"]*"'), "DIGEST"),
     (re.compile(r'"request_id": ?"[0-9a-f]{32}"'), "REQUEST"),
     (re.compile(r'"[0-9a-f]{24}"$'), "TAG"),  # a digest of the body before it, which is compared itself
+    (re.compile(r"/devices/[0-9a-f]+/revoke"), "REVOKE"),
     (re.compile(r"127\.0\.0\.1:\d+"), "HOST"),
     (re.compile(r"at:[^\"&]*|cursor=[\w-]+|\"next_cursor\": ?\"[\w-]+\""), "CURSOR"),
 ]

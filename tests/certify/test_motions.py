@@ -7,8 +7,7 @@ import math
 from typing import Any
 
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.special import ellipk
+import scipy
 
 from certify.test_certify import certify, numeric
 from certify.test_claims_by_closed_forms import G, soft_servo
@@ -47,7 +46,7 @@ def actuator(text: str) -> str:
 
 
 def solve(rate: Any, start: list[float], seconds: float) -> float:
-    return float(solve_ivp(rate, (0, seconds), start, rtol=1e-11, atol=1e-13).y[0, -1])
+    return float(scipy.integrate.solve_ivp(rate, (0, seconds), start, rtol=1e-11, atol=1e-13).y[0, -1])
 
 
 def decay(x: float, k: float, c: float, m: float, t: float) -> float:
@@ -58,7 +57,7 @@ def decay(x: float, k: float, c: float, m: float, t: float) -> float:
 
 def fall_time(angle: float, length: float) -> float:
     """Time [s] in which a pendulum falls from rest at `angle` to the bottom."""
-    return float(math.sqrt(length / G) * ellipk(math.sin(angle / 2) ** 2))
+    return float(math.sqrt(length / G) * scipy.special.ellipk(math.sin(angle / 2) ** 2))
 
 
 DOWN, ACROSS = f"0 0 -{G}", f"{G} 0 0"

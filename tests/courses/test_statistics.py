@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from grader.courses.rules import statistics
 from grader.courses.rules.statistics import QuestionStatistics, Row, clusters_of, mean_share, tallies_of
@@ -33,7 +33,7 @@ def statistics_of(
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
 def test_the_interval_of_right_and_wrong_is_wilsons(answers: list[bool]) -> None:
     found = mean_share([float(one) for one in answers])
-    expected = stats.binomtest(sum(answers), len(answers)).proportion_ci(0.95, method="wilson")
+    expected = scipy.stats.binomtest(sum(answers), len(answers)).proportion_ci(0.95, method="wilson")
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
     assert found.value == pytest.approx(np.mean(answers))
 
@@ -64,7 +64,7 @@ def test_the_coverage_of_right_and_wrong_is_95_percent_over_all_true_means() -> 
     for right in range(n + 1):
         found = mean_share([1.0] * right + [0.0] * (n - right))
         held = (found.low <= truths) & (truths <= found.high)
-        coverage += held * stats.binom.pmf(right, n, truths)
+        coverage += held * scipy.stats.binom.pmf(right, n, truths)
     assert coverage.mean() == pytest.approx(0.9527, abs=5e-4)
 
 
@@ -82,7 +82,7 @@ def test_discrimination_is_numpys_correlation_with_the_rest(seed: int, learners:
         if np.ptp(item) == 0 or np.ptp(np.round(rest, 9)) == 0:
             assert found.discrimination is None
             continue
-        expected = stats.pearsonr(item, rest)
+        expected = scipy.stats.pearsonr(item, rest)
         assert found.discrimination is not None
         assert found.discrimination.value == pytest.approx(expected.statistic, abs=1e-7)
         low, high = expected.confidence_interval(0.95)
@@ -95,7 +95,7 @@ def test_discrimination_is_the_point_biserial_correlation_of_right_and_wrong() -
     rows = [row(i, "q", one) for i, one in enumerate(right)] + [row(i, "rest", one) for i, one in enumerate(rest)]
     found = statistics_of(rows)[0].discrimination
     assert found is not None
-    assert found.value == pytest.approx(stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12)
+    assert found.value == pytest.approx(scipy.stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12)
 
 
 def test_discrimination_is_null_where_it_is_undefined() -> None:

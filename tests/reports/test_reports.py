@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,11 +16,10 @@ from hypothesis import strategies as st
 from grader.domain.policy import Policy
 from grader.domain.verdict import Finding, Status, Verdict
 from grader.errors import JailFault
-from grader.library import load
+from grader.library import Library, load
 from grader.reports import Graded, junit_xml, results_json
 
 ROOT = Path(__file__).parents[2]
-QUIZ = load(ROOT).quiz("1.3-exercises")
 SCHEMA = jsonschema_rs.validator_for(json.loads((Path(__file__).parent / "gradescope.schema.json").read_text()))
 
 NASTY = "<script>&]]>\x00\x1b[31m\u202e\ufffe \U0001f600 'é\""
@@ -36,8 +36,14 @@ verdicts = st.builds(
 )  # fmt: skip
 
 
+@cache
+def load_content() -> Library:
+    """The content of the repository."""
+    return load(ROOT)
+
+
 def graded(verdict: Verdict, seed: int | None = 7, **policy: Any) -> Graded:
-    quiz = QUIZ.model_copy(update={"policy": Policy(**policy)})
+    quiz = load_content().quiz("1.3-exercises").model_copy(update={"policy": Policy(**policy)})
     return Graded(quiz, quiz.questions[0], verdict, seed)
 
 

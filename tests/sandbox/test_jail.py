@@ -160,6 +160,25 @@ def test_the_module_is_named_for_its_file(jail: Jail) -> None:
         assert report.stdout.split() == [name, Path(filename).name]
 
 
+def test_short_work_takes_the_cpu_time_that_it_takes(jail: Jail) -> None:
+    """The kernel's own clock of a process with a limit counts ticks of 1 to 10 ms; that of a thread is exact."""
+    source = """
+import time
+
+def main():
+    rows = []
+    for _ in range(40):
+        began, exact, ns = time.process_time(), time.thread_time(), time.process_time_ns()
+        sum(range(20_000))
+        rows.append((time.process_time() - began, time.thread_time() - exact, (time.process_time_ns() - ns) / 1e9))
+    return rows
+"""
+    taken = np.asarray(value(run(jail, source)))
+    assert np.all(taken > 0)
+    assert np.ptp(taken, axis=1).max() < 0.5e-3
+    assert np.ptp(taken.sum(axis=0)) < 0.2 * taken[:, 1].sum()
+
+
 def test_the_driver_is_executed_before_the_module_is_imported(jail: Jail) -> None:
     driver = """
 import mujoco

@@ -12,7 +12,7 @@ from grader.errors import Forbidden, Unauthorized
 from grader.gate.problems import RETRY_S, problem, refusals
 from grader.gate.services import AppServices, Services
 
-router = APIRouter()
+router = APIRouter(tags=["health"])
 
 NO_STORE = {"Cache-Control": "no-store"}
 

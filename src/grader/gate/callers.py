@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Request, Security
+from fastapi import APIRouter, Depends, Header, Request, Security
 from fastapi.security import HTTPBearer
 
 from grader.courses.people.identity import Identity, Role
-from grader.gate.admission import identity_in
+from grader.gate.admission import PREFIX, identity_in
 
 
 async def anybody(request: Request) -> Identity:
@@ -44,6 +44,12 @@ async def staff(request: Request) -> Identity:
 
 bearer = Security(HTTPBearer(auto_error=False, description="From `grader token create`."))
 """Documents the token in OpenAPI; AdmissionMiddleware checks it."""
+
+
+def api_router(tag: str, prefix: str = "") -> APIRouter:
+    """Returns a router for routes below /api/v1 and this prefix, which describe the token and stand under a tag."""
+    return APIRouter(prefix=f"{PREFIX}{prefix}", dependencies=[bearer], tags=[tag])
+
 
 Anybody = Annotated[Identity, Depends(anybody)]
 Learner = Annotated[Identity, Depends(learner)]

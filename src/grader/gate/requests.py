@@ -12,7 +12,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from grader.gate.admission import PREFIX, is_api
+from grader.gate.admission import is_api
 from grader.gate.problems import problem_of_unexpected
 from grader.metrics import REQUEST_S, REQUESTS
 from grader.store.engine.database import driver_error, is_away
@@ -110,5 +110,4 @@ def metrics_of(method: str, route: str, status: str) -> tuple[Counter, Histogram
 def template_of(scope: Scope) -> str:
     """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
     path: str = getattr(scope.get("route"), "path", "-")
-    is_below = path != "-" and not path.startswith(PREFIX) and is_api(scope)
-    return f"{PREFIX}{path}" if is_below else path
+    return path

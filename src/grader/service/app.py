@@ -56,9 +56,6 @@ SWITCH_S = 0.0005
 """How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
 waits after every answer of the database. Python's own 5 ms would be most of the time that a batch takes."""
 
-YOUNG_OBJECTS = 10_000
-"""New objects between two looks for garbage cycles; Python's own 700 cost a tenth of every request."""
-
 FAULT = 3
 
 
@@ -78,7 +75,7 @@ def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
     app.state.services = services
     problems.install(app, error_page)
     routes.include_in(app)
-    app.include_router(pages)
+    app.routes.extend(pages.routes)
     openapi.install(app, settings.origin if settings.public_origin else None)
     app.add_middleware(ShortAnswersMiddleware, services=services)
     app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
@@ -229,7 +226,6 @@ def run_app(
     """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again. Calls
     `ready` with the port and the app. Exits 3 if it cannot start."""
     sys.setswitchinterval(SWITCH_S)
-    gc.set_threshold(YOUNG_OBJECTS)
     app = create_app(settings, graders)
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
     server = Server(server_config(app, settings), lambda port: ready(port, app))

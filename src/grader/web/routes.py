@@ -25,7 +25,7 @@ from grader.web.signing_in import devices, links, oidc
 router = APIRouter(include_in_schema=False)
 for room in (pages, answering, links, oidc, devices, today, review_list, review, people, gradebook, statistics,
              extensions, service, seen_as, regrades, lti, platforms, courses):  # fmt: skip
-    router.include_router(room.router)
+    router.routes.extend(room.router.routes)
 
 
 @router.get("/favicon.ico")

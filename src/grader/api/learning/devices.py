@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import Field
 
 from grader.api.bodies import RequestBody
@@ -10,12 +10,13 @@ from grader.api.paging import NO_NUL
 from grader.api.views import DeviceTokenView, NewDeviceView
 from grader.courses.people import devices
 from grader.courses.people.devices import Refusal
+from grader.gate.callers import api_router
 from grader.gate.problems import problem, refusals
 from grader.gate.services import AppServices
 
 NO_STORE = {"Cache-Control": "no-store"}
 
-router = APIRouter()
+router = api_router("devices")
 
 
 class DeviceBody(RequestBody):

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, HTTPException
+from fastapi import Depends, Header, HTTPException
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic_core import to_json
@@ -16,14 +16,14 @@ from grader.api.learning.submissions import seen_by, view_for, visible
 from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, still_holds
 from grader.courses.rules.policy import Shown
-from grader.gate.callers import Learner
+from grader.gate.callers import Learner, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.store import submissions
 from grader.store.engine.database import AWAY
 from grader.store.tables import Event, Submission
 
-router = APIRouter()
+router = api_router("submissions")
 
 PROGRESS = "progress"
 """The name of events that tell how far a script is."""

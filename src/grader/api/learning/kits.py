@@ -2,16 +2,15 @@
 
 from typing import Any
 
-from fastapi import APIRouter
 from fastapi.responses import Response
 
 from grader.courses.answering.access import require_opened
-from grader.gate.callers import Anybody
+from grader.gate.callers import Anybody, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.pack.kit import build_kit
 
-router = APIRouter()
+router = api_router("quizzes")
 
 ZIP = "application/zip"
 FILE: dict[str, Any] = {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Any, Self
 
 import structlog
-from fastapi import APIRouter, Header
+from fastapi import Header
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
@@ -18,7 +18,7 @@ from grader.courses.answering.access import read_access, require_opened
 from grader.courses.people.identity import Identity
 from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
 from grader.errors import Conflict, LabError, NotFound, Unprocessable
-from grader.gate.callers import Learner
+from grader.gate.callers import Learner, api_router
 from grader.gate.lab_runs import Recording
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
@@ -26,7 +26,7 @@ from grader.labs import IntegratorsRun, LabRun, run_integrators, watch_lab
 from grader.library import Library
 from grader.questions import kind_of
 
-router = APIRouter()
+router = api_router("labs")
 
 log = structlog.get_logger()
 

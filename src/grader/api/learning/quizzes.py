@@ -2,18 +2,16 @@
 
 from typing import Any
 
-from fastapi import APIRouter
-
 from grader.api.paging import Page
 from grader.api.views import LoadedContent, QuizSummary, QuizView
 from grader.courses.answering.access import describe_progress, read_access
 from grader.courses.people.identity import Identity
-from grader.gate.callers import Anybody, Instructor
+from grader.gate.callers import Anybody, Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.questions import Quiz, kind_of, lab_view, student_view, unopened_view
 
-router = APIRouter()
+router = api_router("quizzes")
 
 
 @router.get("/quizzes", response_model=Page[QuizSummary], responses=refusals(401, 429))

@@ -27,14 +27,14 @@ from grader.courses.rules.policy import Decision, Shown, redact_json
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
-from grader.gate.callers import Learner
+from grader.gate.callers import Learner, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services, services_in
 from grader.store import submissions
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Submission
 
-router = APIRouter()
+router = api_router("submissions")
 
 
 class AnswerFields(BaseModel):
@@ -112,7 +112,7 @@ class AnswerRoute(APIRoute):
 SECURITY: dict[str, Any] = {"security": [{"HTTPBearer": []}]}
 """Documents the token in OpenAPI, as `bearer` does: FastAPI would run a dependency with every request."""
 
-answers = APIRouter(prefix=PREFIX, route_class=AnswerRoute)
+answers = APIRouter(prefix=PREFIX, tags=["submissions"], route_class=AnswerRoute)
 
 
 @answers.post(

@@ -26,13 +26,13 @@ from grader.courses.people.external import External, checked, learner_behind
 from grader.courses.people.identity import Identity, Role
 from grader.errors import CallerError, NotFound
 from grader.gate.admission import ON_BEHALF, PREFIX, identity_in
-from grader.gate.callers import Service
+from grader.gate.callers import Service, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services, services_in
 from grader.store import people, submissions
 from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
 
-router = APIRouter()
+router = api_router("submissions")
 
 
 class LearnerBody(RequestBody):
@@ -68,7 +68,7 @@ class OnBehalfRoute(AnswerRoute):
         return handle_or_count
 
 
-answers = APIRouter(prefix=PREFIX, route_class=OnBehalfRoute)
+answers = APIRouter(prefix=PREFIX, tags=["submissions"], route_class=OnBehalfRoute)
 
 
 @answers.post(

@@ -3,7 +3,7 @@ A restricted token may do none of it: a link makes instructors."""
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import Depends, Request
 from pydantic import BaseModel, Field
 
 from grader.api.bodies import RequestBody
@@ -11,13 +11,13 @@ from grader.api.paging import Page, RowId
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Identity
 from grader.errors import NotFound
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.platforms import administration
 from grader.platforms.tool import MISSING, Tool
 
-router = APIRouter(prefix="/lti")
+router = api_router("platforms", "/lti")
 
 
 async def administrator(who: Instructor) -> Identity:

@@ -2,18 +2,18 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 
 from grader.api.paging import CursorQuery, Page, next_link, write_cursor
 from grader.api.views import ResultView
 from grader.courses.people.external import OWN, External, known_as
-from grader.gate.callers import Service
+from grader.gate.callers import Service, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.store import results
 from grader.store.tables import Member, ResultRevision
 
-router = APIRouter()
+router = api_router("results")
 
 COLUMNS = (
     "submission_id", "quiz", "question", "attempt", "points", "max_points", "is_late", "is_final",

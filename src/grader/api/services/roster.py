@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 from pydantic import BaseModel
@@ -13,11 +13,11 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.roster import NAMESPACE, Entry
 from grader.courses.rules.csv_cells import BOM
 from grader.errors import Unprocessable
-from grader.gate.callers import Staff
+from grader.gate.callers import Staff, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 
-router = APIRouter()
+router = api_router("people")
 
 CSV, ZIP = "text/csv", "application/zip"
 TEXT = {"schema": {"type": "string"}}

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import ColumnElement
 
@@ -13,13 +13,13 @@ from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
 from grader.errors import NotFound
 from grader.gate.admission import PREFIX
-from grader.gate.callers import Staff
+from grader.gate.callers import Staff, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.store import outbox as stored
 from grader.store.outbox import Delivery, Destination
 
-router = APIRouter()
+router = api_router("webhooks")
 
 DIGITS = 18
 """Longest number of a delivery."""

@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 
 from grader.api.bodies import RequestBody
 from grader.api.paging import Page
 from grader.api.views import NewCourse, TaughtCourseView
 from grader.courses.people import courses, invitations
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 
-router = APIRouter()
+router = api_router("courses")
 
 
 class CourseBody(RequestBody):

@@ -2,7 +2,7 @@
 
 from typing import Any, Self
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
@@ -13,13 +13,13 @@ from grader.courses.people.identity import Identity, Role
 from grader.courses.people.members import named, require_reach
 from grader.domain.policy import Extension
 from grader.errors import NotFound
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.store import extensions, people
 from grader.store.tables import NAME, ExtensionRow, Member
 
-router = APIRouter()
+router = api_router("dates")
 
 
 class ExtensionBody(Extension):

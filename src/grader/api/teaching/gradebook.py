@@ -8,7 +8,7 @@ from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
@@ -16,7 +16,7 @@ from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import unseen_by
 from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv
 from grader.domain.markup import plain_text
-from grader.gate.callers import IfNoneMatch, Staff
+from grader.gate.callers import IfNoneMatch, Staff, api_router
 from grader.gate.conditional import etag_of, is_unchanged
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
@@ -24,7 +24,7 @@ from grader.questions import Question, Quiz
 from grader.store import people, results
 from grader.store.results import LearnerAt
 
-router = APIRouter()
+router = api_router("results")
 
 NAMED = "name:"
 CANVAS = "canvas"

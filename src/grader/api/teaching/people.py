@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import timedelta
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
@@ -17,7 +17,7 @@ from grader.courses.people.identity import Role, Scope
 from grader.courses.people.invitations import Invitation
 from grader.courses.reviewing.blinding import Unseen, seen_detail, unseen_by
 from grader.errors import NotFound, Unprocessable
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.store import courses as stored_courses
@@ -26,7 +26,7 @@ from grader.store import platforms
 from grader.store.courses import AuditEntry
 from grader.store.tables import Member
 
-router = APIRouter()
+router = api_router("people")
 
 
 class ListQuery(CursorQuery):

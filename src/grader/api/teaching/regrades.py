@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 from pydantic import BaseModel, Field
 
 from grader.api.bodies import RequestBody
@@ -12,12 +12,12 @@ from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
 from grader.courses.reviewing.blinding import blinded_differences
 from grader.gate.admission import PREFIX
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.store import regrades as stored
 
-router = APIRouter()
+router = api_router("regrades")
 
 Id = Annotated[str, Field(max_length=32, pattern=NO_NUL)]
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import Header, Query, Response
 from pydantic import BaseModel, Field, model_validator
 from sqlalchemy.orm import Session
 
@@ -19,7 +19,7 @@ from grader.courses.reviewing.comments import REVIEW_CHARACTERS_MAX
 from grader.courses.rules.rubric import Mark, rubric_of
 from grader.domain.rubric import ITEMS_MAX
 from grader.errors import Outdated, Unconditional
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.questions import kind_of
@@ -29,7 +29,7 @@ from grader.store.reviews import comments_on
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
-router = APIRouter()
+router = api_router("reviews")
 
 CHANGED = "The submission has changed since you saw it; look at it again."
 

@@ -2,19 +2,19 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import Field, StringConstraints
 
 from grader.api.bodies import RequestBody
 from grader.api.paging import NO_NUL, Page
 from grader.courses.reviewing import comments
-from grader.gate.callers import Instructor
+from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.store.reviews import comments_on
 from grader.store.tables import SavedComment
 
-router = APIRouter()
+router = api_router("reviews")
 
 CommentText = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=1, max_length=comments.CHARACTERS_MAX, pattern=NO_NUL)

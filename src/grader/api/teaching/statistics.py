@@ -4,18 +4,17 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from fastapi import APIRouter
 from fastapi.responses import Response
 
 from grader.api.views import StatisticsView
 from grader.courses.reporting.quiz_statistics import QuizStatistics
 from grader.courses.rules.statistics import QuestionStatistics
-from grader.gate.callers import IfNoneMatch, Instructor
+from grader.gate.callers import IfNoneMatch, Instructor, api_router
 from grader.gate.conditional import etag_of, is_unchanged
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 
-router = APIRouter()
+router = api_router("results")
 
 
 @router.get(

@@ -17,8 +17,10 @@ import linecache
 import os
 import random
 import re
+import resource
 import struct
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -62,6 +64,19 @@ def prepare(models: str, directory: str) -> None:
     sys.modules[COURSE] = course
     for name in ("exit", "quit"):
         setattr(builtins, name, sys.exit)
+    time.process_time, time.process_time_ns = process_time, process_time_ns
+
+
+def process_time() -> float:
+    """CPU time of this process [s]. While a process has a limit of CPU time, the kernel counts its own clock in ticks
+    of milliseconds, so that short work takes 0; what it tells of the resources used is exact."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def process_time_ns() -> int:
+    """CPU time of this process [ns]."""
+    return round(process_time() * 1e9)
 
 
 def refuse_callbacks() -> None:

@@ -31,7 +31,7 @@ from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
 from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed, start_session_in
 from grader.web.text.questions import describe_quiz
 
-router = APIRouter(include_in_schema=False, route_class=PlainWords)
+router = APIRouter(include_in_schema=False, prefix="/lti", route_class=PlainWords)
 
 COURSE, CHOICE, TAB = "lti-course", "lti-choice", "lti-tab"
 LIFETIME = timedelta(hours=1)

@@ -24,8 +24,8 @@ from grader.web.platform.forms import router as forms
 from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed
 
 router = APIRouter(include_in_schema=False, prefix="/lti")
-router.include_router(forms)
-launches = APIRouter(include_in_schema=False, route_class=PlainWords)
+router.routes.extend(forms.routes)
+launches = APIRouter(include_in_schema=False, prefix="/lti", route_class=PlainWords)
 log = structlog.get_logger()
 
 PUBLIC = {"Cache-Control": "public, max-age=300", "X-Content-Type-Options": "nosniff"}
@@ -174,4 +174,4 @@ def make_key_cookie(services: Services, login: Login) -> str:
     return f"{name_cookie(services, login.state)}={login.key}; {attributes}"
 
 
-router.include_router(launches)
+router.routes.extend(launches.routes)

@@ -1,6 +1,7 @@
 """Read units as people type them, name by name. No text is ever evaluated.
 
-pint takes long to import and to define its units, so both wait for a unit that COMMON does not name, or a conversion.
+pint takes long to import and to define its units, so both wait for a unit that COMMON does not name, or a conversion
+that is not in COMMON_FACTORS.
 """
 
 import math
@@ -67,6 +68,9 @@ SAME_IN_PLURAL = ("hertz", "siemens", "Celsius", "Fahrenheit", "percent", "lux",
 
 TURNS = ("turn", "revolutions_per_minute", "revolutions_per_second")
 
+Powers = tuple[tuple[str, int], ...]
+"""The power of every named unit in a product."""
+
 _lock = threading.Lock()
 
 
@@ -79,6 +83,10 @@ class Rotation(Enum):
     NONE = auto()
 
 
+SECONDS, MILLISECONDS = (("second", 1),), (("millisecond", 1),)
+COMMON_FACTORS: dict[tuple[Powers, Powers], float] = {(SECONDS, MILLISECONDS): 1000.0, (MILLISECONDS, SECONDS): 0.001}
+"""Factors that most content of this course needs, with the bits of pint: they spare a start the time that it takes."""
+
 UNCLEAR = frozenset(frozenset(pair) for pair in ((Rotation.CYCLES, Rotation.ANGLE), (Rotation.TURNS, Rotation.NONE)))
 """Conversions with two readings: `1 Hz` can mean 1 or 2 pi rad/s, and `1 rpm` 1 or 2 pi per minute."""
 
@@ -88,7 +96,7 @@ class Unit:
     """A unit known to pint: how it was written, and the power of every named unit in it."""
 
     text: str
-    powers: tuple[tuple[str, int], ...]
+    powers: Powers
 
     @cached_property
     def quantity(self) -> "pint.Unit":
@@ -209,7 +217,7 @@ def look_up(name: str) -> str:
     raise InvalidAnswer(f"The unit {quoted(name)} is not known{question}")
 
 
-def symbols(powers: tuple[tuple[str, int], ...]) -> str:
+def symbols(powers: Powers) -> str:
     """Write powers of units as `N·m/rad`, in their order."""
     over = [_symbol(name, power) for name, power in powers if power > 0]
     under = [_symbol(name, -power) for name, power in powers if power < 0]
@@ -235,6 +243,8 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
     """Convert a value to another unit. Raises InvalidAnswer where the units measure different things."""
     if dict(given.powers) == dict(wanted.powers):
         return value
+    if (known := COMMON_FACTORS.get((given.powers, wanted.powers))) is not None:
+        return value * known
     from pint import PintError
 
     try:

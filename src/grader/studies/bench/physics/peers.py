@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from grader.numerics.accuracy.reference import Method, build_rate
 from grader.numerics.integrators import BY_NAME, EULER
@@ -125,7 +125,7 @@ def make_adaptive(rate: Callable[[float, Array], Any], state: Array, nq: int, me
 
     def run(tolerance: float, times: Array) -> Array:
         span = (times[0], times[-1])
-        found = solve_ivp(rate, span, state, method, times, rtol=tolerance, atol=tolerance / 10)
+        found = scipy.integrate.solve_ivp(rate, span, state, method, times, rtol=tolerance, atol=tolerance / 10)
         if not found.success:
             raise RuntimeError(str(found.message))
         return np.asarray(found.y.T[:, :nq])
