@@ -57,7 +57,7 @@ CREATE TABLE "credentials" (
 	last_used_at DATETIME, 
 	member VARCHAR(32) NOT NULL, 
 	scopes TEXT, 
-	created_by VARCHAR(200), platform INTEGER, label VARCHAR(200), 
+	created_by VARCHAR(200), platform INTEGER, label VARCHAR(200), home VARCHAR(32), 
 	PRIMARY KEY (id), 
 	CONSTRAINT fk_credentials_member FOREIGN KEY(member) REFERENCES members (id)
 );
@@ -220,7 +220,7 @@ CREATE TABLE members (
 	account VARCHAR(210), 
 	role VARCHAR(20) NOT NULL, 
 	created_at DATETIME NOT NULL, 
-	removed_at DATETIME, namespace VARCHAR(64), external_id VARCHAR(255), email VARCHAR(254), 
+	removed_at DATETIME, namespace VARCHAR(64), external_id VARCHAR(255), email VARCHAR(254), home VARCHAR(32), named_by VARCHAR(200), 
 	PRIMARY KEY (id), 
 	CONSTRAINT uq_members_account UNIQUE (course, account)
 );
@@ -427,6 +427,8 @@ CREATE INDEX ix_credentials_course ON credentials (course, kind);
 
 CREATE INDEX ix_credentials_expires_at ON credentials (kind, expires_at);
 
+CREATE INDEX ix_credentials_home ON credentials (home) WHERE home IS NOT NULL;
+
 CREATE INDEX ix_credentials_member ON credentials (member);
 
 CREATE INDEX ix_destinations_course ON destinations (course, id);
@@ -446,6 +448,8 @@ CREATE INDEX ix_lti_contexts_wanted ON lti_contexts (wanted);
 CREATE INDEX ix_lti_resource_links_quiz ON lti_resource_links (quiz, context);
 
 CREATE INDEX ix_lti_users_member ON lti_users (member);
+
+CREATE INDEX ix_members_home ON members (home) WHERE home IS NOT NULL;
 
 CREATE INDEX ix_members_name ON members (course, name);
 
