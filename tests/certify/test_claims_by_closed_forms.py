@@ -4,6 +4,7 @@ A claim counts as true or false by mathematics alone: no expected value here com
 """
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -318,3 +319,17 @@ def test_a_number_that_the_last_stage_of_rk4_spoils_is_certified_with_a_remark()
     assert any("last stage" in remark for remark in derived.remarks)
     loose = certify(numeric(energy, 3e-2, "J", **verify, expr="data.energy[0] + data.energy[1]"))
     assert (loose.verdict, loose.remarks) == ("certified", ())
+
+
+def test_a_run_that_is_no_multiple_of_the_timestep_says_which_length_or_timestep_to_write() -> None:
+    # Source: x = g t^2 / 2; runs of 0.995 s end 5 ms early or late at 10 ms, which changes x by 5 cm.
+    verify = {"by": "measurement", "xml": rail(gravity=G, h=0.01), "expr": X, "timestep": "any"}
+    odd = certify(numeric(G / 2 * 0.995**2, 1e-3, "m", seconds=0.995, **verify))
+    assert (odd.verdict, odd.regime["failed"]) == ("cannot tell", "whole steps"), odd.why
+    cure = re.search(r"write seconds (\S+), or the timestep (\S+) in the model", odd.why)
+    assert cure is not None, odd.why
+    seconds, h = map(float, cure.groups())
+    for length, timestep in ((seconds, 0.01), (0.995, h)):
+        cured = {**verify, "xml": rail(gravity=G, h=timestep)}
+        certificate = certify(numeric(G / 2 * length**2, 1e-3, "m", seconds=length, **cured))
+        assert certificate.verdict == "certified", certificate.why
