@@ -229,6 +229,18 @@ def test_the_command_says_by_its_status_whether_there_is_a_choice(
     assert said in (printed.out if status < 2 else printed.err)
 
 
+def test_a_choice_for_a_part_of_the_run_has_a_status_of_its_own(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "sys.argv", ["grader", "advise", str(FOREIGN / "point.xml"), "--seconds", "1", "--perturb", "1"]
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 4
+    assert re.search(r"^choice: \w+ at \S+ ms, until 0\.\d+ s$", capsys.readouterr().out, re.MULTILINE)
+
+
 @pytest.mark.parametrize(
     ("name", "tol"),
     [
