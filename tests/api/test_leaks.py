@@ -166,7 +166,6 @@ SAME_FOR_ALL = ("/healthz", "/readyz", "/metrics", "/openapi.json", "/static/", 
 """What knows no learner."""
 
 VARIES = [
-    (re.compile(r"/devices/[0-9a-f]{16}/"), "DEVICE"),
     (re.compile(r"\d\d? \w{3} \d{4}, \d\d:\d\d UTC"), "TIME"),
     (re.compile(r'(?:"learner": ?|data-learner=|name="learner" value=)"[0-9a-f]{32}"'), "LEARNER"),
     (re.compile(r"course-[0-9a-f]{12}"), "COURSE"),

@@ -61,7 +61,7 @@ def test_the_reference_is_of_high_order_until_a_constraint_acts(floor: float, to
         build_scene(FLOOR.format(floor=floor), Start()), tolerance=1e-2, seconds=0.4, progress=said.append
     )
     assert any("a constraint acts" in line for line in said) is touches
-    assert any("RK4 and implicitfast" in line for line in said) is touches
+    assert any("RK45" in line for line in said) is touches
     assert selection.best is not None
     if not touches:
         # Source: z = -g t^2 / 2. Semi-implicit Euler at h is g t h / 2 off, which the reference must see.
@@ -227,6 +227,18 @@ def test_the_command_says_by_its_status_whether_there_is_a_choice(
     printed = capsys.readouterr()
     assert (end.value.code or 0) == status
     assert said in (printed.out if status < 2 else printed.err)
+
+
+def test_a_choice_for_a_part_of_the_run_has_a_status_of_its_own(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "sys.argv", ["grader", "advise", str(FOREIGN / "point.xml"), "--seconds", "1", "--perturb", "1"]
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 4
+    assert re.search(r"^choice: \w+ at \S+ ms, until 0\.\d+ s$", capsys.readouterr().out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,12 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Literal
 
 import gymnasium
 import numpy as np
 import pytest
+from playwright.sync_api import Request
 
 from grader.commands.main import main
 from grader.numerics.accuracy.reference import Adaptive, list_sample_times, solve_adaptively
@@ -18,8 +20,11 @@ from grader.studies.advise.page import draw_page
 from grader.studies.advise.report import Start, advise
 from grader.studies.advise.survey import main as survey
 from numerics.models import hinge
+from web.browsing import chromium, findings
 
 pytestmark = pytest.mark.slow
+
+SCREENS: tuple[tuple[int, Literal["light", "dark"]], ...] = ((1280, "light"), (390, "dark"))
 
 FOREIGN = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 
@@ -103,6 +108,35 @@ def test_the_page_has_every_setting_as_a_mark_and_a_row_and_loads_nothing() -> N
     drawn = [tuple(map(float, point.split(","))) for point in points[1].split()]
     assert [x for x, _ in drawn] == sorted(x for x, _ in drawn)
     assert [y for _, y in drawn] == sorted(y for _, y in drawn)  # downwards: smaller errors cost more
+
+
+OVERLAPS = """() => {
+  const boxes = [...document.querySelectorAll('svg text')].map(one => [one.textContent, one.getBoundingClientRect()]);
+  const before = (a, b) => a.right <= b.left + 3 || a.bottom <= b.top + 3;
+  const meets = (a, b) => !before(a, b) && !before(b, a);
+  return boxes.filter(([_, a], i) => a.height < 12 || boxes.slice(i + 1).some(([_, b]) => meets(a, b)));
+}"""
+"""Texts of the diagram that are less than 12 pixels high, or overlap another by more than their halo."""
+
+
+def test_the_page_shows_the_front_in_a_browser_without_a_network(tmp_path: Path) -> None:
+    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=Start(qpos=[1.0]))
+    path = tmp_path / "page.html"
+    path.write_text(draw_page(advice, "a_name_without_a_place_to_break_it_at_" * 3), encoding="utf-8")
+    with chromium() as browser:
+        for width, scheme in SCREENS:
+            context = browser.new_context(color_scheme=scheme, offline=True, viewport={"width": width, "height": 800})
+            page = context.new_page()
+            loaded: list[Request] = []
+            page.on("request", loaded.append)
+            page.goto(path.as_uri())
+            front = page.locator("polyline.front")
+            assert front.evaluate("line => line.points.numberOfItems") == len(advice.selection.front)
+            assert page.locator("circle.choice").is_visible()
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            assert page.evaluate(OVERLAPS) == []
+            assert [request.url for request in loaded] == [path.as_uri()]
+        assert findings(page) == []
 
 
 def test_a_page_is_written_where_nothing_can_be_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,9 @@ from grader.questions import ModelXml, NumberKey
 
 EMPTY = "<mujoco/>"
 
+WHOLE = 1e-6
+"""Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
+
 Measure = Callable[[Variant], tuple[LabRun, float]]
 
 
@@ -84,6 +87,8 @@ def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> 
     nudged = [measure(replace(each, finer=regime.first))[1] for each in NUDGED]
     noise = max(abs(ladder.values[regime.first] - other) for other in nudged)
     failed, cure = _find_failure(ladder, noise)
+    if verify.when == "end" and failed != "nudged starts" and (odd := _describe_odd_length(run)):
+        failed, cure = "whole steps", odd
     measured: dict[str, Any] = {f"h/{finer:.6g}": ladder.values[finer] for finer in sorted(ladder.values)}
     measured |= {"nudged": nudged, "unit": key.unit}
     certificate = certify_number("measurement", key, ladder.best, max(ladder.uncertainty, noise), measured, cure=cure)
@@ -148,6 +153,19 @@ def _find_failure(ladder: Ladder, noise: float) -> tuple[str, str]:
         "it still changes with the timestep: shorten the model's timestep, give a larger tol, or write timestep given"
     )
     return "converged", cure
+
+
+def _describe_odd_length(run: LabRun) -> str | None:
+    """Returns what to write where the run is no whole number of timesteps, so that each timestep ends elsewhere."""
+    timestep_s = run.duration_s / max(run.steps, 1)
+    steps = run.seconds / timestep_s
+    whole = max(1, round(steps))
+    if abs(steps - whole) <= WHOLE:
+        return None
+    return (
+        f"{run.seconds:g} s are no multiple of the timestep {timestep_s:g} s, so that runs at other timesteps end at "
+        f"other times: write seconds {whole * timestep_s:.9g}, or the timestep {run.seconds / whole:.9g} in the model"
+    )
 
 
 def _describe_noise(noise: float) -> str:

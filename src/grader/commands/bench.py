@@ -7,10 +7,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from grader.commands.options import read_settings
+from grader.commands.options import OTHER_VERDICT, read_settings
 from grader.errors import Unprocessable
 
 INTERRUPTED = 130
+
+UNTIL = 4
+"""Exit code of `advise` for a choice that holds for a part of the run: 2 and 3 are errors."""
 
 cli = typer.Typer()
 
@@ -32,7 +35,8 @@ def advise(
 ) -> None:
     """Pick integrator and timestep by the lesson's procedure, with the measurements.
 
-    Exits with 1 if no setting passes, or if it cannot be told for the whole run.
+    Exits with 0 for a choice that holds for the whole run, with 1 if there is none, and with 4 for one that holds up to
+    the time it names: run it again with --seconds of that time, or with a larger --tol.
     """
     from grader.studies.advise.page import draw_page
     from grader.studies.advise.report import Start
@@ -46,9 +50,11 @@ def advise(
         advice = measure(place, quantity, tol, seconds, start=start, budget_s=budget, progress=status.update)
     print(advice)
     if page is not None:
-        page.write_text(draw_page(advice, model), encoding="utf-8")
-    if advice.choice is None or advice.selection.until_s is not None:
-        sys.exit(1)
+        page.write_text(draw_page(advice, place.stem), encoding="utf-8")
+    if advice.choice is None:
+        sys.exit(OTHER_VERDICT)
+    if advice.selection.until_s is not None:
+        sys.exit(UNTIL)
 
 
 def parse_numbers(text: str | None, option: str) -> list[float] | None:

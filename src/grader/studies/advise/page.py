@@ -8,7 +8,7 @@ from grader.numerics.integrators import INTEGRATORS
 from grader.studies.advise.report import Advice
 from grader.studies.advise.selection import Candidate
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 860.0, 460.0, 70.0, 20.0, 20.0, 50.0
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 860.0, 466.0, 70.0, 24.0, 40.0, 56.0
 """Size of the picture and its margins, in its own units."""
 
 ERROR_MIN = 1e-15
@@ -24,11 +24,13 @@ STYLE = """
   --c1: #ff9a92; --c2: #e2c15a; --c3: #7fd6a0; --c4: #c9a6ff; } }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 56rem; margin: 2rem auto; padding: 0 1rem;
   background: var(--back); color: var(--ink); }
-svg { width: 100%; height: auto; } svg text { fill: var(--ink); font-size: 13px; }
+h1, p { overflow-wrap: anywhere; } figure { margin: 0; }
+svg { display: block; width: 100%; min-width: 46rem; height: auto; }
+svg text { fill: var(--ink); font-size: 13px; paint-order: stroke; stroke: var(--back); stroke-width: 4px; }
 .grid { stroke: var(--faint); } .front { fill: none; stroke: var(--ink); stroke-width: 1.5; }
 .limit { stroke: var(--ink); stroke-dasharray: 6 4; } .doubt { stroke: var(--ink); stroke-dasharray: 2 4; }
 .choice { fill: none; stroke: var(--ink); stroke-width: 2; } .diverged { fill: none !important; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; width: 100%; }
+.scroll { overflow-x: auto; } th, td { white-space: nowrap; } table { border-collapse: collapse; width: 100%; }
 th, td { padding: .2rem .6rem; border-bottom: 1px solid var(--faint); text-align: right; }
 th:first-child, td:first-child, th:last-child, td:last-child { text-align: left; } tr.choice-row { font-weight: 600; }
 """ + "".join(f".k{i} {{ fill: var(--c{i}); stroke: var(--c{i}); }} " for i in range(len(INTEGRATORS)))
@@ -39,14 +41,15 @@ def draw_page(advice: Advice, title: str) -> str:
     steps = "".join(f"<li>{escape(step.split('. ', 1)[-1])}</li>" for step in advice.steps)
     skips = "".join(f"<li>{escape(skip)}</li>" for skip in advice.skips)
     name = escape(title)
-    picture = f"<figure>{draw_diagram(advice)}</figure>" if advice.selection.candidates else ""
-    better = escape(advice.own_setting() or "")
+    picture = draw_figure(advice) if advice.selection.candidates else ""
+    better = advice.own_setting()
+    reason = escape("; ".join([advice.selection.reason, *([better] if better else [])]))
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>Advice on {name}</title><style>{STYLE}</style></head><body><main>
 <h1>Integrator and timestep for {name}</h1>
 <p><strong>{escape(advice.name(advice.choice)) if advice.choice else "No choice"}</strong>:
-{escape(advice.selection.reason)}. {better}</p>
+{reason}.</p>
 {picture}
 <h2>Every setting that was measured</h2>
 {draw_table(advice)}
@@ -56,6 +59,15 @@ def draw_page(advice: Advice, title: str) -> str:
 {f"<h2>Skipped: proved to change no bit of the result</h2><ul>{skips}</ul>" if skips else ""}
 </main></body></html>
 """
+
+
+def draw_figure(advice: Advice) -> str:
+    """Returns the picture with what its marks mean. It keeps its size on a narrow screen, and scrolls there."""
+    about = "The line joins the settings that no other beats in both cost and error; the ring is the choice."
+    if any(one.error == inf for one in advice.selection.candidates):
+        about += " Hollow marks at the upper edge diverged."
+    picture = f'<div class="scroll" tabindex="0" role="region" aria-label="Diagram">{draw_diagram(advice)}</div>'
+    return f"<figure>{picture}<figcaption>{about}</figcaption></figure>"
 
 
 def draw_table(advice: Advice) -> str:
@@ -72,7 +84,8 @@ def draw_table(advice: Advice) -> str:
         f'<th scope="col">{name}</th>'
         for name in ("setting", "cost [1/s]", "error", "CPU [ms/s]", "Pareto front", "warning")
     )
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+    region = '<div class="scroll" tabindex="0" role="region" aria-label="Every setting">'
+    return f"{region}<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
 
 
 class _Scale:
@@ -99,16 +112,16 @@ def draw_diagram(advice: Advice) -> str:
     """Returns error against cost as SVG. A hollow mark at the upper edge is a run that diverged."""
     selection = advice.selection
     scale = _Scale(selection.candidates, selection.tolerance, selection.reference_error)
-    parts = [*_draw_axes(scale), *_draw_level(scale, selection.tolerance, "limit", "tolerance")]
-    parts += _draw_level(scale, selection.reference_error, "doubt", "uncertainty of the reference")
+    parts = list(_draw_axes(scale))
     front = " ".join(f"{scale.x(one.cost):.1f},{scale.y(one.error):.1f}" for one in selection.front)
     parts.append(f'<polyline class="front" points="{front}"/>')
-    for one in selection.candidates:
-        parts.append(_draw_mark(one, scale.x(one.cost), scale.y(one.error), advice.name(one)))
+    parts += (_draw_mark(one, scale.x(one.cost), scale.y(one.error), advice.name(one)) for one in selection.candidates)
+    parts += _draw_level(scale, selection.tolerance, "limit", "tolerance", -6)
+    parts += _draw_level(scale, selection.reference_error, "doubt", "uncertainty of the reference", 15)
     if (best := advice.choice) is not None:
         parts.append(f'<circle class="choice" cx="{scale.x(best.cost):.1f}" cy="{scale.y(best.error):.1f}" r="11"/>')
     for row, integrator in enumerate(INTEGRATORS):
-        x, y = WIDTH - RIGHT - 110, TOP + 20 + 18 * row
+        x, y = LEFT + 10 + 130 * row, TOP / 2
         parts.append(f"{_draw_shape(row, x, y, '')}<text x='{x + 14}' y='{y + 4}'>{escape(integrator.name)}</text>")
     about = "Error against cost of every setting; the table below has the same numbers."
     return f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{about}">{"".join(parts)}</svg>'
@@ -118,23 +131,26 @@ def _draw_axes(scale: _Scale) -> Iterator[str]:
     for power in range(scale.costs[0], scale.costs[1] + 1):
         x = scale.x(10.0**power)
         yield f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
-        yield f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">1e{power}</text>'
+        yield f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 24}" text-anchor="middle">1e{power}</text>'
     low, high = scale.errors
     for power in range(low, high + 1, max(1, (high - low) // 8)):
         y = scale.y(10.0**power)
         yield f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
         yield f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">1e{power}</text>'
     middle = (LEFT + WIDTH - RIGHT) / 2
-    yield f'<text x="{middle}" y="{HEIGHT - 10}" text-anchor="middle">cost: evaluations a simulated second</text>'
-    yield f'<text transform="rotate(-90)" x="{-HEIGHT / 2}" y="16" text-anchor="middle">error</text>'
+    cost, error = "cost: evaluations of the forward dynamics a simulated second", "error: largest over the run"
+    yield f'<text x="{middle}" y="{HEIGHT - 10}" text-anchor="middle">{cost}</text>'
+    yield f'<text transform="rotate(-90)" x="{-HEIGHT / 2}" y="16" text-anchor="middle">{error}</text>'
 
 
-def _draw_level(scale: _Scale, error: float, kind: str, label: str) -> list[str]:
+def _draw_level(scale: _Scale, error: float, kind: str, label: str, below: float) -> list[str]:
+    """Returns a line across the picture, with its label `below` it, or above it at the lower edge."""
     if not (isfinite(error) and error > 0):
         return []
     y = scale.y(error)
     line = f'<line class="{kind}" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-    return [line, f'<text x="{LEFT + 6}" y="{y - 5:.1f}">{label} {error:.2g}</text>']
+    y += below if y + below < HEIGHT - BOTTOM else -6
+    return [line, f'<text x="{LEFT + 6}" y="{y:.1f}">{label} {error:.2g}</text>']
 
 
 def _draw_mark(one: Candidate, x: float, y: float, name: str) -> str:

@@ -86,11 +86,17 @@ class Advice:
 
     def __str__(self) -> str:
         """Returns the advice as text for a terminal."""
-        lines = [*self.steps, *self.table(), "", f"choice: {describe_setting(self.choice) if self.choice else 'none'}"]
+        lines = [*self.steps, *self.table(), "", f"choice: {self.describe_choice()}"]
         lines += [self.selection.reason, *([better] if (better := self.own_setting()) else [])]
         if self.skips:
             lines += ["", "skipped, proved to change no bit of the result:", *(f"  {skip}" for skip in self.skips)]
         return "\n".join(lines)
+
+    def describe_choice(self) -> str:
+        """Returns the chosen setting with the time until which it holds, or `none`."""
+        until_s = self.selection.until_s
+        part = "" if until_s is None else f", until {until_s:g} s"
+        return "none" if self.choice is None else describe_setting(self.choice) + part
 
     def table(self) -> list[str]:
         """Returns a line for each measured setting, the cheapest first, with a key to its marks."""

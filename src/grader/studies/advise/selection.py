@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from math import inf, isclose, isfinite, nan
 
 import numpy as np
@@ -21,7 +22,7 @@ from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import STEPS_MAX
 from grader.studies.advise.meter import SAMPLE_S, Meter, Quantity, Run, Setting
-from grader.studies.advise.references import CORES, REFERENCE_S, REFERENCE_SHARE, References, Say
+from grader.studies.advise.references import CORES, REFERENCE_S, REFERENCE_SHARE, UNTIL_MIN_S, References, Say
 
 TIMESTEPS_S = (0.0001, 0.0002, 0.00025, 0.0005, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.01, 0.02)
 
@@ -37,8 +38,8 @@ QUARTER = (RK4, 0.0005)
 CONFIRMATIONS = 2
 """A timestep passes if this many of the next smaller ones pass too, so that none passes by accident."""
 
-UNTIL_MIN_S = 0.1
-"""Shortest part of a run [s] for which a choice is made where the whole cannot be told."""
+PROBED_S = 0.001
+"""Timesteps [s] from this one on are all measured, from the largest down: they cost little, and draw the diagram."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,10 @@ def select(
     """Measure candidates over `seconds` and choose the cheapest that meets `tolerance`.
 
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
-    measured. Of each integrator the largest timestep comes first; it ends where a timestep passes and CONFIRMATIONS
-    smaller ones confirm it, or where its next setting costs more than the best of another one. An integrator that
-    MuJoCo refuses for the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of
-    what was measured is then returned.
+    measured. Of each integrator the largest timestep comes first; it ends where its next setting costs more than the
+    cheapest that passes. CONFIRMATIONS smaller timesteps must confirm that one. An integrator that MuJoCo refuses for
+    the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of what was measured
+    is then returned.
 
     Raises ValueError as `check_question` does, and for timesteps that do not divide SAMPLE_S; Still where the quantity
     moves too little.
@@ -185,8 +186,8 @@ class _Survey:
             )
         times = np.unique(np.concatenate([self.meter.times_of(h) for h in (own[1], SAMPLE_S)]))
         search = References(
-            self.meter, self.tolerance, frozenset(self.offered), until=self.until, evaluation_s=self.evaluation_s,
-            progress=self.progress, pool=self.pool,
+            self.meter, self.tolerance, frozenset(self.offered), first=[runs[START].rollout, runs[QUARTER].rollout],
+            until=self.until, evaluation_s=self.evaluation_s, progress=self.progress, pool=self.pool,
         )  # fmt: skip
         try:
             found = search.find(times)
@@ -195,9 +196,7 @@ class _Survey:
         self.doubt, told, until_s = float(found.doubts[-1]), float(found.doubts[-1]) / REFERENCE_SHARE, None
         reason = ""
         if not search.accepts(self.doubt):
-            reason = "the reference gets stuck"
-            if isfinite(self.doubt):
-                reason = f"the reference itself is uncertain by {self.doubt:.2g}, too much for {self.tolerance:g}"
+            reason = search.explain(found, times)
             until_s = self.shorten(times, found.doubts, search.accepts(found.doubts), own)
             if until_s is None:
                 return _cannot_tell(reason, self.doubt)
@@ -245,10 +244,14 @@ class _Survey:
         return time.monotonic() + seconds <= self.until
 
     def refine(self, reference: Rollout | Reference) -> None:
-        """Measure ever smaller timesteps of every integrator that can still be the best."""
+        """Measure what may cost less than the cheapest setting that passes so far; then what confirms that one."""
         while True:
-            best = self.best()
-            wanted = [one for integrator in self.offered if (one := self.next_of(integrator, best)) is not None]
+            cheapest = min(filter(None, map(self.find_passing, self.offered)), key=_rank, default=None)
+            limit = inf if cheapest is None else cheapest.cost
+            wanted = [one for integrator in self.offered if (one := self.next_of(integrator, limit)) is not None]
+            if not wanted and cheapest is not None:
+                wanted = [(cheapest.integrator, h) for h in self.list_confirming(cheapest)]
+                wanted = [setting for setting in wanted if setting not in self.measured]
             fitting = [setting for setting in wanted if self.lasts(self.predicted(setting))]
             self.unmeasured = [setting for setting in wanted if setting not in fitting]
             if not fitting:
@@ -258,26 +261,47 @@ class _Survey:
             self.progress(f"{len(self.measured)} settings measured")
             self.take(dict(zip(batch, self.pool.map(self.meter.run, batch), strict=True)), reference)
 
-    def next_of(self, integrator: Integrator, best: Candidate | None) -> Setting | None:
-        """The next smaller timestep of an integrator; None once one is confirmed, or where none can beat `best`."""
-        if self.confirmed(integrator) is not None:
-            return None
-        offered = self.offered[integrator]
-        tried = {h: self.measured[integrator, h] for h in offered if (integrator, h) in self.measured}
-        smallest_failed = min((h for h, one in tried.items() if not self.passes(one)), default=inf)
-        left = [h for h in offered if h < smallest_failed]
-        if not left or (best is not None and integrator.evaluations / left[0] > best.cost):
-            return None
-        return next(((integrator, h) for h in left if h not in tried), None)
+    def next_of(self, integrator: Integrator, limit: float) -> Setting | None:
+        """Returns the next smaller timestep of an integrator that costs no more than `limit`; None where none is left.
 
-    def confirmed(self, integrator: Integrator) -> Candidate | None:
-        """Returns the largest timestep that passes, with CONFIRMATIONS smaller ones, or all that there are."""
-        offered = self.offered[integrator]
-        for index in range(len(offered)):
-            row = [self.measured.get((integrator, h)) for h in offered[index : index + 1 + CONFIRMATIONS]]
-            if all(one is not None and self.passes(one) for one in row):
-                return row[0]
-        return None
+        It is the smallest of them where errors that shrink with the timestep would not pass even there: if that fails,
+        the ones between need no run.
+        """
+        tried = {h: self.measured[integrator, h] for h in self.offered[integrator] if (integrator, h) in self.measured}
+        smallest_failed = min((h for h, one in tried.items() if not self.passes(one)), default=inf)
+        untried = [h for h in self.offered[integrator] if h < smallest_failed and h not in tried]
+        left = [h for h in untried if integrator.evaluations / h <= limit]
+        if not left:
+            return None
+        above = tried.get(smallest_failed)
+        if above is None or left[0] >= PROBED_S or above.error * left[-1] / smallest_failed <= self.tolerance:
+            return integrator, left[0]
+        return integrator, left[-1]
+
+    def find_passing(self, integrator: Integrator) -> Candidate | None:
+        """Returns the largest timestep that passes with every smaller one that was measured."""
+        own = sorted(
+            (
+                one
+                for one in self.measured.values()
+                if one.integrator is integrator and one.timestep_s in self.offered[integrator]
+            ),
+            key=lambda one: one.timestep_s,
+        )
+        passing = list(takewhile(self.passes, own))
+        return passing[-1] if passing else None
+
+    def list_confirming(self, candidate: Candidate) -> list[float]:
+        """Returns the smaller timesteps that must pass too, as far as there are."""
+        return [h for h in self.offered[candidate.integrator] if h < candidate.timestep_s][:CONFIRMATIONS]
+
+    def best(self) -> Candidate | None:
+        """Returns the cheapest setting that passes, with those that confirm it."""
+        passing = filter(None, map(self.find_passing, self.offered))
+        confirmed = (
+            one for one in passing if all((one.integrator, h) in self.measured for h in self.list_confirming(one))
+        )
+        return min(confirmed, key=_rank, default=None)
 
     def passes(self, candidate: Candidate) -> bool:
         return candidate.error + self.doubt <= self.tolerance
@@ -286,10 +310,6 @@ class _Survey:
         """Whether a smaller timestep of the same integrator does not pass."""
         own = (one for one in self.measured.values() if one.integrator is candidate.integrator)
         return any(one.timestep_s < candidate.timestep_s and not self.passes(one) for one in own)
-
-    def best(self) -> Candidate | None:
-        """Returns the cheapest confirmed setting."""
-        return min(filter(None, map(self.confirmed, self.offered)), key=_rank, default=None)
 
     def choose(self, own: Setting) -> Selection:
         """Returns the selection among what was measured."""

@@ -1,7 +1,9 @@
 """Asks for advice on many models, and holds each choice against a reference that advise did not use.
 
 `python -m grader.studies.advise.survey OUT.json MODEL.xml ...` writes a row for each model as it goes, and continues
-where it stopped. The starts are those of `grader advise MODEL --seconds 1 --perturb 1`.
+where it stopped. The starts are those of `grader advise MODEL --seconds 1 --perturb 1`. With `--again EARLIER.json` a
+choice that is the same as in that survey, for the same time, keeps the check it had: an independent reference takes
+longer than the advice, and depends on the choice alone.
 """
 
 import json
@@ -12,6 +14,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import scipy.integrate  # noqa: F401  here, so that the first model's cost does not hold its import
 import typer
 
 from grader.errors import Unprocessable
@@ -23,10 +26,15 @@ from grader.studies.advise.report import TOLERANCE, Advice, Start, advise, build
 
 SECONDS = 1.0
 START = Start(perturb=1.0)
-PACKAGES = {"gymnasium": "Gymnasium", "dm_control": "dm_control", "gymnasium_robotics": "Gymnasium-Robotics"}
+PACKAGES = {
+    "gymnasium": "Gymnasium",
+    "dm_control": "dm_control",
+    "gymnasium_robotics": "Gymnasium-Robotics",
+    "mjx": "MJX",
+}
 """Folders by which a model's origin is known."""
 
-PLAIN_FOLDERS = ("assets", "envs", "mujoco", "suite")
+PLAIN_FOLDERS = ("assets", "envs", "mujoco", "suite", "test_data")
 """Folders that do not tell one model from another of the same name."""
 
 RTOLS = ((1e-8, 1e-10), (1e-6, 1e-7))
@@ -38,15 +46,22 @@ EULER_S, EULER_LARGE_S, LARGE = 1e-5, 4e-5, 12
 LARGE; half of it is run too."""
 
 
-def survey(path: Path, *, seconds: float = SECONDS, tolerance: float = TOLERANCE) -> dict[str, Any]:
-    """Returns the advice on one model, what it cost, and the error of the choice by the independent reference."""
+CHECK = ("independent", "independent_doubt", "independent_error")
+"""Keys of a row that the independent reference fills."""
+
+
+def survey(
+    path: Path, earlier: dict[str, Any], *, seconds: float = SECONDS, tolerance: float = TOLERANCE
+) -> dict[str, Any]:
+    """Returns the advice on one model, what it cost, and the error of the choice by the independent reference, or by
+    that of an `earlier` row with the same choice."""
     began = time.process_time()
     try:
         advice = advise(path, tol=tolerance, seconds=seconds, start=START, budget_s=120.0)
     except Unprocessable as error:
         return {"verdict": "refused", "why": str(error), "cpu_s": time.process_time() - began}
     selection, cpu_s = advice.selection, time.process_time() - began
-    row = {
+    row: dict[str, Any] = {
         "verdict": name_verdict(advice),
         "why": selection.reason,
         "until_s": selection.until_s,
@@ -59,7 +74,16 @@ def survey(path: Path, *, seconds: float = SECONDS, tolerance: float = TOLERANCE
         return row
     best = selection.best
     choice = {"integrator": best.integrator.name, "timestep_s": best.timestep_s, "error": best.error}
-    return row | {"choice": choice, **check_choice(path, advice, selection.until_s or seconds)}
+    row["choice"] = choice
+    if name_check(row) == name_check(earlier):
+        return row | {key: earlier[key] for key in CHECK}
+    return row | check_choice(path, advice, selection.until_s or seconds)
+
+
+def name_check(row: dict[str, Any]) -> tuple[Any, ...]:
+    """Returns what the check of a row depends on: the setting, the time, and which methods are independent."""
+    choice = row.get("choice", {})
+    return choice.get("integrator"), choice.get("timestep_s"), row.get("until_s"), row.get("reference") == "DOP853"
 
 
 def name_verdict(advice: Advice) -> str:
@@ -117,15 +141,16 @@ def name_model(path: Path) -> str:
     return f"{'/'.join([*folder, path.stem])} ({PACKAGES.get(path.parts[at], path.parts[at])})"
 
 
-def main(out: Path, models: list[Path]) -> None:
+def main(out: Path, models: list[Path], again: Path | None = None) -> None:
     """Survey the models, and write OUT as JSON."""
+    earlier = {} if again is None else json.loads(again.read_text(encoding="utf-8"))["models"]
     kept = json.loads(out.read_text(encoding="utf-8"))["models"] if out.is_file() else {}
     for path in models:
         name = name_model(path)
         if name in kept:
             continue
         model = mujoco.MjModel.from_xml_path(str(path))
-        kept[name] = {"degrees": int(model.nv), **survey(path)}
+        kept[name] = {"degrees": int(model.nv), **survey(path, earlier.get(name, {}))}
         about = {"seconds": SECONDS, "tolerance": TOLERANCE, "mujoco": mujoco.__version__, "cores": os.cpu_count()}
         out.write_text(json.dumps({**about, "models": kept}, indent=1) + "\n", encoding="utf-8")
         print(f"{name}: {kept[name]['verdict']}, {kept[name]['cpu_s']:.2f} s", flush=True)
