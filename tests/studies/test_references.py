@@ -119,6 +119,16 @@ OVERLAPS = """() => {
 """Texts of the diagram that are less than 12 pixels high, or overlap another by more than their halo."""
 
 
+class Requests:
+    """Collects what a page asks for."""
+
+    def __init__(self) -> None:
+        self.seen: list[Request] = []
+
+    def add(self, request: Request) -> None:
+        self.seen.append(request)
+
+
 def test_the_page_shows_the_front_in_a_browser_without_a_network(tmp_path: Path) -> None:
     advice = advise(hinge(), tol=1e-3, seconds=0.2, start=Start(qpos=[1.0]))
     path = tmp_path / "page.html"
@@ -127,15 +137,15 @@ def test_the_page_shows_the_front_in_a_browser_without_a_network(tmp_path: Path)
         for width, scheme in SCREENS:
             context = browser.new_context(color_scheme=scheme, offline=True, viewport={"width": width, "height": 800})
             page = context.new_page()
-            loaded: list[Request] = []
-            page.on("request", loaded.append)
+            loaded = Requests()
+            page.on("request", loaded.add)
             page.goto(path.as_uri())
             front = page.locator("polyline.front")
             assert front.evaluate("line => line.points.numberOfItems") == len(advice.selection.front)
             assert page.locator("circle.choice").is_visible()
             assert page.evaluate("document.documentElement.scrollWidth") == width
             assert page.evaluate(OVERLAPS) == []
-            assert [request.url for request in loaded] == [path.as_uri()]
+            assert [request.url for request in loaded.seen] == [path.as_uri()]
         assert findings(page) == []
 
 
