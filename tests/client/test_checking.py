@@ -1,5 +1,6 @@
 """What runs on the learner's machine: each script in a process of its own, with the server's refusals."""
 
+import importlib
 import json
 import shutil
 from pathlib import Path
@@ -56,6 +57,43 @@ def test_a_script_that_does_not_run_is_told_with_its_line(job: dict[str, Any], s
     run = worker.run_job({**job, "source": source})
     assert run["status"] == "crashed"
     assert run["why"].startswith(why)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from mine import size",
+        "import mine",
+        "from mine import *",
+        "size = __import__('importlib').import_module('mine')",
+    ],
+)
+def test_a_file_of_the_learner_is_refused_as_the_server_does_not_have_it(
+    line: str, job: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path(job["folder"], "mine.py").write_text("size = 1\n")
+    monkeypatch.setattr("builtins.__import__", __import__)  # both are put back after the test
+    monkeypatch.setattr("importlib.import_module", importlib.import_module)
+    run = worker.run_job({**job, "source": f"import math\n{line}\n"})
+    assert run["status"] == "crashed"
+    assert run["why"] == (
+        "ModuleNotFoundError in line 2: mine is a file of yours: paste it into a cell, or into the script"
+    )
+
+
+def test_what_the_server_does_not_have_is_refused_and_can_be_done_without(
+    job: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("builtins.__import__", __import__)
+    monkeypatch.setattr("importlib.import_module", importlib.import_module)
+    run = worker.run_job({**job, "source": "import pytest\n"})
+    assert "the server does not have pytest: a script can import NumPy, SciPy, MuJoCo and" in run["why"]
+    entry = job["trials"][0]["entries"][0]
+    source = (
+        f"try:\n    import pytest\nexcept ImportError:\n    pytest = None\nfrom scipy import linalg\n{entry} = print\n"
+    )
+    assert worker.run_job({**job, "source": source})["status"] == "returned"
+    assert worker.run_job({**job, "source": f"{source}def plot():\n    import pytest\n"})["status"] == "returned"
 
 
 @pytest.mark.parametrize(("reveal", "solution", "passed"), [
