@@ -168,6 +168,10 @@ def make_notebook(origin: str) -> Any:
         "g.progress()",
         f"%%check servo-threshold\n{solution}",
         "g.check(undefined_name)",
+        "exec('def largest_stable_timestep(model, integrator): return 1.0')\ng.submit(largest_stable_timestep)",
+        "with open('mine.py', 'w') as file: file.write('def largest_stable_timestep(model, integrator): return 1.0')\n"
+        "from mine import largest_stable_timestep",
+        "g.submit(largest_stable_timestep)",
         "import sys\nos.makedirs('alone')\nos.chdir('alone')\nsys.path.insert(0, '')\nsys.modules.pop('mjcourse')",
     ]
     alone: Any = nbformat.reads(  # type: ignore[no-untyped-call]
@@ -202,11 +206,13 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
         notebook, timeout=300, allow_errors=True, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
     ).execute()
     cells = notebook.cells
-    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, *alone = cells
+    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, other, _, mine, *alone = (
+        cells
+    )
     whole = json.dumps(notebook)
     assert os.environ["TOKEN"] not in whole
 
-    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined)] == [""] * 15
+    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined, other, mine)] == [""] * 16
     assert (tmp_path / "servo-threshold" / "mjcourse.py").exists()
     assert "The kit of The largest stable timestep" in json.dumps(started.outputs)
     assert "Signed in" in json.dumps(signed_in.outputs)
@@ -226,6 +232,8 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
     assert "<td>3 of 3</td>" in read_html(progress)
     assert read_html(magic).count(">right<") == 3
     assert "NameError" in read_error(undefined)
+    assert "in your kernel is not the one in your cells" in read_error(other)
+    assert "ModuleNotFoundError in line 1: mine is a file of yours: paste it into a cell" in read_error(mine)
     _, _, script, checked, _ = alone
     assert (tmp_path / "alone" / "models" / "double_pendulum.xml").exists()
     assert "difference from MuJoCo's RK4" in json.dumps(script.outputs)
