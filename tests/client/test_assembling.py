@@ -111,6 +111,12 @@ def define(text: str, file: str = "<cell>") -> Any:
     return names["entry"]
 
 
+def test_a_function_is_known_where_its_import_is_in_another_cell() -> None:
+    cells = ["import math", "def entry(x):\n    return math.sqrt(x)"]
+    refuse_other_code(define(cells[1]), assemble(cells, "entry"))
+    refuse_other_code(define("\n".join(cells)), assemble(cells, "entry"))
+
+
 @pytest.mark.parametrize("text", [CELLS, f"\n\n{CELLS}", f"from __future__ import annotations\n{CELLS}"])
 def test_a_function_of_the_cells_is_known_by_its_code_on_other_lines(text: str) -> None:
     refuse_other_code(define(text, "elsewhere.py"), assemble([CELLS], "entry"))

@@ -6,13 +6,17 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from grader.library import Library, load
 from grader.pack.kit import build_kit
 from mjgrader import worker
-from mjgrader.errors import Sentence
-from mjgrader.kits import find_kit, read_kit, unpack_kit
+from mjgrader.accounts import Account
+from mjgrader.checking import check_source
+from mjgrader.errors import NotRunning, Sentence
+from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
+from mjgrader.session import Session
 from support.sites import ROOT
 
 VALUES = ROOT / "tests/exercises/values"
@@ -94,6 +98,56 @@ def test_what_the_server_does_not_have_is_refused_and_can_be_done_without(
     )
     assert worker.run_job({**job, "source": source})["status"] == "returned"
     assert worker.run_job({**job, "source": f"{source}def plot():\n    import pytest\n"})["status"] == "returned"
+
+
+HALF = """\
+import numpy as np
+def largest_stable_timestep(model, integrator):
+    if integrator == 0:
+        return {0}
+    raise ValueError("no idea")
+"""
+
+
+@pytest.fixture
+def kit(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Kit:
+    monkeypatch.setenv("MJGRADER_CONFIG", str(tmp_path / "config"))
+    return unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold"), tmp_path / "kit")
+
+
+def test_what_is_missing_in_one_case_holds_an_answer_back_and_another_error_does_not(kit: Kit) -> None:
+    handed_in: list[str] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        handed_in.append(request.content.decode())
+        return httpx.Response(202, json={"id": "s", "status": "queued", "quiz": "q", "question": "e"})
+
+    session = Session(lambda text: None, httpx.MockTransport(answer), Account("https://grader.example.edu", "t"))
+    missing = HALF.format("unknown")
+    with pytest.raises(NotRunning) as raised:
+        session.submit(missing, kit, wait=False)
+    text = str(raised.value)
+    assert "NameError: name 'unknown' is not defined, in line 4 of your script. It works only in your kernel" in text
+    assert "Nothing was handed in, and no attempt is used; with anyway=True it is." in text
+    assert not handed_in
+    session.submit(missing, kit, anyway=True, wait=False)
+    session.submit(HALF.format("0.01"), kit, wait=False)
+    assert len(handed_in) == 2
+
+
+def test_a_traceback_names_the_cells_and_shows_their_lines_once(kit: Kit) -> None:
+    shown = check_source(HALF.format("np.zeros(1 / 0)"), kit).output
+    assert shown.count("your cells") == shown.count("Traceback") == 2  # one for each of the two errors
+    assert 'File "your cells", line 4, in largest_stable_timestep\n    return np.zeros(1 / 0)' in shown
+    assert str(kit.folder) not in shown
+    with pytest.raises(NotRunning) as raised:
+        check_source("import numpy as np\n\nx = unknown\n", kit)
+    text = str(raised.value)
+    assert text.startswith('File "your cells", line 3, in <module>\n    x = unknown\n')
+    assert "worker" not in text
+    assert "handed in" not in text
+    with pytest.raises(NotRunning, match=r'^File "your cells", line 1\n    def f\(\n'):
+        check_source("def f(\n", kit)
 
 
 @pytest.mark.parametrize(("reveal", "solution", "passed"), [

@@ -169,7 +169,7 @@ def make_notebook(origin: str) -> Any:
         f"%%check servo-threshold\n{solution}",
         "g.check(undefined_name)",
         "exec('def largest_stable_timestep(model, integrator): return 1.0')\ng.submit(largest_stable_timestep)",
-        "with open('mine.py', 'w') as file: file.write('def largest_stable_timestep(model, integrator): return 1.0')\n"
+        "with open('mine.py', 'w') as file:\n    file.write('def largest_stable_timestep(*two): return 1.0')",
         "from mine import largest_stable_timestep",
         "g.submit(largest_stable_timestep)",
         "import sys\nos.makedirs('alone')\nos.chdir('alone')\nsys.path.insert(0, '')\nsys.modules.pop('mjcourse')",
@@ -206,13 +206,13 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
         notebook, timeout=300, allow_errors=True, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
     ).execute()
     cells = notebook.cells
-    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, other, _, mine, *alone = (
+    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, other, _, _, mine, *alone = (
         cells
     )
     whole = json.dumps(notebook)
     assert os.environ["TOKEN"] not in whole
 
-    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined, other, mine)] == [""] * 16
+    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined, other, mine)] == [""] * 17
     assert (tmp_path / "servo-threshold" / "mjcourse.py").exists()
     assert "The kit of The largest stable timestep" in json.dumps(started.outputs)
     assert "Signed in" in json.dumps(signed_in.outputs)

@@ -79,10 +79,10 @@ def judge(asked: argparse.Namespace, session: Session) -> int:
     else:
         source = read_script(asked.file)
         if asked.command == "check":
-            check = session.check(source, kit)
+            check = session.check(source, kit, str(asked.file))
             print(check)
             return EXIT_RIGHT if check.passed else EXIT_WRONG
-        answer = session.submit(source, kit, anyway=asked.anyway)
+        answer = session.submit(source, kit, str(asked.file), anyway=asked.anyway)
     print(answer)
     return EXIT_RIGHT if answer.status == "correct" else EXIT_WRONG
 

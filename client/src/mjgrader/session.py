@@ -10,7 +10,7 @@ import httpx
 
 from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
-from mjgrader.checking import Check, check_source
+from mjgrader.checking import CELLS, Check, check_source
 from mjgrader.connection import Connection
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit, find_kit, unpack_kit
@@ -21,6 +21,7 @@ POLL_S = (0.3, 0.5, 1.0, 2.0)
 """Pauses between questions for a verdict [s]; the last one repeats."""
 VERDICT_S_MAX = 900.0
 
+NOT_HANDED_IN = "Nothing was handed in, and no attempt is used; with anyway=True it is."
 SCOPE_HINT = "Your token is kept in {}; g.sign_out() deletes it."
 
 
@@ -100,29 +101,32 @@ class Session:
             return last
         return find_kit(self.folder, question, entry, quiz)
 
-    def check(self, source: str, kit: Kit) -> Check:
-        """Judges the visible cases on this machine. Raises Sentence."""
-        return check_source(source, kit)
+    def check(self, source: str, kit: Kit, file: str = CELLS) -> Check:
+        """Judges the visible cases on this machine; tracebacks name `file`. Raises Sentence."""
+        self.say("Running the visible cases ...")
+        return check_source(source, kit, file)
 
-    def submit(self, source: str, kit: Kit, *, anyway: bool = False, wait: bool = True) -> Answer:
+    def submit(self, source: str, kit: Kit, file: str = CELLS, *, anyway: bool = False, wait: bool = True) -> Answer:
         """Runs a script in a fresh process, hands it in, and waits for its verdict. Raises Sentence; NotRunning where
         the script does not run, which uses no attempt, unless `anyway`."""
         connection = self.connect()
         if not anyway:
-            self.rehearse(source, kit)
+            self.rehearse(source, kit, file)
         waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source)
         outbox.deliver_all(connection, of_others=False, but=waiting)
         self.last = Answer(outbox.deliver(connection, waiting), connection.account.site)
         return self.wait(self.last) if wait else self.last
 
-    def rehearse(self, source: str, kit: Kit) -> Check:
-        """Runs the script alone. Raises NotRunning where no visible case returns."""
-        check = check_source(source, kit)
-        if check.findings and not check.ran:
-            why = next(one["message"] for one in check.findings if one["raised"])
-            hint = " It works only in your kernel: define what it names in a cell." if "NameError" in why else ""
-            raise NotRunning(f"{why}{hint} Nothing was handed in, and no attempt is used.", check.output)
-        return check
+    def rehearse(self, source: str, kit: Kit, file: str) -> None:
+        """Runs the script alone. Raises NotRunning where no visible case returns, or any lacks what it names."""
+        try:
+            check = self.check(source, kit, file)
+        except NotRunning as error:
+            raise NotRunning(f"{error} {NOT_HANDED_IN}") from None
+        if why := check.obstacle:
+            kernel = "NameError" in why and file == CELLS
+            hint = "It works only in your kernel: define what it names in a cell. " if kernel else ""
+            raise NotRunning(f"{why} {hint}{NOT_HANDED_IN}", check.output)
 
     def wait(self, answer: Answer) -> Answer:
         """Waits until a submission has its verdict, and says how it stands. Raises Sentence."""

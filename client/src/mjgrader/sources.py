@@ -2,6 +2,7 @@
 
 import __future__
 
+import ast
 import inspect
 import sys
 from collections.abc import Callable, Iterator
@@ -76,8 +77,10 @@ def refuse_other_code(function: Any, source: str) -> None:
     code = getattr(inspect.unwrap(function) if callable(function) else function, "__code__", None)
     if code is None:
         return
-    whole = compile(source, "script", "exec", flags=code.co_flags & FUTURE, dont_inherit=True)
-    defined = [one for one in list_codes(whole) if one.co_name == code.co_name]
+    body = ast.parse(source).body  # IPython compiles statement by statement, and calls of what is imported differ then
+    modules = [ast.Module(statements, []) for statements in (body, *([one] for one in body))]
+    compiled = [compile(one, "script", "exec", flags=code.co_flags & FUTURE, dont_inherit=True) for one in modules]
+    defined = [one for whole in compiled for one in list_codes(whole) if one.co_name == code.co_name]
     if defined and strip_places(code) not in map(strip_places, defined):
         raise Sentence(
             f"{code.co_name} in your kernel is not the one in your cells: it was defined anew by %run, exec or an "

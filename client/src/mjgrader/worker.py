@@ -5,6 +5,7 @@ import base64
 import builtins
 import importlib
 import json
+import linecache
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -59,8 +60,10 @@ def run_job(job: Mapping[str, Any]) -> dict[str, Any]:
     except Refused as error:
         return {"status": "forbidden", "why": str(error), "results": {}}
     except BaseException as error:
-        where = next((f" in line {one.lineno}" for one in reversed(list_frames(error, job["file"]))), "")
-        traceback.print_exception(error)
+        frames = list_frames(error, job["file"])
+        where = f" in line {frames[-1].lineno}" if frames else ""
+        shown = [] if isinstance(error, SyntaxError) else traceback.format_list(frames)
+        print("".join([*shown, *traceback.format_exception_only(type(error), error)]), file=sys.stderr)
         return {"status": "crashed", "why": f"{type(error).__name__}{where}: {error}", "results": {}}
     return {"status": "returned", "why": "", "results": results}
 
@@ -86,6 +89,7 @@ def load_script(source: str, file: str) -> ModuleType:
     module = ModuleType("script")
     module.__file__ = file
     sys.modules["script"] = module
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     exec(compile(source, file, "exec"), vars(module))  # noqa: S102
     return module
 
