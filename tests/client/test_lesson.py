@@ -104,8 +104,9 @@ class Terminal:
 def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: Path, tmp_path: Path) -> None:
     token = issue_token(lesson.settings, "terry", "student", None)
     terminal = Terminal(python, tmp_path, token)
+    assert terminal.run().stdout.startswith("usage: mjgrade")
     unsigned = terminal.run("status")
-    assert (unsigned.returncode, unsigned.stderr.partition(":")[0]) == (2, "Sign in first")
+    assert (unsigned.returncode, unsigned.stderr.partition(" http")[0]) == (2, "Sign in first: mjgrade sign-in")
     signed_in = terminal.run("sign-in", lesson.origin, "--token")
     assert signed_in.returncode == 0, signed_in.stderr
     assert token not in signed_in.stdout + signed_in.stderr
@@ -126,13 +127,15 @@ def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: 
     assert "no attempt is used" in broken.stderr
     (tmp_path / script).write_text(SOLUTION.read_text())
     assert "right  kp = 2000, kv = 5, Euler: Certified" in terminal.run("check", script).stdout
-    assert terminal.run("start", "servo-threshold").returncode == 0  # the learner's script stays
+    again = terminal.run("start", "servo-threshold")
+    assert (again.returncode, again.stderr) == (0, "Your servo_threshold.py was there, and was kept.\n")
     assert (tmp_path / script).read_text() == SOLUTION.read_text()
     done = terminal.run("submit", script)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("correct: 3 of 3 points")
     assert "Attempt 1 at servo-threshold." in done.stdout
-    assert terminal.run("status", script).stdout == done.stdout
+    assert terminal.run("status", script).stdout == terminal.run("result").stdout == done.stdout
+    assert "3 of 3" in terminal.run("progress").stdout
     stepping = tmp_path / terminal.run("start", "rk4-step").stdout.strip()
     stepping.write_text("import mujoco\ndef rk4_step(model, data):\n    mujoco.mj_step(model, data)\n")
     forbidden = terminal.run("check", stepping)

@@ -98,6 +98,8 @@ def start_worker(command: str, job: Path, results: Path, seconds: float | None) 
         done = subprocess.run(  # noqa: S603 - our own module
             arguments, env=environment, capture_output=True, timeout=seconds, check=False, stdin=subprocess.DEVNULL
         )
+    except KeyboardInterrupt:
+        raise NotRunning("Stopped.") from None
     except subprocess.TimeoutExpired as error:
         raise NotRunning(
             f"Your script did not end within {seconds:g} s: look for a loop that does not end.",

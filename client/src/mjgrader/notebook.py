@@ -68,10 +68,11 @@ def sync() -> list[Answer]:
 
 def hand_in(source: str, kit: Kit, *, anyway: bool) -> Answer:
     """Shows a script, and hands it in."""
-    lines = len(source.splitlines())
+    count = len(source.splitlines())
+    lines = f"{count} line{'s' * (count != 1)}"
     show(
-        f"Handing in {lines} lines:\n{source}",
-        f"<details><summary>Handing in {lines} lines</summary><pre>{escape(source)}</pre></details>",
+        f"Handing in {lines}:\n{source}",
+        f"<details><summary>Handing in {lines}</summary><pre>{escape(source)}</pre></details>",
     )
     return session.submit(source, kit, anyway=anyway)
 
