@@ -80,7 +80,7 @@ def check_source(source: str, kit: Kit, file: str = CELLS) -> Check:
 def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns what one should know about the verdict."""
     hidden = f"{exercise['hidden_points']:g} of its {exercise['points']:g} points are for hidden cases"
-    remarks = [f"No attempt is used. The server decides; {hidden}."]
+    remarks = [f"No attempt is used. The server decides, and names the mistake where it knows it; {hidden}."]
     if exercise["mujoco"] != mujoco.__version__:
         remarks.append(
             f"The server has MuJoCo {exercise['mujoco']}, you have {mujoco.__version__}: the last digits may differ. "
