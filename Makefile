@@ -81,10 +81,13 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-client: $(DEVELOPING) ## the wheel of mujoco-grader-client, into build/client
+client: ## the wheel of mujoco-grader-client, into build/client
 	@rm -rf build/client build/client-parts client/src/*.egg-info
-	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir build/client ./client
-	@ls -l build/client
+	@build/client-env/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv build/client-env
+	@sed -n '/^setuptools==/,/[^\\]$$/p' requirements.lock >build/client-env/needs.txt
+	@build/client-env/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r build/client-env/needs.txt
+	@build/client-env/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir build/client ./client
+	@ls build/client/*.whl
 
 wheel: $(SERVING) ## the wheel of the grader, into dist/
 	@rm -rf build/lib build/bdist.*

@@ -29,6 +29,9 @@ SHARED = (
 """The only modules of the grader that leave the house: they import NumPy, MuJoCo and each other alone, and hold nothing
 secret. tests/client/test_shared.py checks both."""
 
+WITH_HELP = ("__init__.py", "notebook.py")
+"""Modules of the client that keep their docstrings, which `help` shows; the others are packed like the shared ones."""
+
 IMPORT = re.compile(r"^(\s*(?:from|import) )grader\.", re.MULTILINE)
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The earliest time that a zip file can hold: the same sources give the same wheel."""
@@ -78,7 +81,8 @@ class WithJudges(build_py):
         super().run()
         package = Path(self.build_lib, "mjgrader")
         for path in package.rglob("*.py"):
-            path.write_text(rename(path.read_text(encoding="utf-8")), encoding="utf-8")
+            text = rename(path.read_text(encoding="utf-8"))
+            path.write_text(text if path.name in WITH_HELP else strip(text), encoding="utf-8")
         shared = package / "shared"
         shared.mkdir(exist_ok=True)
         (shared / "__init__.py").write_text(INIT, encoding="utf-8")

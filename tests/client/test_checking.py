@@ -1,17 +1,22 @@
 """What runs on the learner's machine: each script in a process of its own, with the server's refusals."""
 
+import importlib
 import json
 import shutil
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from grader.library import Library, load
 from grader.pack.kit import build_kit
 from mjgrader import worker
-from mjgrader.errors import Sentence
-from mjgrader.kits import find_kit, read_kit, unpack_kit
+from mjgrader.accounts import Account
+from mjgrader.checking import check_source
+from mjgrader.errors import NotRunning, Sentence
+from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
+from mjgrader.session import Session
 from support.sites import ROOT
 
 VALUES = ROOT / "tests/exercises/values"
@@ -56,6 +61,93 @@ def test_a_script_that_does_not_run_is_told_with_its_line(job: dict[str, Any], s
     run = worker.run_job({**job, "source": source})
     assert run["status"] == "crashed"
     assert run["why"].startswith(why)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from mine import size",
+        "import mine",
+        "from mine import *",
+        "size = __import__('importlib').import_module('mine')",
+    ],
+)
+def test_a_file_of_the_learner_is_refused_as_the_server_does_not_have_it(
+    line: str, job: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path(job["folder"], "mine.py").write_text("size = 1\n")
+    monkeypatch.setattr("builtins.__import__", __import__)  # both are put back after the test
+    monkeypatch.setattr("importlib.import_module", importlib.import_module)
+    run = worker.run_job({**job, "source": f"import math\n{line}\n"})
+    assert run["status"] == "crashed"
+    assert run["why"] == (
+        "ModuleNotFoundError in line 2: mine is a file of yours: paste it into a cell, or into the script"
+    )
+
+
+def test_what_the_server_does_not_have_is_refused_and_can_be_done_without(
+    job: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("builtins.__import__", __import__)
+    monkeypatch.setattr("importlib.import_module", importlib.import_module)
+    run = worker.run_job({**job, "source": "import pytest\n"})
+    assert "the server does not have pytest: a script can import NumPy, SciPy, MuJoCo and" in run["why"]
+    entry = job["trials"][0]["entries"][0]
+    source = (
+        f"try:\n    import pytest\nexcept ImportError:\n    pytest = None\nfrom scipy import linalg\n{entry} = print\n"
+    )
+    assert worker.run_job({**job, "source": source})["status"] == "returned"
+    assert worker.run_job({**job, "source": f"{source}def plot():\n    import pytest\n"})["status"] == "returned"
+
+
+HALF = """\
+import numpy as np
+def largest_stable_timestep(model, integrator):
+    if integrator == 0:
+        return {0}
+    raise ValueError("no idea")
+"""
+
+
+@pytest.fixture
+def kit(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Kit:
+    monkeypatch.setenv("MJGRADER_CONFIG", str(tmp_path / "config"))
+    return unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold"), tmp_path / "kit")
+
+
+def test_what_is_missing_in_one_case_holds_an_answer_back_and_another_error_does_not(kit: Kit) -> None:
+    handed_in: list[str] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        handed_in.append(request.content.decode())
+        return httpx.Response(202, json={"id": "s", "status": "queued", "quiz": "q", "question": "e"})
+
+    session = Session(lambda text: None, httpx.MockTransport(answer), Account("https://grader.example.edu", "t"))
+    missing = HALF.format("unknown")
+    with pytest.raises(NotRunning) as raised:
+        session.submit(missing, kit, wait=False)
+    text = str(raised.value)
+    assert "NameError: name 'unknown' is not defined, in line 4 of your script. It works only in your kernel" in text
+    assert "Nothing was handed in, and no attempt is used; with anyway=True it is." in text
+    assert not handed_in
+    session.submit(missing, kit, anyway=True, wait=False)
+    session.submit(HALF.format("0.01"), kit, wait=False)
+    assert len(handed_in) == 2
+
+
+def test_a_traceback_names_the_cells_and_shows_their_lines_once(kit: Kit) -> None:
+    shown = check_source(HALF.format("np.zeros(1 / 0)"), kit).output
+    assert shown.count("your cells") == shown.count("Traceback") == 2  # one for each of the two errors
+    assert 'File "your cells", line 4, in largest_stable_timestep\n    return np.zeros(1 / 0)' in shown
+    assert str(kit.folder) not in shown
+    with pytest.raises(NotRunning) as raised:
+        check_source("import numpy as np\n\nx = unknown\n", kit)
+    text = str(raised.value)
+    assert text.startswith('File "your cells", line 3, in <module>\n    x = unknown\n')
+    assert "worker" not in text
+    assert "handed in" not in text
+    with pytest.raises(NotRunning, match=r'^File "your cells", line 1\n    def f\(\n'):
+        check_source("def f(\n", kit)
 
 
 @pytest.mark.parametrize(("reveal", "solution", "passed"), [
@@ -109,14 +201,14 @@ def test_a_kit_of_another_version_is_told(found: int | None, cure: str, tmp_path
         read_kit(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["/etc/x", "../x", "a/../../x", "C:x", "a\\x"])
+@pytest.mark.parametrize("name", ["/etc/x", "../x", "a/../../x", "a/C:x", "a\\x", "x"])
 def test_a_kit_writes_nothing_outside_of_its_folder(name: str, tmp_path: Path) -> None:
     import io
     import zipfile
 
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as kit:
-        kit.writestr("exercise.json", '{"format": 1}')
+        kit.writestr("a/exercise.json", '{"format": 1}')
         kit.writestr(name, "x")
     with pytest.raises(Sentence, match="odd name"):
         unpack_kit(packed.getvalue(), tmp_path / "kit")

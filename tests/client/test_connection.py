@@ -12,6 +12,7 @@ import pytest
 
 from mjgrader import devices, outbox
 from mjgrader.accounts import Account, load_account, read_site, save_account
+from mjgrader.command import write_commands
 from mjgrader.connection import Connection
 from mjgrader.errors import Offline, Refusal, Sentence, SignInAgain
 from mjgrader.session import Session
@@ -104,6 +105,7 @@ def test_a_token_is_not_sent_readably() -> None:
     assert read_site("http://grader.example.edu", insecure=True) == "http://grader.example.edu"
     assert read_site("grader.example.edu/quizzes/x") == "https://grader.example.edu"
     assert read_site("http://127.0.0.1:8000/") == "http://127.0.0.1:8000"
+    assert read_site("127.0.0.1:8731") == "http://127.0.0.1:8731"
     for wrong in ("", "ftp://x", "https://"):
         with pytest.raises(Sentence, match="no address"):
             read_site(wrong)
@@ -128,6 +130,51 @@ def test_the_token_is_kept_readable_by_its_owner_alone_and_never_printed(folder:
     session.sign_out()
     with pytest.raises(SignInAgain, match=r"Sign in first: g\.sign_in"):
         load_account()
+
+
+def test_an_empty_token_is_told() -> None:
+    with pytest.raises(Sentence, match="The token is empty"):
+        Session(lambda text: None).sign_in(SITE, " \n")
+
+
+def test_a_sign_in_says_as_whom_and_names_the_exercises(slept: list[float]) -> None:
+    made = {"access_token": TOKEN, "course": "robots", "user": "ada"}
+    device, _ = device_server((200, made))
+    quiz = {"id": "q", "questions": [{"id": "rk4-step", "kind": "code"}, {"id": "q1", "kind": "number"}]}
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        if request.url.path.startswith("/api/v1/quizzes"):
+            return httpx.Response(200, json=quiz if request.url.path.endswith("/q") else {"items": [{"id": "q"}]})
+        return httpx.Response(200, json={"items": []}) if request.method == "GET" else device(request)
+
+    said: list[str] = []
+    session = Session(said.append, httpx.MockTransport(answer))
+    session.sign_in(SITE)
+    assert said[-1].startswith(f"Signed in as ada at {SITE}: 1 quiz, exercises: rk4-step. Your token")
+    with pytest.raises(Sentence, match=r"There is no exercise 'rk5'\. The course has: rk4-step\."):
+        session.result("rk5")
+    with pytest.raises(Sentence, match="handed in nothing yet"):
+        session.result("rk4-step")
+
+
+def test_a_sign_in_that_is_stopped_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(time, "sleep", stop)
+    with pytest.raises(Sentence, match="The sign-in was stopped"):
+        Session(lambda text: None, httpx.MockTransport(device_server()[0])).sign_in(SITE)
+
+
+@pytest.mark.parametrize(("text", "command"), [
+    ('call g.sign_in("https://x.edu", token=getpass.getpass()).', "call mjgrade sign-in https://x.edu --token."),
+    ("g.sync() sends it", "mjgrade sync sends it"),
+    ('get it with g.start("rk4-step").', "get it with mjgrade start rk4-step."),
+    ('name one with question="rk4-step".', "name one with --question rk4-step."),
+    ("add insecure=True; with anyway=True", "add --insecure; with --anyway"),
+])  # fmt: skip
+def test_a_terminal_speaks_in_commands(text: str, command: str) -> None:
+    assert write_commands(text) == command
 
 
 def test_a_token_can_stay_in_memory(folder: Path) -> None:

@@ -104,8 +104,9 @@ class Terminal:
 def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: Path, tmp_path: Path) -> None:
     token = issue_token(lesson.settings, "terry", "student", None)
     terminal = Terminal(python, tmp_path, token)
+    assert terminal.run().stdout.startswith("usage: mjgrade")
     unsigned = terminal.run("status")
-    assert (unsigned.returncode, unsigned.stderr.partition(":")[0]) == (2, "Sign in first")
+    assert (unsigned.returncode, unsigned.stderr.partition(" http")[0]) == (2, "Sign in first: mjgrade sign-in")
     signed_in = terminal.run("sign-in", lesson.origin, "--token")
     assert signed_in.returncode == 0, signed_in.stderr
     assert token not in signed_in.stdout + signed_in.stderr
@@ -126,13 +127,15 @@ def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: 
     assert "no attempt is used" in broken.stderr
     (tmp_path / script).write_text(SOLUTION.read_text())
     assert "right  kp = 2000, kv = 5, Euler: Certified" in terminal.run("check", script).stdout
-    assert terminal.run("start", "servo-threshold").returncode == 0  # the learner's script stays
+    again = terminal.run("start", "servo-threshold")
+    assert (again.returncode, again.stderr) == (0, "Your servo_threshold.py was there, and was kept.\n")
     assert (tmp_path / script).read_text() == SOLUTION.read_text()
     done = terminal.run("submit", script)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("correct: 3 of 3 points")
     assert "Attempt 1 at servo-threshold." in done.stdout
-    assert terminal.run("status", script).stdout == done.stdout
+    assert terminal.run("status", script).stdout == terminal.run("result").stdout == done.stdout
+    assert "3 of 3" in terminal.run("progress").stdout
     stepping = tmp_path / terminal.run("start", "rk4-step").stdout.strip()
     stepping.write_text("import mujoco\ndef rk4_step(model, data):\n    mujoco.mj_step(model, data)\n")
     forbidden = terminal.run("check", stepping)
@@ -168,6 +171,10 @@ def make_notebook(origin: str) -> Any:
         "g.progress()",
         f"%%check servo-threshold\n{solution}",
         "g.check(undefined_name)",
+        "exec('def largest_stable_timestep(model, integrator): return 1.0')\ng.submit(largest_stable_timestep)",
+        "with open('mine.py', 'w') as file:\n    file.write('def largest_stable_timestep(*two): return 1.0')",
+        "from mine import largest_stable_timestep",
+        "g.submit(largest_stable_timestep)",
         "import sys\nos.makedirs('alone')\nos.chdir('alone')\nsys.path.insert(0, '')\nsys.modules.pop('mjcourse')",
     ]
     alone: Any = nbformat.reads(  # type: ignore[no-untyped-call]
@@ -202,11 +209,13 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
         notebook, timeout=300, allow_errors=True, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
     ).execute()
     cells = notebook.cells
-    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, *alone = cells
+    signed_in, started, _, wrong, _, kernel_only, _, _, right, progress, magic, undefined, other, _, _, mine, *alone = (
+        cells
+    )
     whole = json.dumps(notebook)
     assert os.environ["TOKEN"] not in whole
 
-    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined)] == [""] * 15
+    assert [read_error(cell) for cell in cells if cell not in (kernel_only, undefined, other, mine)] == [""] * 17
     assert (tmp_path / "servo-threshold" / "mjcourse.py").exists()
     assert "The kit of The largest stable timestep" in json.dumps(started.outputs)
     assert "Signed in" in json.dumps(signed_in.outputs)
@@ -226,6 +235,8 @@ def test_a_notebook_goes_from_the_starter_to_the_verdict(
     assert "<td>3 of 3</td>" in read_html(progress)
     assert read_html(magic).count(">right<") == 3
     assert "NameError" in read_error(undefined)
+    assert "in your kernel is not the one in your cells" in read_error(other)
+    assert "ModuleNotFoundError in line 1: mine is a file of yours: paste it into a cell" in read_error(mine)
     _, _, script, checked, _ = alone
     assert (tmp_path / "alone" / "models" / "double_pendulum.xml").exists()
     assert "difference from MuJoCo's RK4" in json.dumps(script.outputs)

@@ -18,6 +18,7 @@ import pytest
 
 from grader.errors import NotFound
 from grader.library import Library, load
+from grader.numerics.version import INSTALLED
 from grader.pack.kit import build_kit, list_texts
 from grader.settings import Settings
 from support.bare_environments import make_environment
@@ -156,13 +157,15 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
     assert build_kit(libraries[content], quiz, question) == built
     with zipfile.ZipFile(io.BytesIO(built)) as kit:
         assert kit.testzip() is None
-        names = {*kit.namelist()}
+        assert {name.partition("/")[0] for name in kit.namelist()} == {question}
+        names = {name.removeprefix(f"{question}/") for name in kit.namelist()}
         script = f"{question.replace('-', '_')}.py"
         assert {"README.md", script, f"{question}.ipynb", "exercise.json", "mjcourse.py"} <= names
-        readme = kit.read("README.md").decode()
+        readme = kit.read(f"{question}/README.md").decode()
         assert len(readme.splitlines()) <= 12
         assert f"`{script}`" in readme
-        exercise = json.loads(kit.read("exercise.json"))
+        assert f"`pip install mujoco=={INSTALLED} numpy`" in readme
+        exercise = json.loads(kit.read(f"{question}/exercise.json"))
         asked = libraries[content].question(quiz, question)
         visible = [case for case in asked.check.parameters["cases"] if not case.get("hidden")]  # type: ignore[attr-defined]
         titles = [trial["title"] for trial in exercise["trials"]]
@@ -171,11 +174,11 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
         points = sum(trial["points"] for trial in exercise["trials"]) + exercise["hidden_points"]
         assert points == pytest.approx(asked.points)
         notebook: Any = nbformat.reads(  # type: ignore[no-untyped-call]
-            kit.read(f"{question}.ipynb").decode(), as_version=4
+            kit.read(f"{question}/{question}.ipynb").decode(), as_version=4
         )
         nbformat.validate(notebook)
         assert notebook.cells[0].source.startswith(f"# {exercise['title']}")
-        assert notebook.cells[2].source == kit.read(script).decode()
+        assert notebook.cells[2].source == kit.read(f"{question}/{script}").decode()
 
 
 def test_only_an_exercise_has_a_kit(libraries: dict[str, Library]) -> None:
@@ -195,7 +198,7 @@ def test_every_starter_runs_with_mujoco_and_numpy_alone(libraries: dict[str, Lib
     for content, quiz, question in EXERCISES:
         folder = tmp_path / question
         with zipfile.ZipFile(io.BytesIO(build_kit(libraries[content], quiz, question))) as kit:
-            kit.extractall(folder)
+            kit.extractall(tmp_path)
         script = f"{question.replace('-', '_')}.py"
         done = subprocess.run(
             [python, script], cwd=folder, capture_output=True, text=True, env=environment, check=False

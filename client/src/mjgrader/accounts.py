@@ -21,6 +21,7 @@ class Account:
     site: str
     token: str = field(repr=False)
     course: str | None = None
+    user: str | None = None
 
     @property
     def id(self) -> str:
@@ -43,6 +44,8 @@ def read_site(url: str, *, insecure: bool = False) -> str:
     """Returns the origin of an address. Raises Sentence for one that cannot be a server, or would send the token
     readably."""
     parts = urlsplit(url if "//" in url else f"https://{url}")
+    if "//" not in url and parts.hostname in LOOPBACK:
+        parts = parts._replace(scheme="http")
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise Sentence(f"{url!r} is no address of a server: write it like https://grader.example.edu.")
     if parts.scheme == "http" and parts.hostname not in LOOPBACK and not insecure:

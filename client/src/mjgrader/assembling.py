@@ -30,7 +30,8 @@ def assemble(cells: Sequence[str], entry: str) -> str:
     statements = [one for cell in cells for one in read_statements(cell)]
     if not any(entry in one.binds for one in statements):
         raise Sentence(f"No cell defines {entry}: run the cell that has `def {entry}(...)` first.")
-    chosen, waiting, known = set[int](), [entry], set[str]()
+    chosen = {index for index, one in enumerate(statements) if "*" in one.binds}  # nobody knows what those bind
+    waiting, known = [entry], set[str]()
     while waiting:
         name = waiting.pop()
         if name in known:

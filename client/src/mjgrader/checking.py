@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,11 @@ from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit
 
 OUTPUT_CHARS_MAX = 4000
+CELLS = "your cells"
+"""What a traceback calls the script that was made of a notebook's cells."""
+
+MISSING = ("NameError", "ImportError", "ModuleNotFoundError", "SyntaxError")
+"""Errors of a script that is not whole: it would fail on the server as well."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +40,11 @@ class Check:
         return all(one["passed"] is not False for one in self.findings)
 
     @property
-    def ran(self) -> bool:
-        """Whether the function returned in any case."""
-        return any(not one["raised"] for one in self.findings)
+    def obstacle(self) -> str:
+        """Why not to hand in: what is missing in any case, or what every case raises; else empty."""
+        raised = [one["message"] for one in self.findings if one["raised"]]
+        missing = [one for one in raised if one.startswith(MISSING)]
+        return next(iter(missing or raised * (len(raised) == len(self.findings))), "")
 
     def __str__(self) -> str:
         return showing.write_check(self)
@@ -48,13 +56,13 @@ class Check:
         return showing.draw_check(self)
 
 
-def check_source(source: str, kit: Kit) -> Check:
+def check_source(source: str, kit: Kit, file: str = CELLS) -> Check:
     """Judges the visible cases of a script. Raises NotRunning where it does not run alone, and Sentence."""
     exercise = kit.exercise
     trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(exercise["trials"])]
     job = {
         **{name: exercise[name] for name in ("kind", "without_integrators", "reveal")},
-        "trials": trials, "source": source, "folder": str(kit.folder.resolve()), "file": kit.script,
+        "trials": trials, "source": source, "folder": str(kit.folder.resolve()), "file": file,
     }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="mjgrader-") as folder:
         asked, results = Path(folder, "job.json"), Path(folder, "results.json")
@@ -62,7 +70,7 @@ def check_source(source: str, kit: Kit) -> Check:
         output = start_worker("run", asked, results, exercise["limits"]["wall_s"])
         run = json.loads(results.read_text(encoding="utf-8"))
         if run["status"] != "returned":
-            raise NotRunning(f"{run['why']} Nothing was handed in, and no attempt is used.", output)
+            raise NotRunning(run["why"], output)
         start_worker("judge", asked, results, None)
         findings = tuple(json.loads(results.read_text(encoding="utf-8")))
     remarks = list_remarks(exercise)
@@ -72,7 +80,7 @@ def check_source(source: str, kit: Kit) -> Check:
 def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns what one should know about the verdict."""
     hidden = f"{exercise['hidden_points']:g} of its {exercise['points']:g} points are for hidden cases"
-    remarks = [f"No attempt is used. The server decides; {hidden}."]
+    remarks = [f"No attempt is used. The server decides, and names the mistake where it knows it; {hidden}."]
     if exercise["mujoco"] != mujoco.__version__:
         remarks.append(
             f"The server has MuJoCo {exercise['mujoco']}, you have {mujoco.__version__}: the last digits may differ. "
@@ -90,9 +98,11 @@ def start_worker(command: str, job: Path, results: Path, seconds: float | None) 
         done = subprocess.run(  # noqa: S603 - our own module
             arguments, env=environment, capture_output=True, timeout=seconds, check=False, stdin=subprocess.DEVNULL
         )
+    except KeyboardInterrupt:
+        raise NotRunning("Stopped.") from None
     except subprocess.TimeoutExpired as error:
         raise NotRunning(
-            f"Your script did not end within {seconds:g} s: look for a loop that does not end. Nothing was handed in.",
+            f"Your script did not end within {seconds:g} s: look for a loop that does not end.",
             read_output(error.stdout or b"", error.stderr or b""),
         ) from None
     output = read_output(done.stdout, done.stderr)
@@ -104,7 +114,8 @@ def start_worker(command: str, job: Path, results: Path, seconds: float | None) 
 
 
 def read_output(stdout: bytes, stderr: bytes) -> str:
-    """Returns what was printed, cut in the middle."""
-    text = (stdout + stderr).decode("utf-8", "replace").strip()
+    """Returns what was printed, cut in the middle; a traceback that several cases raise comes once."""
+    errors = re.split(r"^(?=Traceback )", stderr.decode("utf-8", "replace"), flags=re.MULTILINE)
+    text = (stdout.decode("utf-8", "replace") + "".join(dict.fromkeys(errors))).strip()
     half = OUTPUT_CHARS_MAX // 2
     return text if len(text) <= OUTPUT_CHARS_MAX else f"{text[:half]}\n...\n{text[-half:]}"

@@ -38,7 +38,7 @@ def read_account(site: str, made: Mapping[str, Any]) -> Account:
     token = made.get("access_token")
     if not isinstance(token, str):
         raise Sentence("The server confirmed the code and sent no token: upgrade this client.")
-    return Account(site, token, made.get("course"))
+    return Account(site, token, made.get("course"), made.get("user"))
 
 
 def wait_for_token(

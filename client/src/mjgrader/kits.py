@@ -88,10 +88,10 @@ def unpack_kit(data: bytes, folder: Path) -> Kit:
     with packed:
         for name in packed.namelist():
             parts = PurePosixPath(name).parts
-            if name.startswith("/") or "\\" in name or ":" in name or ".." in parts or not parts:
+            if name.startswith("/") or "\\" in name or ":" in name or ".." in parts or len(parts) < 2:
                 raise Sentence(f"The kit has a file with an odd name, {name!r}: it was not unpacked.")
         for name in packed.namelist():
-            path = folder.joinpath(*PurePosixPath(name).parts)
+            path = folder.joinpath(*PurePosixPath(name).parts[1:])  # the first one is named as the exercise
             if path.exists() and path.suffix in OF_THE_LEARNER and path.name != "mjcourse.py":
                 continue
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ from mjgrader.checking import Check
 from mjgrader.kits import Kit, add_course_module
 from mjgrader.session import Session
 from mjgrader.showing import Answer, Progress
-from mjgrader.sources import Function, find_shell, list_cells, name_function, read_source
+from mjgrader.sources import Function, find_shell, list_cells, name_function, read_source, refuse_other_code
 
 session = Session()
 """The learner's session in this process."""
@@ -68,10 +68,11 @@ def sync() -> list[Answer]:
 
 def hand_in(source: str, kit: Kit, *, anyway: bool) -> Answer:
     """Shows a script, and hands it in."""
-    lines = len(source.splitlines())
+    count = len(source.splitlines())
+    lines = f"{count} line{'s' * (count != 1)}"
     show(
-        f"Handing in {lines} lines:\n{source}",
-        f"<details><summary>Handing in {lines} lines</summary><pre>{escape(source)}</pre></details>",
+        f"Handing in {lines}:\n{source}",
+        f"<details><summary>Handing in {lines}</summary><pre>{escape(source)}</pre></details>",
     )
     return session.submit(source, kit, anyway=anyway)
 
@@ -101,7 +102,9 @@ def load_ipython_extension(shell: Any) -> None:
         kit = session.choose_kit(line.strip() or None, None)
         shell.run_cell(cell).raise_error()
         entry = kit.exercise["entry"]
-        return assemble([*list_cells(shell), shell.transform_cell(cell)], entry), kit
+        source = assemble([*list_cells(shell), shell.transform_cell(cell)], entry)
+        refuse_other_code(shell.user_ns.get(entry), source)
+        return source, kit
 
     def submit_cell(line: str, cell: str) -> Answer:
         source, kit = run_cell(line, cell)

@@ -1,7 +1,7 @@
 """What a learner does: signs in, gets a kit, checks, hands in, and reads verdicts."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import httpx
 
 from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
-from mjgrader.checking import Check, check_source
+from mjgrader.checking import CELLS, Check, check_source
 from mjgrader.connection import Connection
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit, find_kit, unpack_kit
@@ -21,6 +21,7 @@ POLL_S = (0.3, 0.5, 1.0, 2.0)
 """Pauses between questions for a verdict [s]; the last one repeats."""
 VERDICT_S_MAX = 900.0
 
+NOT_HANDED_IN = "Nothing was handed in, and no attempt is used; with anyway=True it is."
 SCOPE_HINT = "Your token is kept in {}; g.sign_out() deletes it."
 
 
@@ -49,15 +50,24 @@ class Session:
         if token is None:
             codes = devices.ask_for_code(site, self.transport)
             (show or self.show_code)(codes)
-            account = devices.wait_for_token(site, codes, self.say, self.transport)
+            try:
+                account = devices.wait_for_token(site, codes, self.say, self.transport)
+            except KeyboardInterrupt:
+                raise Sentence("The sign-in was stopped: no token was kept.") from None
+        elif not token.strip():
+            raise Sentence("The token is empty: paste the one that your instructor gave you.")
         else:
             account = Account(site, token.strip())
-        quizzes = Connection(account, self.say, self.transport).get("/quizzes")["items"]  # the token is tried
+        connection = Connection(account, self.say, self.transport)
+        quizzes = connection.get("/quizzes")["items"]  # the token is tried
+        names = ", ".join(dict.fromkeys(name for _, name in self.list_exercises(connection, quizzes)))
         self.account = account
         kept = (
             f" {SCOPE_HINT.format(save_account(account))}" if remember else " Your token is kept in this process alone."
         )
-        self.say(f"Signed in at {site}: {len(quizzes)} quizzes.{kept}")
+        whom = f" as {account.user}" if account.user else ""
+        count = f"{len(quizzes)} {'quiz' if len(quizzes) == 1 else 'quizzes'}"
+        self.say(f"Signed in{whom} at {site}: {count}, exercises: {names or 'none yet'}.{kept}")
         if any(True for _ in outbox.list_waiting(site)):
             self.say("Answers wait to be sent: g.sync() sends them as yours.")
 
@@ -76,22 +86,29 @@ class Session:
         connection = self.connect()
         quiz = quiz or self.find_quiz(connection, question)
         data = connection.request("GET", f"/quizzes/{quiz}/questions/{question}/kit").content
-        self.kit = unpack_kit(data, Path(folder) if folder is not None else self.folder / question)
+        target = Path(folder) if folder is not None else self.folder / question
+        there = {path.name for path in target.glob("*.py")}
+        self.kit = unpack_kit(data, target)
+        if (name := Path(self.kit.script).name) in there:
+            self.say(f"Your {name} was there, and was kept.")
         return self.kit
 
     def find_quiz(self, connection: Connection, question: str) -> str:
         """Returns the quiz of a question. Raises Sentence where none or several have it."""
-        found, known = [], []
-        for quiz in connection.get("/quizzes")["items"]:
-            shown = connection.get(f"/quizzes/{quiz['id']}").get("questions") or []
-            names = [one["id"] for one in shown if one.get("kind") == "code"]
-            known += names
-            found += [quiz["id"]] * (question in names)
+        known = list(self.list_exercises(connection, connection.get("/quizzes")["items"]))
+        found = [quiz for quiz, name in known if name == question]
         if not found:
-            raise Sentence(f"There is no exercise {question!r}. The course has: {', '.join(known) or 'none yet'}.")
+            names = ", ".join(name for _, name in known) or "none yet"
+            raise Sentence(f"There is no exercise {question!r}. The course has: {names}.")
         if len(found) > 1:
             raise Sentence(f'Several quizzes have {question}: add quiz="{found[0]}" or one of {", ".join(found[1:])}.')
-        return str(found[0])
+        return found[0]
+
+    def list_exercises(self, connection: Connection, quizzes: Iterable[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+        """Yields the quiz and the id of every exercise that is open."""
+        for quiz in quizzes:
+            shown = connection.get(f"/quizzes/{quiz['id']}").get("questions") or []
+            yield from ((str(quiz["id"]), str(one["id"])) for one in shown if one.get("kind") == "code")
 
     def choose_kit(self, question: str | None, entry: str | None, quiz: str | None = None) -> Kit:
         """Returns the kit that is meant: the one that is named, else the one begun last. Raises Sentence."""
@@ -100,29 +117,32 @@ class Session:
             return last
         return find_kit(self.folder, question, entry, quiz)
 
-    def check(self, source: str, kit: Kit) -> Check:
-        """Judges the visible cases on this machine. Raises Sentence."""
-        return check_source(source, kit)
+    def check(self, source: str, kit: Kit, file: str = CELLS) -> Check:
+        """Judges the visible cases on this machine; tracebacks name `file`. Raises Sentence."""
+        self.say("Running the visible cases ...")
+        return check_source(source, kit, file)
 
-    def submit(self, source: str, kit: Kit, *, anyway: bool = False, wait: bool = True) -> Answer:
+    def submit(self, source: str, kit: Kit, file: str = CELLS, *, anyway: bool = False, wait: bool = True) -> Answer:
         """Runs a script in a fresh process, hands it in, and waits for its verdict. Raises Sentence; NotRunning where
         the script does not run, which uses no attempt, unless `anyway`."""
         connection = self.connect()
         if not anyway:
-            self.rehearse(source, kit)
+            self.rehearse(source, kit, file)
         waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source)
         outbox.deliver_all(connection, of_others=False, but=waiting)
         self.last = Answer(outbox.deliver(connection, waiting), connection.account.site)
         return self.wait(self.last) if wait else self.last
 
-    def rehearse(self, source: str, kit: Kit) -> Check:
-        """Runs the script alone. Raises NotRunning where no visible case returns."""
-        check = check_source(source, kit)
-        if check.findings and not check.ran:
-            why = next(one["message"] for one in check.findings if one["raised"])
-            hint = " It works only in your kernel: define what it names in a cell." if "NameError" in why else ""
-            raise NotRunning(f"{why}{hint} Nothing was handed in, and no attempt is used.", check.output)
-        return check
+    def rehearse(self, source: str, kit: Kit, file: str) -> None:
+        """Runs the script alone. Raises NotRunning where no visible case returns, or any lacks what it names."""
+        try:
+            check = self.check(source, kit, file)
+        except NotRunning as error:
+            raise NotRunning(f"{error} {NOT_HANDED_IN}") from None
+        if why := check.obstacle:
+            kernel = "NameError" in why and file == CELLS
+            hint = "It works only in your kernel: define what it names in a cell. " if kernel else ""
+            raise NotRunning(f"{why} {hint}{NOT_HANDED_IN}", check.output)
 
     def wait(self, answer: Answer) -> Answer:
         """Waits until a submission has its verdict, and says how it stands. Raises Sentence."""
@@ -161,6 +181,8 @@ class Session:
         options = {"params": {"question": question, "limit": 1} if question else {"limit": 1}}
         items = connection.get("/submissions", **options)["items"]
         if not items:
+            if question:
+                self.find_quiz(connection, question)  # names those that there are
             raise Sentence("You have handed in nothing yet.")
         return self.wait(self.read(connection, items[0]["id"]))
 

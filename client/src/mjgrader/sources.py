@@ -1,13 +1,20 @@
 """Where the text of a function comes from: the cells of a notebook, or the file that defines it."""
 
+import __future__
+
+import ast
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from mjgrader.assembling import assemble
 from mjgrader.errors import Sentence
+
+FUTURE = sum(getattr(__future__, name).compiler_flag for name in __future__.all_feature_names)
+"""The flags of `from __future__ import`, which a notebook keeps for later cells."""
 
 MAGICS = ("%%submit", "%%check")
 Function = Callable[..., Any] | str
@@ -32,6 +39,8 @@ def name_function(function: Function) -> str:
     """Returns the name of a function. Raises Sentence for anything else."""
     name = function if isinstance(function, str) else getattr(function, "__name__", "")
     if not isinstance(name, str) or not name.isidentifier():
+        if name == "<lambda>":
+            raise Sentence("A lambda has no name: write it with def.")
         raise Sentence("Give the function itself, as in g.check(largest_stable_timestep), or its name.")
     return name
 
@@ -44,6 +53,7 @@ def read_source(function: Function, entry: str) -> str:
         source = assemble(list_cells(shell), name)
     else:
         source = assemble([read_file_of(function)], name)
+    refuse_other_code(shell.user_ns.get(name) if shell is not None and isinstance(function, str) else function, source)
     return source if name == entry else f"{source}\n{entry} = {name}\n"
 
 
@@ -59,3 +69,34 @@ def read_file_of(function: Function) -> str:
         raise Sentence(
             "The text of the function cannot be found: write it to a file, and use `mjgrade check FILE`."
         ) from None
+
+
+def refuse_other_code(function: Any, source: str) -> None:
+    """Raises Sentence where a script defines a function of this name, and all of its definitions are other code, as
+    after `%run -i` or `exec`. What the script imports is not compared."""
+    code = getattr(inspect.unwrap(function) if callable(function) else function, "__code__", None)
+    if code is None:
+        return
+    body = ast.parse(source).body  # IPython compiles statement by statement, and calls of what is imported differ then
+    modules = [ast.Module(statements, []) for statements in (body, *([one] for one in body))]
+    compiled = [compile(one, "script", "exec", flags=code.co_flags & FUTURE, dont_inherit=True) for one in modules]
+    defined = [one for whole in compiled for one in list_codes(whole) if one.co_name == code.co_name]
+    if defined and strip_places(code) not in map(strip_places, defined):
+        raise Sentence(
+            f"{code.co_name} in your kernel is not the one in your cells: it was defined anew by %run, exec or an "
+            "import. Paste the newest definition into a cell and run it. Nothing was checked or handed in."
+        )
+
+
+def list_codes(code: CodeType) -> Iterator[CodeType]:
+    """Yields the codes of all functions and classes in a code, at any depth."""
+    for one in code.co_consts:
+        if isinstance(one, CodeType):
+            yield one
+            yield from list_codes(one)
+
+
+def strip_places(code: CodeType) -> CodeType:
+    """Returns a code without file and lines, so that `==` compares instructions, constants and names."""
+    constants = tuple(strip_places(one) if isinstance(one, CodeType) else one for one in code.co_consts)
+    return code.replace(co_filename="", co_firstlineno=1, co_linetable=b"", co_consts=constants)

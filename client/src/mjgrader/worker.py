@@ -2,10 +2,14 @@
 kernel nor the judge sees what a script changes. `python -m mjgrader.worker run|judge JOB RESULTS`: files of JSON."""
 
 import base64
+import builtins
+import importlib
 import json
+import linecache
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +24,10 @@ from mjgrader.judges import DRIVERS, JUDGES
 
 STEPPERS = ("mj_step", "mj_step1", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta")
 """Functions of MuJoCo that take a step, which some exercises forbid."""
+
+
+OF_THE_JAIL = {"numpy", "scipy", "mujoco", "mjcourse", "__main__", *sys.stdlib_module_names}
+"""What a script can import on the server."""
 
 
 class Refused(Exception):
@@ -40,6 +48,7 @@ def run_job(job: Mapping[str, Any]) -> dict[str, Any]:
     if driver is not None:
         prepare_harness(driver)
     forbid = forbid_steps() if job["without_integrators"] else None
+    refuse_imports(job["file"])
     try:
         student = load_script(job["source"], job["file"])
         if forbid:
@@ -51,8 +60,10 @@ def run_job(job: Mapping[str, Any]) -> dict[str, Any]:
     except Refused as error:
         return {"status": "forbidden", "why": str(error), "results": {}}
     except BaseException as error:
-        where = next((f" in line {one.lineno}" for one in reversed(list_frames(error, job["file"]))), "")
-        traceback.print_exception(error)
+        frames = list_frames(error, job["file"])
+        where = f" in line {frames[-1].lineno}" if frames else ""
+        shown = [] if isinstance(error, SyntaxError) else traceback.format_list(frames)
+        print("".join([*shown, *traceback.format_exception_only(type(error), error)]), file=sys.stderr)
         return {"status": "crashed", "why": f"{type(error).__name__}{where}: {error}", "results": {}}
     return {"status": "returned", "why": "", "results": results}
 
@@ -78,8 +89,38 @@ def load_script(source: str, file: str) -> ModuleType:
     module = ModuleType("script")
     module.__file__ = file
     sys.modules["script"] = module
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     exec(compile(source, file, "exec"), vars(module))  # noqa: S102
     return module
+
+
+def refuse_imports(file: str) -> None:
+    """Makes an import of what the server does not have fail in the script as it does there, and say why. Modules that
+    import others are left alone."""
+
+    def wrap(load: Callable[..., Any]) -> Callable[..., Any]:
+        def load_module(name: str, *arguments: Any, **named: Any) -> Any:
+            top = name.partition(".")[0]
+            if top and top not in OF_THE_JAIL and sys._getframe(1).f_code.co_filename == file:
+                refuse_import(top)
+            return load(name, *arguments, **named)
+
+        return load_module
+
+    builtins.__import__ = wrap(builtins.__import__)
+    importlib.import_module = wrap(importlib.import_module)
+
+
+def refuse_import(name: str) -> None:
+    """Raises ModuleNotFoundError for a module that is on this machine, and not on the server."""
+    spec = PathFinder.find_spec(name)
+    if spec is None:
+        return
+    origin = Path(spec.origin or next(iter(spec.submodule_search_locations or ()), ""))
+    if {"site-packages", "dist-packages"} & {*origin.parts}:
+        has = "NumPy, SciPy, MuJoCo and Python's standard library"
+        raise ModuleNotFoundError(f"the server does not have {name}: a script can import {has}", name=name)
+    raise ModuleNotFoundError(f"{name} is a file of yours: paste it into a cell, or into the script", name=name)
 
 
 def forbid_steps() -> Callable[[], None]:

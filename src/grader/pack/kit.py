@@ -26,12 +26,12 @@ COURSE_MODULE = files("grader.pack").joinpath("kit_files/mjcourse.py").read_text
 README = """# {title}
 
 - `{quiz} {question}`, {points:g} points; {hidden:g} of them are for hidden cases, which only the server runs.
-- `{script}` is where you begin: `pip install mujoco numpy`, then `python {script}`.
+- `{script}` is where you begin: `pip install mujoco=={mujoco} numpy`, then `python {script}`.
 - `{notebook}` has the task and the same script, for Jupyter, VS Code and Colab.
 - `mjcourse.py` finds the models in `models/`, as the course's own module does on the server.
 - `exercise.json` has the visible cases, and says how they are judged.
-- With `mujoco-grader-client`: `mjgrade check {script}` judges the visible cases here and uses no attempt;
-  `mjgrade submit {script}` hands in. Without it, hand the script in on the exercise's page.
+- With `mujoco-grader-client`, a wheel that your course gives you: `mjgrade check {script}` judges the visible cases
+  here and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
 - The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
 """
 
@@ -47,7 +47,8 @@ class _Asked:
 
 
 def build_kit(library: Library, quiz: str, question: str) -> bytes:
-    """Returns the kit of an exercise as a zip file. Raises NotFound, also for a question that is no exercise."""
+    """Returns the kit of an exercise, a zip file of one folder of its name. Raises NotFound, also for a question
+    that is no exercise."""
     return _build(_Asked(quiz, question, library.digest(quiz), library))
 
 
@@ -57,7 +58,7 @@ def _build(asked: _Asked) -> bytes:
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as packed:
         for path, text in texts.items():
-            packed.writestr(entry(path), text)
+            packed.writestr(entry(f"{asked.question}/{path}"), text)
     return written.getvalue()
 
 
