@@ -44,7 +44,7 @@ READS = {
         "/reviews", "/reviews/disagreements", "/reviews/comments?quiz=small&question=q4", "/submissions/{id}/review",
         "/regrades", "/regrades/{regrade}", "/members", "/invitations", "/tokens", "/course", "/audit",
         "/gradebook.csv", "/quizzes/small/statistics", "/quizzes/small/extensions", "/roster.csv", "/roster.zip",
-        "/webhooks", "/webhooks/{webhook}", "/deliveries", "/lti/platforms", "/lti/contexts",
+        "/webhooks", "/webhooks/{webhook}", "/deliveries", "/lti/platforms", "/lti/contexts", "/courses",
     ],
     "service": ["/results", "/lms/submissions/{behalf}"],
 }  # fmt: skip

@@ -31,8 +31,8 @@ def stage(root: Path, out: Path) -> None:
 
 
 def list_pages(root: Path) -> list[Path]:
-    """Returns every page in Markdown: those beside docs/ and those in it."""
-    return [*sorted(root.glob("*.md")), *sorted((root / DOCS).rglob("*.md"))]
+    """Returns every page in Markdown: those beside docs/, that of the client, and those in docs/."""
+    return [*sorted(root.glob("*.md")), *sorted(root.glob("client/*.md")), *sorted((root / DOCS).rglob("*.md"))]
 
 
 def place_of(path: Path) -> Path:

@@ -50,7 +50,7 @@ def test_canvas_gets_the_same_addresses(pair: Joined) -> None:
 def test_every_registration_is_taken(line: str, tmp_path: Path) -> None:
     words = shlex.split(line)[1:]
     done = CliRunner().invoke(cli, [*words, "--data", str(tmp_path)], catch_exceptions=False)
-    assert (done.exit_code, done.output.strip()) == (0, "1")
+    assert (done.exit_code, done.stdout.strip()) == (0, "1")
 
 
 @pytest.mark.parametrize("name", sorted({shlex.split(line)[2] for line in COMMANDS}))
