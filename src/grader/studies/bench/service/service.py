@@ -23,6 +23,8 @@ from grader.studies.bench.service.workers import SCRIPTS, Workers
 from grader.studies.bench.study import Measurement, Record, Records, Study
 
 STUDENTS = 4
+SHOWN = {"service": "the service", "each": "bare, a commit each", "gathered": "bare, gathered"}
+"""The servers as the picture names them."""
 
 WORKERS = 2
 BURST = 200
@@ -188,7 +190,7 @@ def summarise(records: Records) -> Record:
 
 def draw(records: Records, _summary: Record) -> Figure:
     """Median and 95th percentile of each load that has them."""
-    figure = Figure(figsize=(7, 4))
+    figure = Figure(figsize=(7, 6))
     axes = figure.subplots()
     bars = [
         (describe_bar(key, row), row) for key, record in records.items() for row in key.rows(record) if "p95_s" in row
@@ -208,7 +210,7 @@ def describe_bar(key: Measurement, row: Record) -> str:
     if isinstance(key, Load):
         return f"{key.load}, {key.students} at once: {row['per_second']:.0f} a second"
     if isinstance(key, Beside):
-        return f"{row['server']} on {key.backend}, {key.students} at once: {row['per_second']:.0f} a second"
+        return f"{SHOWN[row['server']]} on {key.backend}, {key.students} at once: {row['per_second']:.0f} a second"
     return f"judging {key.exercise}, our own CPU time" if isinstance(key, Judging) else str(row["run"])
 
 
