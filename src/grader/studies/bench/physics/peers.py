@@ -61,28 +61,27 @@ def find_peers(name: str) -> dict[str, Peer]:
 
 def make_python_loop(scene: Scene, integrator: str) -> Run:
     """Returns the lesson's loop: one `mj_step` per call from Python, with the wheel's timer and nothing skipped."""
-    with scene.borrow(integrator=BY_NAME[integrator].code, keep=False) as workspace:
-        model, data = workspace.model, workspace.data
-    start = scene.start
 
-    def run(timestep_s: float, times: Array) -> Array:
-        model.opt.timestep = timestep_s
-        mujoco.mj_resetData(model, data)
-        data.qpos, data.qvel = start.qpos, start.qvel
-        samples = np.empty((len(times), model.nq))
-        samples[0] = data.qpos
+    def advance(model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> None:
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+
+    run = make_plain(scene, integrator, advance)
+
+    def run_timed(timestep_s: float, times: Array) -> Array:
         with restore_timer():
-            for row in range(1, len(times)):
-                for _ in range(round((times[row] - times[row - 1]) / timestep_s)):
-                    mujoco.mj_step(model, data)
-                samples[row] = data.qpos
-        return samples
+            return run(timestep_s, times)
 
-    return run
+    return run_timed
 
 
 def make_nstep(scene: Scene, integrator: str) -> Run:
     """Returns plain MuJoCo in C: one call of `mj_step` with nstep between two times, the timer off, nothing skipped."""
+    return make_plain(scene, integrator, mujoco.mj_step)
+
+
+def make_plain(scene: Scene, integrator: str, advance: Callable[[mujoco.MjModel, mujoco.MjData, int], None]) -> Run:
+    """Returns a run in which `advance` takes so many steps from one time to the next."""
     with scene.borrow(integrator=BY_NAME[integrator].code, keep=False) as workspace:
         model, data = workspace.model, workspace.data
     start = scene.start
@@ -94,7 +93,7 @@ def make_nstep(scene: Scene, integrator: str) -> Run:
         samples = np.empty((len(times), model.nq))
         samples[0] = data.qpos
         for row in range(1, len(times)):
-            mujoco.mj_step(model, data, round((times[row] - times[row - 1]) / timestep_s))
+            advance(model, data, round((times[row] - times[row - 1]) / timestep_s))
             samples[row] = data.qpos
         return samples
 
