@@ -22,7 +22,7 @@ RERUNS ?= 0
 # ones do not, and each process takes ten seconds to import them all.
 TOGETHER := --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
-PAGES := docs/measured.md
+PAGES := docs/measured.md docs/deploy.md
 
 # Each stamp names the state of the locks that was installed. What development needs includes what serving needs.
 STATE := $(shell cat requirements.lock requirements-dev.lock $(MUJOCO_LOCK) pyproject.toml | cksum | cut -d' ' -f1)
@@ -33,7 +33,7 @@ DEVELOPING := $(VENV)/developing-$(STATE)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint client wheel docs \
+.PHONY: help install lti-foreign serve test wasm test-fast test-pythons check verdicts fuzz-content lint vendor client wheel docs \
 	release examples lock bench-check \
 	measured measured-tables \
 	clean jail-package
@@ -43,14 +43,14 @@ help: ## this list
 
 install: $(DEVELOPING) jail-package ## the virtual environment, every locked package and bubblewrap
 
-serve: $(SERVING) jail-package ## the lesson at http://127.0.0.1:8000 (PORT=, HOST=, DATA=)
+serve: $(SERVING) jail-package ## the lessons at http://127.0.0.1:8000 (PORT=, HOST=, DATA=)
 	@exec $(BIN)/grader serve --host $(HOST) --port $(PORT) --data $(DATA)
 
 test: install ## the whole test suite: lint, types, layers, jail, database, browser (MUJOCO=4.0.0)
-	@.ci/system-packages chromium:chromium node:nodejs npm:npm nginx:nginx openssl:openssl \
+	@.ci/system-packages chromium-headless-shell:chromium-headless-shell node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy zsh:zsh docker-compose:docker-compose pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
-	$(BIN)/python -m pytest -n 3 $(TOGETHER) --reruns $(RERUNS)
+	$(BIN)/python -m pytest -n 3 $(TOGETHER) $(if $(filter-out 0,$(RERUNS)),--reruns $(RERUNS))
 
 wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
 
@@ -81,6 +81,11 @@ lint: $(DEVELOPING) ## ruff, mypy and the layers alone
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+vendor: ## the bundles in src/grader/web/static/vendor, made anew with Node.js
+	@mkdir -p build/vendor
+	@cp deploy/vendor/*.js* deploy/vendor/*.mjs deploy/vendor/.npmrc build/vendor/
+	@cd build/vendor && npm ci --silent && node build.mjs ../../src/grader/web/static/vendor
+
 client: ## the wheel of mujoco-grader-client, into build/client
 	@rm -rf build/client build/client-parts client/src/*.egg-info
 	@build/client-env/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv build/client-env
@@ -90,7 +95,7 @@ client: ## the wheel of mujoco-grader-client, into build/client
 	@ls build/client/*.whl
 
 wheel: $(SERVING) ## the wheel of the grader, into dist/
-	@rm -rf build/lib build/bdist.*
+	@rm -rf build/lib build/bdist.* dist/mujoco_grader-*.whl
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
 	@ls dist/*.whl
 
