@@ -91,6 +91,10 @@ class Unprocessable(CallerError):
     """Well-formed, but not meaningful."""
 
 
+class WrongMoments(Unprocessable):
+    """The zone or a moment of a form cannot be read: a sentence a line, each with the label of its field."""
+
+
 class FaultyRows(CallerError):
     """Rows of a file cannot be taken, so that none was; `faults` lists each with its file, line and column."""
 

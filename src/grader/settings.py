@@ -31,6 +31,13 @@ def default_content() -> Path:
     return packaged if packaged.is_dir() else package.parents[1]
 
 
+def default_cache(fields: dict[str, Any]) -> Path:
+    """The user's folder for what can be computed again; below the data folder where the user has no home."""
+    homes = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME")
+    home = Path(homes[0]) if homes[0] else Path(homes[1], ".cache") if homes[1] else Path(fields["data"], "cache")
+    return home / "mujoco-grader"
+
+
 def nearest(name: str, known: set[str]) -> str:
     """A question after the name that was probably meant; empty if none is near."""
     near = get_close_matches(name.upper(), known, n=1)
@@ -53,6 +60,10 @@ class Settings(BaseSettings):
         description='Content folders of courses that have their own, as JSON: {"mechanics": "/srv/mechanics"}.',
     )
     data: Path = Field(default=Path(".data"), description="Folder of the SQLite database.")
+    cache: Path = Field(
+        default_factory=default_cache,
+        description="Folder that keeps which checks of content have passed.",
+    )
     database_url: str | None = Field(
         default=None, description="postgresql://user@host/name for PostgreSQL; SQLite in the data folder if not given."
     )

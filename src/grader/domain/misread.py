@@ -8,6 +8,8 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+NO_MOMENT = "must be a date and time with its offset, such as 2026-10-19T18:00+02:00"
+
 KnownKeys = Callable[[Sequence[str]], Iterable[str]]
 """Returns the keys that are allowed beside a key, by the names in pydantic's location of it."""
 
@@ -69,7 +71,8 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
             return f"there is no {detail['ctx']['tag']!r}: one of {detail['ctx']['expected_tags']}"
         case "option_index":
             return detail["msg"]
-    why = re.sub(r"^(Input|String|Tuple|List|Dictionary) should", "must", detail["msg"]).removeprefix("Value error, ")
+    why = NO_MOMENT if detail["type"].startswith(("timezone_aware", "datetime")) else detail["msg"]
+    why = re.sub(r"^(Input|String|Tuple|List|Dictionary) should", "must", why).removeprefix("Value error, ")
     why = why.replace("a valid array", "a list between [ and ]").replace(" after validation", "")
     given = detail["input"]
     return f"{why}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else why

@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from grader.domain.verdict import Status
-
 EARLIEST, LATEST = datetime(2000, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 """Years outside are typing errors; near year 1 and 9999 a moment cannot be converted to UTC."""
 
@@ -38,22 +36,28 @@ class Late(PolicyPart):
     until: Moment
 
 
+ONE_BY_ONE = "one by one"
+"""The context of a validation that checks each value, but not whether the values fit each other."""
+
+
 def _after_opens(due: datetime | None, info: ValidationInfo) -> datetime | None:
     opens = info.data.get("opens")
-    if due is not None and opens is not None and due <= opens:
+    if info.context != ONE_BY_ONE and due is not None and opens is not None and due <= opens:
         raise PydanticCustomError("policy", "must be later than opens")
     return due
 
 
 def _after_due(late: Late | None, info: ValidationInfo) -> Late | None:
-    due = info.data.get("due")
-    if late is not None and "due" in info.data and (due is None or late.until <= due):
+    if info.context == ONE_BY_ONE or late is None or "due" not in info.data:
+        return late
+    due = info.data["due"]
+    if due is None or late.until <= due:
         raise PydanticCustomError("policy", "needs a due date, and an until that is later")
     return late
 
 
 def _with_due(when: str, info: ValidationInfo) -> str:
-    if when == "after_due" and info.data.get("due", when) is None:
+    if info.context != ONE_BY_ONE and when == "after_due" and info.data.get("due", when) is None:
         raise PydanticCustomError("policy", "after_due needs a due date: add due")
     return when
 
@@ -75,6 +79,11 @@ class Policy(PolicyPart):
         Literal["with_feedback", "when_right_or_spent", "after_due", "never"], AfterValidator(_with_due)
     ] = "when_right_or_spent"
 
+    @property
+    def shows_feedback_at_once(self) -> bool:
+        """Whether learners see with every verdict how they were graded."""
+        return self.feedback == "immediate"
+
 
 class Extension(PolicyPart):
     """Later dates, and further attempts at every question of the quiz, for one learner. Dates that are earlier than the
@@ -94,9 +103,3 @@ class Progress:
     used: int = 0
     pending: int = 0
     solved: bool = False
-
-    def after(self, status: Status | None) -> "Progress":
-        """The progress after one more attempt with this status; None while it has no verdict."""
-        uses_attempt = status is None or status.uses_attempt
-        solved = self.solved or status is Status.CORRECT
-        return Progress(self.used + uses_attempt, self.pending + (status is None), solved)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,38 @@ def ignore(*_: object) -> None:
 def never() -> bool:
     """Never."""
     return False
+
+
+class ChannelClosed(Exception):
+    """The script's process has ended, or a limit has ended it: nothing more can be asked."""
+
+
+class MalformedAnswer(Exception):
+    """The script's process has answered what no driver answers; raised by a talk, it ends the script."""
+
+
+class Channel(Protocol):
+    """Asks the driver of a running script, one message at a time."""
+
+    def ask(self, message: bytes) -> bytes:
+        """Sends a message and returns the answer, a claim of at most ANSWER_BYTES_MAX. Raises ChannelClosed."""
+
+    def end(self) -> None:
+        """Tells the driver that the messages of one trial end here: its `exchange` returns None."""
+
+    def wait_for_hidden(self) -> None:
+        """Waits until the driver has asked for the hidden inputs: what is asked from here on may be hidden. Raises
+        ChannelClosed."""
+
+    def limit(self, cpu_s: float) -> None:
+        """Allows the script this much CPU time from now on [s], until the next call; never more than the job does."""
+
+    def tell(self, name: str) -> None:
+        """Tells the job's `heard` that the part of this name is done."""
+
+
+ANSWER_BYTES_MAX = 64 * 1024
+"""The longest answer over a channel."""
 
 
 class Limits(BaseModel):
@@ -40,8 +72,11 @@ class Job:
     returns one named array of numbers (text as uint8). The inputs reach the process after the import. A driver that
     defines `compile_source(source, filename)` compiles the module itself.
 
+    `codes` are code objects as `marshal` writes them, which the driver finds by name among its names, in `codes`.
+
     `hidden_inputs` reach it when the driver calls `hidden_inputs()`, a name that the jail defines. Output after that
-    call is dropped, and results are kept apart.
+    call is dropped, and results are kept apart. `late_inputs` returns what is added to them at that moment; it must
+    not raise, and may wait a little.
 
     `without_integrators`: MuJoCo's integrators are removed from the process after the module has been imported, before
     the inputs reach it. Nothing steps a model from there on; the report counts the attempts. Where the jail
@@ -50,7 +85,11 @@ class Job:
 
     `sent` is called once the process has the script and works, `heard` with the name of every result as it arrives, but
     for those after the request for the hidden inputs; both in the thread of the run, which also asks `is_stopped`,
-    several times a second, whether to end the script."""
+    several times a second, whether to end the script.
+
+    `talk` is called with a channel to the driver once that has its inputs: the driver's `exchange(answer)` sends an
+    answer, None at first, and returns the next message, None at the end of a trial. Time in which the script waits for
+    `talk` is not counted. `talk` runs in the thread of the run; it lets ChannelClosed pass, or returns what it has."""
 
     source: str
     driver: str
@@ -59,9 +98,12 @@ class Job:
     filename: str = "submission.py"
     without_integrators: bool = False
     hidden_inputs: Mapping[str, Any] = field(default_factory=dict)
+    late_inputs: Callable[[], Mapping[str, Any]] = dict
+    codes: Mapping[str, bytes] = field(default_factory=dict)
     sent: Callable[[], object] = ignore
     heard: Callable[[str], object] = ignore
     is_stopped: Callable[[], bool] = never
+    talk: Callable[[Channel], object] | None = None
 
 
 class RunStatus(StrEnum):
@@ -91,3 +133,5 @@ class RunReport:
     cpu_s: float = 0.0
     wall_s: float = 0.0
     stepped: int = 0
+    talked: Any = None
+    """What the job's `talk` returned; None if it did not. Of all that is here only this is ours."""

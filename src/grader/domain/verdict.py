@@ -60,9 +60,22 @@ class Finding(BaseModel):
     expected: PlainJson = None
 
 
+class Span(BaseModel):
+    """A statement of a script: lines from 1, columns from 0 in characters; `end_column` is the one after its last."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
 class Verdict(BaseModel):
     """Status, points and findings of one submission. Verdicts are append-only: a regrade adds one. With "reveal":
-    "direction", `direction` takes the place of `diagnosis`; None: no diagnosis there."""
+    "direction", `direction` takes the place of `diagnosis`; None: no diagnosis there. `line` is the line of the
+    script, from 1, that the diagnosis is about, and `span` the statement there; None where it is about no line.
+    `remark` is a sentence on a right answer."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -72,8 +85,11 @@ class Verdict(BaseModel):
     findings: tuple[Finding, ...] = ()
     diagnosis: str | None = None
     direction: str | None = None
+    line: int | None = None
+    span: Span | None = None
     read_as: str | None = None
     explain: str | None = None
+    remark: str | None = None
     evidence: dict[str, PlainJson] = Field(default_factory=dict)
     stdout: str = ""
     stderr: str = ""

@@ -19,12 +19,13 @@ from grader.expressions.lib import RECORD_PARTS
 from grader.expressions.machine import count_arguments, find_callback
 from grader.expressions.methods import CALLBACKS
 from grader.expressions.runtime import FUNCTIONS
-from grader.expressions.scope import ROOTS, Scope
+from grader.expressions.scope import ROOTS, Scope, suggest
 from grader.expressions.syntax import FUNCTIONS as FUNCTION_TYPES
 from grader.expressions.syntax import (
     SyntaxRefused,
     get_field,
     list_parts,
+    read_number,
     read_text,
 )
 from grader.expressions.terms import CONSTRUCTORS, NO_FUNCTIONS, Terms, find_function_path
@@ -54,7 +55,7 @@ class Chains(Terms, ABC):
             self.need("ctx", key)
             return Term(build_expression("ctx[KEY]", KEY=ast.Constant(key)))
         if path not in paths.NUMBERS:
-            raise SyntaxRefused(node, f"{path} cannot be read here")
+            raise SyntaxRefused(node, f"{path} cannot be read here{suggest(path, paths.READABLE)}")
         kind = paths.NUMBERS[path]
         return Term(build_expression("READ()" if kind == "scalar" else "READ", READ=self.need(kind, path)), Kind.NUMBER)
 
@@ -71,6 +72,8 @@ class Chains(Terms, ABC):
 
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = self._field_of(node)
+        if path in paths.WRITABLE and (index := get_field(node, "index")).type == "number":
+            self.elements.append((path or "", read_number(index), node.start_point))
         if path == "ctx":
             return self.located(node, "read_named(ctx, KEY)", KEY=self.value_of(scope, get_field(node, "index")))
         if path is not None and not is_optional(node):
@@ -189,7 +192,8 @@ class Chains(Terms, ABC):
     def _method_call(self, scope: Scope, node: Node, function: Node, args: list[Node]) -> Build:
         method, path = read_text(get_field(function, "property")), paths.find_path(get_field(function, "object"))
         if method not in CALLBACKS or path in ROOTS:
-            raise SyntaxRefused(function, f"{read_text(function)[:60]}() is not available")
+            name = read_text(function)[:60]
+            raise SyntaxRefused(function, f"{name}() is not available{suggest(name, FUNCTIONS.keys())}")
         if method in ARRAY_WRITERS and paths.WRITABLE.get(path) is False:
             raise SyntaxRefused(node, f"{path} can only be read")
 

@@ -58,6 +58,10 @@ CONSTANTS: dict[str, float] = {
 """The numbers that a path always means."""
 
 
+READABLE = sorted(filter(None, (*WRITABLE, *NUMBERS, *CONSTANTS)))
+"""Every path that a program may read."""
+
+
 def ctx_name(node: Node, path: str) -> str:
     """Returns the name of a ctx value, if the path is one. Raises SyntaxRefused for JavaScript's own."""
     owner, _, name = path.rpartition(".")
@@ -74,7 +78,7 @@ _BLANK = Machine(_EMPTY, mujoco.MjData(_EMPTY))
 
 def holds_floats(path: str) -> bool:
     """Whether the elements of the array at an allowed path are floats."""
-    return not _bind_vector(_BLANK, path).whole
+    return not bind_vector(_BLANK, path).whole
 
 
 def _bind_scalar(m: Machine, path: str) -> Callable[[], float]:
@@ -99,7 +103,7 @@ def _bind_scalar_writer(m: Machine, path: str) -> Callable[[Value], Value]:
     return write
 
 
-def _bind_vector(m: Machine, path: str) -> Vector:
+def bind_vector(m: Machine, path: str) -> Vector:
     """Returns the field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
     found = m.vectors.get(path)
     if found is None:
@@ -110,12 +114,12 @@ def _bind_vector(m: Machine, path: str) -> Vector:
 
 def _bind_positions(m: Machine, path: str) -> dict[float, int]:
     """Returns the index in Python of each index in JavaScript."""
-    return {float(i): i for i in range(len(_bind_vector(m, path)))}
+    return {float(i): i for i in range(len(bind_vector(m, path)))}
 
 
 def _bind_writer(m: Machine, path: str) -> Callable[[Value, Value], Value]:
     """Writes an element of a field; a value that is no float, or out of range, takes the general way."""
-    vector, positions = _bind_vector(m, path), _bind_positions(m, path) if holds_floats(path) else {}
+    vector, positions = bind_vector(m, path), _bind_positions(m, path) if holds_floats(path) else {}
     view = vector.view
 
     def write(index: Value, value: Value) -> Value:
@@ -129,9 +133,9 @@ def _bind_writer(m: Machine, path: str) -> Callable[[Value, Value], Value]:
 
 
 BINDERS: dict[str, Callable[[Machine, str], object]] = {
-    "vector": _bind_vector,
-    "view": lambda m, path: _bind_vector(m, path).view,
-    "size": lambda m, path: float(len(_bind_vector(m, path))),
+    "vector": bind_vector,
+    "view": lambda m, path: bind_vector(m, path).view,
+    "size": lambda m, path: float(len(bind_vector(m, path))),
     "positions": _bind_positions,
     "write": _bind_writer,
     "count": lambda m, path: _bind_scalar(m, path)(),

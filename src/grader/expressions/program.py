@@ -8,7 +8,7 @@ import mujoco
 from grader.errors import ContentError, Fault, LabError
 from grader.expressions.code import UNPLACED, Kind, finish_code
 from grader.expressions.machine import Machine
-from grader.expressions.paths import BINDERS
+from grader.expressions.paths import BINDERS, bind_vector
 from grader.expressions.runtime import NAMES
 from grader.expressions.scope import Frame, Scope
 from grader.expressions.statements import Compiler
@@ -42,6 +42,7 @@ class Program:
         exec(compile(module, FILE, "exec"), space)  # noqa: S102  nodes and names of our own only, see code.finish
         self.make = space["make"]
         self.needs, self.places = tuple(compiler.needs), compiler.places
+        self.elements = tuple(compiler.elements)
 
     def bind(self, machine: Machine) -> Run:
         """Returns the function `(value=undefined) -> value` that evaluates the program on this machine. A statement
@@ -56,6 +57,16 @@ class Program:
     def run(self, machine: Machine, value: Value = UNDEFINED) -> Value:
         """Evaluate the program once."""
         return self.bind(machine)(value)
+
+    def list_missing_elements(self, machine: Machine) -> list[str]:
+        """Says, with line and column, which elements the text names that no field of this model has."""
+        missing = []
+        for path, index, point in dict.fromkeys(self.elements):
+            size = len(bind_vector(machine, path))
+            if not index < size:
+                has = f"has {size} elements, from 0 to {size - 1}" if size else "has no elements in this model"
+                missing.append(self.source.placed(point, f"there is no {path}[{index:g}]: {path} {has}"))
+        return missing
 
     def _failed(self, error: Exception) -> LabError:
         """Returns the error as it leaves the program, with the innermost place that its traceback names."""

@@ -3,11 +3,13 @@ outlives its call, so a declared name is one variable of one Python function. An
 Python name: variables are numbered."""
 
 import ast
+from collections.abc import Collection
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 from tree_sitter import Node
 
-from grader.expressions.fields import split_names
+from grader.expressions.fields import DATA_RESULTS, DATA_STATE, split_names
 from grader.expressions.runtime import FUNCTIONS
 from grader.expressions.syntax import SyntaxRefused, read_text
 
@@ -19,6 +21,22 @@ RESERVED = split_names("""
     yield let static implements interface package private protected public await eval arguments async of get set
     globalThis window self document process require Object Function Symbol Reflect Proxy
 """)
+
+
+NAMES = (
+    *(f"data.{name}" for name in sorted(DATA_STATE | DATA_RESULTS | {"time"})),
+    *sorted(path for path in FUNCTIONS if "." in path),
+)
+"""What an author may mean by a name alone: a field of the data, or a function of `Math` or `lib`."""
+
+
+def suggest(name: str, known: Collection[str]) -> str:
+    """Returns what an author may have meant by a name, for the end of a sentence; empty where nothing is near. A name
+    alone may lack its root: `qpos` means `data.qpos`."""
+    last = name.rpartition(".")[2]
+    rooted = [one for one in known if one.rpartition(".")[2] == last and one != name]
+    near = rooted[:1] or get_close_matches(name, known, n=1, cutoff=0.75)
+    return f": did you mean {near[0]}?" if near else ""
 
 
 @dataclass
@@ -81,4 +99,4 @@ class Scope:
                     raise SyntaxRefused(node, f"{name} is used before it is declared")
                 return binding
             scope = scope.outer
-        raise SyntaxRefused(node, f"{name} is not known here")
+        raise SyntaxRefused(node, f"{name} is not known here{suggest(name, NAMES)}")

@@ -86,13 +86,15 @@ def read_operator(node: Node, known: Collection[str]) -> str:
 class Terms:
     """Compiles the expressions of one text. `kinds` is what is assumed of each variable (None: nothing),
     `variable_kinds` what is assigned to it; `needs` names what a machine binds before the program runs; `places` are
-    the positions of errors, by line of the compiled code."""
+    the positions of errors, by line of the compiled code; `elements` are those of fields that the text names by a
+    number, each with its position."""
 
     def __init__(self, kinds: dict[str, Kind] | None) -> None:
         self.kinds = kinds
         self.variable_kinds: dict[str, Kind] = {}
         self.needs: dict[tuple[str, str], str] = {}
         self.places: list[tuple[int, int]] = []
+        self.elements: list[tuple[str, float, tuple[int, int]]] = []
         self.temporaries = 0
 
     def need(self, kind: str, path: str) -> str:

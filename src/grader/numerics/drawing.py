@@ -43,6 +43,32 @@ def _choose_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
     return colour
 
 
+def place_geoms(model: mujoco.MjModel, positions: Floats) -> tuple[list[dict[str, Any]], Floats]:
+    """Returns what is drawn of a model at positions (n, nq), and its poses (n, drawn, 7): position [m] and quaternion.
+    Of a model without geoms that are shown, the boxes of inertia of its bodies."""
+    data, geoms = mujoco.MjData(model), list_drawn_geoms(model)
+    bodies = [] if geoms else [body for body in range(1, model.nbody) if model.body_mass[body] > 0]
+    places, matrices = [], []
+    for data.qpos[:] in positions:
+        mujoco.mj_kinematics(model, data)
+        if bodies:
+            mujoco.mj_comPos(model, data)
+        places.append(data.xipos[bodies] if bodies else data.geom_xpos[list(geoms)])
+        matrices.append(data.ximat[bodies] if bodies else data.geom_xmat[list(geoms)])
+    drawn = [_describe_inertia(model, body) for body in bodies] if bodies else list(geoms.values())
+    return drawn, np.dstack([np.array(places), to_quaternions(np.array(matrices))])
+
+
+def _describe_inertia(model: mujoco.MjModel, body: int) -> dict[str, Any]:
+    """Returns the solid box with the mass and the inertia of a body. Source: half sides a, b, c of a box of mass m
+    have m (b^2 + c^2) / 3 = I_a."""
+    inertia = model.body_inertia[body]
+    squared = 1.5 * (inertia.sum() - 2 * inertia) / model.body_mass[body]
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body)
+    size = [round(float(x), 6) for x in np.sqrt(np.maximum(squared, 0))]
+    return {"name": name, "type": "box", "size": size, "rgba": [0.62, 0.65, 0.7, 1.0]}
+
+
 Draw = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]
 
 

@@ -12,6 +12,7 @@ from mujoco import mjtWarning
 from numpy.typing import NDArray
 
 from grader.numerics.needs import assert_proved, list_skippable_flags
+from grader.numerics.recording import SPARSE, record_steps
 from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import STEPS_MAX, Controller, Stepper, advance_exactly, find_first_warning, make_advance
 from grader.numerics.workspace import KEPT, Workspace
@@ -67,10 +68,10 @@ def simulate(
     """Simulate for `seconds` (rounded to whole steps) or `steps` from the scene's start.
 
     Keeps the states of every `every`-th step and of the last, or of the steps nearest to the times `at_s` [s after the
-    start]. A `controller(model, data)` is called before each step and may read and write anything; no part of the
-    engine is then skipped. With `repeat` constraints are skipped too where this scene may need them, but a run from its
-    start at the same timestep, under the same integrator and as long or longer, did not. A `stepper(model, data)`
-    replaces mj_step; it may read anything, and write `data`.
+    start]; `record_steps` takes them where nearly all are kept. A `controller(model, data)` is called before each step
+    and may read and write anything; no part of the engine is then skipped. With `repeat` constraints are skipped too
+    where this scene may need them, but a run from its start at the same timestep, under the same integrator and as long
+    or longer, did not. A `stepper(model, data)` replaces mj_step; it may read anything, and write `data`.
 
     Raises ValueError for a length or timestep that is not finite, is negative or takes more than STEPS_MAX steps, and
     for a stepper that wrote its model; mujoco.FatalError if the memory of the model is too small.
@@ -87,7 +88,7 @@ def simulate(
     wanted = _choose_steps(count, every, at_s, workspace.timestep_s)
     advance = advance_exactly if controller is None and stepper is None else make_advance(controller, stepper)
     written = _save_model(workspace.model) if stepper is not None and keep else b""
-    rollout = _record(workspace, scene.start_vector, wanted, advance)
+    rollout = _record(scene, workspace, wanted, advance)
     if written and _save_model(workspace.model) != written:
         raise ValueError("a stepper may not write its model, which later runs use too")
     if rollout.unconstrained:
@@ -138,26 +139,41 @@ def _choose_steps(
     return np.unique(np.rint(times / timestep_s).astype(np.int64))
 
 
-def _record(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
-    model, data = workspace.model, workspace.data
-    rows = np.empty((len(wanted), workspace.width))
-    kept = done = target = 0
-    for target in wanted.tolist():
-        if target:
-            done += advance(workspace, target - done)
-            if done < target:
-                break
-            mujoco.mj_getState(model, data, rows[kept], KEPT)
-        else:
-            rows[0] = start[: workspace.width]  # a whole integration state begins with what is kept
-        kept += 1
-    if kept < len(rows):
-        wanted, rows = wanted[:kept], rows[:kept].copy()  # which frees the others
+def _record(scene: Scene, workspace: Workspace, wanted: NDArray[np.int64], advance: Advance) -> Rollout:
+    data, last = workspace.data, int(wanted[-1]) if len(wanted) else 0
+    recorded = None
+    if advance is advance_exactly and 0 < last < SPARSE * len(wanted) and scene.inputs is not None:
+        recorded = record_steps(workspace, last, scene.inputs)
+        if recorded is None:
+            scene.restart(workspace)
+    if recorded is None:
+        rows, done = _collect(workspace, scene.start_vector, wanted, advance)
+    else:
+        states, done = recorded
+        kept = wanted[: int(np.searchsorted(wanted, done, side="right"))]
+        rows = states[: done + 1] if len(kept) == done + 1 else states[kept]
+        rows = np.ascontiguousarray(rows[:, : workspace.width])
     rows.setflags(write=False)
-    diverged = done < target
+    diverged = done < last
     warning = find_first_warning(workspace) if diverged else None
     setting = (workspace.columns, workspace.timestep_s, workspace.integrator)
     # MuJoCo keeps the most contacts and constraints of any evaluation since the reset: RK4's stages count too.
     plain = advance is advance_exactly and not diverged
     unconstrained = plain and data.maxuse_con == 0 and data.maxuse_efc == 0
-    return Rollout(wanted, rows, *setting, done, done if diverged else None, warning, unconstrained)
+    steps = wanted[: len(rows)]
+    return Rollout(steps, rows, *setting, done, done if diverged else None, warning, unconstrained)
+
+
+def _collect(workspace: Workspace, start: Vector, wanted: NDArray[np.int64], advance: Advance) -> tuple[Vector, int]:
+    """Returns the states after the wanted steps, (n, width), and the number of completed steps."""
+    rows = np.empty((len(wanted), workspace.width))
+    done = 0
+    for kept, target in enumerate(wanted.tolist()):
+        if target:
+            done += advance(workspace, target - done)
+            if done < target:
+                return rows[:kept].copy(), done  # which frees the others
+            mujoco.mj_getState(workspace.model, workspace.data, rows[kept], KEPT)
+        else:
+            rows[0] = start[: workspace.width]  # a whole integration state begins with what is kept
+    return rows, done

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from grader.numerics import needs as proofs
 from grader.numerics.integrators import BY_CODE
 from grader.numerics.process import prepare
+from grader.numerics.recording import find_inputs
 from grader.numerics.visuals import remove_visuals
 from grader.numerics.workspace import Workspace, WorkspacePool
 
@@ -103,6 +104,15 @@ class Scene:
         return float(self.model.opt.timestep), int(self.model.opt.integrator)
 
     @cached_property
+    def inputs(self) -> int | None:
+        """The inputs at the start that `record_steps` takes; None for a scene with plug-ins, sleep or the like, whose
+        state is more than what it records."""
+        if any(need.needed and need.part == "everything" for need in self.needs):
+            return None
+        with self.borrow() as workspace:
+            return find_inputs(workspace.model, workspace.data)
+
+    @cached_property
     def _disabled(self) -> int:
         """The disable bits of the model itself."""
         return int(self.model.opt.disableflags)
@@ -128,12 +138,16 @@ class Scene:
         workspace = self._stock.take(skip=skip)
         option = workspace.option
         option.timestep, option.integrator = timestep_s, integrator
-        workspace.known = self.start_vector
         workspace.timestep_s, workspace.integrator = timestep_s, integrator
         option.disableflags = self._disabled | self.flags if skip else self._disabled
+        self.restart(workspace)
+        return workspace
+
+    def restart(self, workspace: Workspace) -> None:
+        """Set a workspace that was lent to the start again."""
+        workspace.known = self.start_vector
         mujoco.mj_resetData(workspace.model, workspace.data)
         mujoco.mj_setState(workspace.model, workspace.data, self.start_vector, FULL_STATE)
-        return workspace
 
     def return_workspace(self, workspace: Workspace, steps: float) -> None:
         """Keep a workspace for later runs, unless its model was written or its run raised. `steps` is the number of
@@ -200,7 +214,8 @@ def _compile(xml: str, key: int | str | None) -> Scene:
 
 
 def _build_scene(model: mujoco.MjModel, needs: tuple[proofs.Need, ...], stock: WorkspacePool, digest: str) -> Scene:
-    workspace = stock.take(skip=False)  # kept for the first run: an MjData takes as long to make as a model
+    workspace = stock.take(skip=False)
+    mujoco.mj_resetData(model, workspace.data)  # another model may have used it
     start_vector, start = _read_full_state(model, workspace.data), copy_state(workspace.data)
     stock.give_back(workspace, 0)
     return Scene(model, start_vector, start, needs, stock, digest)

@@ -1,6 +1,6 @@
 """Reference solutions: DOP853 on a model's own equations through mj_forward."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from time import monotonic
@@ -82,42 +82,55 @@ def solve_dop853(
 
 
 def solve_adaptively(
-    scene: Scene, times_s: Vector, method: Adaptive, *, rtol: float, until: float = inf
-) -> Reference:  # fmt: skip
-    """Solve the scene's motion at `times_s` with its constraints, up to where the method gets stuck, or to `until` of
-    the monotonic clock. Impacts shorten the steps. Raises ValueError as `solve_dop853` does."""
-    from scipy import integrate
-
+    scene: Scene, times_s: Vector, *methods: Adaptive, rtol: float, until: float = inf
+) -> list[Reference]:  # fmt: skip
+    """Solve the scene's motion at `times_s` with its constraints by each method, up to where one of them gets stuck, or
+    to `until` of the monotonic clock. Impacts shorten the steps. Raises ValueError as `solve_dop853` does."""
     obstacle = find_obstacle(scene, constraints=False)
     if obstacle is not None:
         raise ValueError(f"a reference solution needs a scene without {obstacle}")
+    wanted, model = times_s + scene.start.time_s, scene.model
+    solutions = (_follow(scene, wanted, method, rtol=rtol, until=until) for method in methods)
+    rows = list(zip(*solutions, strict=False))  # in turn: none goes on where another is stuck
+    values = np.array(rows).reshape(len(rows), len(methods), model.nq + model.nv + model.na)
+    for row in values.reshape(-1, values.shape[-1]):
+        mujoco.mj_normalizeQuat(model, row[: model.nq])
+    bounds = np.cumsum([model.nq, model.nv])
+    return [
+        Reference(freeze(wanted[: len(rows)]), *map(freeze, np.split(values[:, place], bounds, axis=1)))
+        for place in range(len(methods))
+    ]
+
+
+def _follow(scene: Scene, wanted: Vector, method: Adaptive, *, rtol: float, until: float) -> Iterator[Vector]:
+    """Yields the state, (nq + nv + na,), at each of the wanted times, up to where the method gets stuck."""
+    from scipy import integrate
+
     with scene.borrow(integrator=int(mjtIntegrator.mjINT_EULER), keep=False) as workspace:
-        option, model, data = workspace.option, workspace.model, workspace.data
+        option, data = workspace.option, workspace.data
         option.timestep, option.solver = TIMESTEP_S, int(mujoco.mjtSolver.mjSOL_NEWTON)
         option.tolerance, option.iterations = SOLVER_TOLERANCE, SOLVER_ITERATIONS
-        rate = build_rate(workspace, _forward_warm)
+        rate = build_rate(workspace, _build_forward_warm(data))
         start = np.concatenate([data.qpos, data.qvel, data.act])
-        wanted, rows, taken = times_s + data.time, list[Vector](), 0
         solver = getattr(integrate, method)(rate, data.time, start, wanted[-1], rtol=rtol, atol=rtol / 100)
+        count = taken = 0
         while solver.status == "running" and solver.nfev - taken < STUCK and monotonic() < until:
             solver.step()
-            reached = wanted[len(rows) : int(np.searchsorted(wanted, solver.t, side="right"))]
+            reached = wanted[count : int(np.searchsorted(wanted, solver.t, side="right"))]
             if len(reached) and solver.status != "failed":
-                rows += list(solver.dense_output()(reached).T)
-                taken = solver.nfev
-        values = np.array(rows).reshape(len(rows), len(start))
-        qpos = values[:, : model.nq].copy()
-        for row in qpos:
-            mujoco.mj_normalizeQuat(model, row)
-    time_s = times_s[: len(rows)] + scene.start.time_s
-    parts = (time_s, qpos, values[:, model.nq : model.nq + model.nv], values[:, model.nq + model.nv :])
-    return Reference(*(freeze(part) for part in parts))
+                yield from solver.dense_output()(reached).T
+                count, taken = count + len(reached), solver.nfev
 
 
-def _forward_warm(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """mj_forward, from the accelerations of the call before."""
-    mujoco.mj_forward(model, data)
-    data.qacc_warmstart[:] = data.qacc
+def _build_forward_warm(data: mujoco.MjData) -> Forward:
+    """Returns mj_forward on this data, from the accelerations of the call before."""
+    warmstart, qacc = data.qacc_warmstart, data.qacc
+
+    def forward(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        mujoco.mj_forward(model, data)
+        warmstart[:] = qacc
+
+    return forward
 
 
 def find_obstacle(scene: Scene, *, constraints: bool = True) -> str | None:
@@ -181,14 +194,15 @@ def build_rate(workspace: Workspace, forward: Forward = mujoco.mj_forward) -> Ca
     model, data = workspace.model, workspace.data
     nq, nv, na = int(model.nq), int(model.nv), int(model.na)
     position_rate = _build_position_rate(model)
+    own_qpos, own_qvel, own_act, qacc, act_dot = data.qpos, data.qvel, data.act, data.qacc, data.act_dot
 
     def rate(time: float, state: Vector) -> Vector:
         qpos, qvel = state[:nq], state[nq : nq + nv]
-        data.time, data.qpos[:], data.qvel[:] = time, qpos, qvel
+        data.time, own_qpos[:], own_qvel[:] = time, qpos, qvel
         if na:
-            data.act[:] = state[nq + nv :]
+            own_act[:] = state[nq + nv :]
         forward(model, data)
-        return np.concatenate((position_rate(qpos, qvel), data.qacc, data.act_dot))
+        return np.concatenate((position_rate(qpos, qvel), qacc, act_dot))
 
     return rate
 
