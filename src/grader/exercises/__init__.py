@@ -2,8 +2,10 @@
 rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes."""
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
-from grader.domain.run import Limits
+from grader.domain.run import ChannelClosed, Limits, MalformedAnswer
+from grader.exercises.film import Film, Panel
 from grader.exercises.kind import (
+    Ask,
     DrawnCase,
     Intervals,
     JudgedTrial,
@@ -11,6 +13,8 @@ from grader.exercises.kind import (
     Kind,
     LazyAnswer,
     Measurement,
+    Mistake,
+    Part,
     Results,
     TextOf,
     Trial,
@@ -24,16 +28,19 @@ from grader.exercises.runner import (
     Plan,
     check_exercise,
     judge_exercise,
+    list_codes,
     load_kinds,
     plan_exercise,
     prepare_exercise,
+    save_hidden_models,
 )
 from grader.exercises.visible import describe_exercise, list_visible_models
 
 __all__ = [
-    "GROUP", "Case", "DrawnCase", "ExerciseParameters", "Intervals", "JudgedTrial", "Judgement", "Kind",
-    "LazyAnswer", "Limits", "Measurement", "NotNegative", "Number", "Plan", "Points", "Positive", "Progress",
-    "Range", "Real", "Results", "Strict", "Tell", "TextOf", "Trial", "Value", "WrongParameter", "check_exercise",
-    "compute_chance_of_luck", "describe_exercise", "draw_number", "judge_exercise", "list_visible_models",
-    "load_kinds", "plan_exercise", "prepare_exercise", "write_lazy_answers",
+    "GROUP", "Ask", "Case", "ChannelClosed", "DrawnCase", "ExerciseParameters", "Film", "Intervals", "JudgedTrial",
+    "Judgement", "Kind", "LazyAnswer", "Limits", "MalformedAnswer", "Measurement", "Mistake", "NotNegative",
+    "Number", "Panel", "Part", "Plan", "Points", "Positive", "Progress", "Range", "Real", "Results", "Strict", "Tell",
+    "TextOf", "Trial", "Value", "WrongParameter", "check_exercise", "compute_chance_of_luck", "describe_exercise",
+    "draw_number", "judge_exercise", "list_codes", "list_visible_models", "load_kinds", "plan_exercise",
+    "prepare_exercise", "save_hidden_models", "write_lazy_answers",
 ]  # fmt: skip

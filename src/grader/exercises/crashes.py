@@ -44,7 +44,14 @@ def advise_on_spelling(name: str, owner: object) -> str:
     return f"did you mean {found[0]}?" if owner is not None and found else ""
 
 
+IMPORTS = {"np": "import numpy as np", "numpy": "import numpy", "math": "import math", "mujoco": "import mujoco"}
+"""The line that defines a name which scripts use without it."""
+
 RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
+    (
+        re.compile(rf"NameError: name '({'|'.join(IMPORTS)})' is not defined"),
+        lambda found: f"add the line: {IMPORTS[found[1]]}",
+    ),
     (
         re.compile(r"No module named '([\w.]+)'"),
         lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
@@ -83,12 +90,32 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
 )
 
 
+NO_FUNCTION = re.compile(
+    r"TypeError: the script defines no function (\w+)"
+    r"(?:; it defines (\w+(?: and \w+)*)|; it is a method of the class (\w+))?"
+)
+"""What the harness says where the function that it calls is missing: its name, and what there is in its place."""
+
+
 def explain_error(message: str, place: str = "") -> str:
     """Returns the message of an error without the noise of bindings, its place, and an advice where one is known."""
+    if missing := NO_FUNCTION.match(message):
+        return explain_missing_function(*missing.groups())
     message = shorten_binding_error(message)
     advices = (advise(found) for pattern, advise in RULES if (found := pattern.search(message)))
     advice = next(filter(None, advices), "")
     return f"{message.rstrip('. ')}{place} ({advice})" if advice else f"{message}{place}"
+
+
+def explain_missing_function(name: str, others: str | None, owner: str | None) -> str:
+    """Says what to do where the script lacks the function that the grader calls."""
+    if owner:
+        return f"Define {name} outside of the class {owner}: the grader calls {name} as a function"
+    if others and " " not in others:
+        return f"Rename {others} to {name}: the grader calls {name}"
+    return f"Define a function {name}: the grader calls {name}" + (
+        f", and the script defines {others}" if others else ""
+    )
 
 
 def shorten_binding_error(message: str) -> str:

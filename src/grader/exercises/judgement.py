@@ -15,6 +15,21 @@ Results = Mapping[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several findings of a trial, with a share of its points. `title` is public; the rest is as in
+    Judgement."""
+
+    id: str
+    title: str
+    passed: bool
+    message: str
+    detail: str = ""
+    measured: Any = None
+    expected: Any = None
+    points: float = 1.0
+
+
+@dataclass(frozen=True)
 class Judgement(Generic[Outcome]):
     """A kind's judgement on one trial. `message` is a sentence without numbers of the case, of the student's result, or
     of the expected result. It tells the direction of an error at most. `detail` is a sentence that may have numbers;
@@ -22,7 +37,10 @@ class Judgement(Generic[Outcome]):
     `outcome` is what the kind passes to its `name_mistake` and `build_pictures`; None if the script raised.
 
     A trial that passed counts only if one of the trials in `needs` (ids) passed without a need of its own; otherwise
-    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed."""
+    its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
+
+    `parts` are the findings of the trial where it has several: it has passed if all have, and each has its own points.
+    `crashed`: the script raised before there was anything to judge; in a trial whose steps are played."""
 
     passed: bool
     message: str
@@ -33,6 +51,8 @@ class Judgement(Generic[Outcome]):
     needs: tuple[str, ...] = ()
     unmet: str = ""
     review: str = ""
+    parts: tuple[Part, ...] = ()
+    crashed: bool = False
 
 
 def list_counting(judgements: Mapping[str, Judgement[Any]]) -> set[str]:

@@ -1,23 +1,32 @@
 """Defines a kind of exercise, and the values that pass between a kind and the runner."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
+import mujoco
 import numpy as np
 
-from grader.domain.run import Limits
-from grader.exercises.judgement import Judgement, Outcome, Results
+from grader.domain.run import Job, Limits, RunReport
+from grader.exercises.explaining.claims import Claim
+from grader.exercises.explaining.places import Landmark
+from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.film import Film
+from grader.exercises.judgement import Judgement, Outcome, Part, Results
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
 from grader.questions import ModelXml, Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
 __all__ = [
-    "Content", "DrawnCase", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Measurement", "Results",
-    "TextOf", "Trial",
+    "Ask", "Content", "DrawnCase", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Measurement",
+    "Mistake", "Part", "Results", "TextOf", "Trial",
 ]  # fmt: skip
+
+Ask = Callable[[bytes], bytes]
+"""Sends a message to the kind's driver, which is in a trial, and returns its answer: a claim of the script's process.
+Raises ChannelClosed once the script has ended."""
 
 TextOf = Callable[[str], str]
 """Returns the text of a file of the content folder by its path in it; raises GraderError if it cannot be read."""
@@ -60,7 +69,8 @@ class Trial(Generic[Problem]):
     `id` is unique in the exercise, and students see it. `inputs` is plain JSON for the driver (lists, no arrays);
     `problem` is what only the judge knows. `title` follows the case's title; it is public also where the trial is
     hidden. `points` are shares of the case's points. `entries` names the student's functions that the driver gets;
-    empty means the question's `entry`.
+    empty means the question's `entry`. `cpu_s` is the CPU time that the script may take in the trial [s], of a kind
+    that plays; a script that takes more is ended.
 
     The runner sets `case`, and hides the trials of a hidden case. A trial of `build_further_trials` has no case: it
     sets `hidden` itself, and its `points` are shares of the question's.
@@ -74,17 +84,27 @@ class Trial(Generic[Problem]):
     entries: tuple[str, ...] = ()
     hidden: bool = False
     case: Case | None = None
+    cpu_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedTrial(Generic[Problem, Outcome]):
     """A trial with its judgement. `counts` says whether it passed, and a trial that it needs passed too. `trace` is
-    what the script did in the trial, as it claims: it explains, and never decides."""
+    what the script did in the trial, as it claims, and `script` its text: both explain, and never decide."""
 
     trial: Trial[Problem]
     judgement: Judgement[Outcome]
     counts: bool
     trace: Trace = NO_TRACE
+    script: Script = NO_SCRIPT
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is wrong with a script: a sentence for the student, and the line of the script that it is about, from 1."""
+
+    sentence: str
+    line: int | None = None
 
 
 @dataclass(frozen=True)
@@ -113,11 +133,12 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`. A kind must define
     `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
 
-    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be imported.
-    It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of finite
-    numbers. It may define `before_import()`, called before the student's module is imported. What it raises in a trial
-    counts as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
-    its names, which adds to the trial's trace; see grader.exercises.recorder."""
+    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be
+    imported. It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of
+    finite numbers. It may define `before_import()`, called before the student's module is imported, and finds
+    `load_model(xml)` among its names, which returns a new model of an MJCF text. What it raises in a trial counts
+    as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
+    its names, which adds to the trial's trace; see grader.exercises.driving.recorder."""
 
     parameters: type[P]
     driver: str
@@ -128,8 +149,15 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """Whether MuJoCo's integrators are removed before the functions are called; calling one is then forbidden."""
     how: str = ""
     """How a visible case is judged, in a sentence or two for learners."""
+    plays: bool = False
+    """Whether `play` runs each trial in the grader's own process, and asks the driver step by step. `judge` gets what
+    it returns in place of results."""
     needs_model: bool = True
     """Whether a case without a model is a fault."""
+    claims: Sequence[Claim] = ()
+    """What the sentences of `name_mistake` claim, beside what those of any kind may, and when it is true."""
+    landmarks: Sequence[Landmark] = ()
+    """How to find the line of a script that a sentence of `name_mistake` is about which has none."""
     mistakes_tell_size: bool = True
     """Whether a sentence of `name_mistake` may tell how far a result is off, which leads to the expected one: twice, in
     degrees. Where the author reveals the direction alone, such a sentence is not shown."""
@@ -151,6 +179,18 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         only what `rehearse` has raised before."""
         return
 
+    def compile_model(self, parameters: P, trial: Trial[Problem]) -> mujoco.MjModel | None:
+        """Returns the compiled model of the MJCF text `trial.inputs["model"]`, where judging needs it as well, and
+        caches it: the jail loads it in a third of the time that compiling takes. None: the jail compiles the text."""
+        return None
+
+    def play(self, parameters: P, trial: Trial[Problem], ask: Ask) -> Any:
+        """Simulates a trial of a kind that `plays`, and asks the driver for what the student's function returns. The
+        driver's `trial` answers `exchange`'s messages one by one, until that returns None. Raises MalformedAnswer where
+        an answer is none that the driver sends, which ends the script; and lets ChannelClosed pass, with a note that
+        says where it was (`add_note`), for the learner: it is dropped where the trial is hidden."""
+        raise NotImplementedError
+
     @abstractmethod
     def judge(self, parameters: P, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Judges what the driver submitted in one trial; must not raise, whatever `results` holds. The student's
@@ -165,11 +205,24 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         a wrong answer would not tell with this `reveal` of the author's. None where only the server judges."""
         return None
 
-    def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str | None:
-        """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None.
+    def name_mistake(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> Mistake | str | None:
+        """Returns a sentence for the mistake behind the failed trials, without numbers of hidden cases, or None. A
+        `Mistake` has the line that the sentence is about, too.
         `judged` leaves out the trials in which the script raised, but not those whose results `judge` could not read.
         Like `judge`, `name_mistake` and `build_pictures` must not raise."""
         return None
+
+    def name_mistake_by_runs(
+        self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]], run: Callable[[Job], RunReport]
+    ) -> Mistake | str | None:
+        """Returns what `name_mistake` does, where that returns None: by programs that `run` runs in the jail, within a
+        counted number of steps, so that load changes no verdict. Raises JailFault, and nothing else."""
+        return None
+
+    def describe_success(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str:
+        """Returns what is worth knowing of a right script, as sentences without numbers of hidden cases; empty if
+        nothing is. Like `judge`, it must not raise."""
+        return ""
 
     def build_pictures(self, parameters: P, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
         """Returns the verdict's evidence as plain JSON (lists, no arrays). `charts` is drawn by the student's page: a
@@ -177,6 +230,16 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         "x": [...], "y": [...], "points": whether to draw points}], "marks": [{"y": a value to mark, "label"}]}.
         Students see it with the solutions."""
         return {}
+
+    def record_films(
+        self, parameters: P, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any], failed: Collection[str],
+        *, timestep_s: float | None = None,
+    ) -> Sequence[Film]:  # fmt: skip
+        """Returns films of a verdict. `trials` are the visible ones, as they were judged; `evidence`, and `failed`, the
+        ids of failed trials, are as much of the verdict as the reader may see: a film shows no more than they tell.
+        The evidence may be that of an older version. With `timestep_s`, which the reader has chosen, the runs at this
+        timestep [s] alone, where the evidence tells what they show."""
+        return ()
 
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: P, trials: Sequence[Trial[Problem]]
@@ -188,6 +251,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         """Returns the number of values that the student's function returns, as a tuple where there are several. `grader
         check` writes scripts that return as many values of an odd shape."""
         return 1
+
+    def bound_luck(self, parameters: P, trials: Sequence[Trial[Problem]]) -> float | None:
+        """Returns a bound of the chance that an answer which ignores its inputs passes these trials of one case. None:
+        `list_accepted` says it."""
+        return None
 
     def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.

@@ -1,7 +1,11 @@
 """The chance that one fixed answer, which ignores its inputs, is right in every case of an exercise."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
+from functools import cache, partial
+from itertools import accumulate, repeat
 from math import inf, log, prod
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +28,8 @@ CONFIDENCE = 0.95
 FEW, MANY = 16, 64
 """Numbers of draws that share a point; between them the growth of the share with the tolerance is measured."""
 
-GROWTH = 2**0.25
-"""The tolerance is widened by this factor in each try."""
-
-WIDEST = 2.0**60
-"""No tolerance is widened by more than this factor."""
+WIDTHS = tuple(accumulate(repeat(2**0.25, 240), mul, initial=1.0))
+"""The factors by which a tolerance is widened, up to 2^60."""
 
 
 def compute_chance_of_luck(
@@ -54,7 +55,10 @@ def compute_chance_of_case(
     """Returns the chance that the best fixed answer is right in one case."""
     drawn: list[Sequence[Intervals]] = []
     for seed in range(DRAWS):
-        parts = kind.list_accepted(parameters, build_case_trials(kind, parameters, case, content, [seed, index]))
+        trials = build_case_trials(kind, parameters, case, content, [seed, index])
+        if (bound := kind.bound_luck(parameters, trials)) is not None:
+            return bound
+        parts = kind.list_accepted(parameters, trials)
         if parts is None or (seed == 1 and parts == drawn[0]):
             return 1.0
         drawn.append(parts)
@@ -83,21 +87,16 @@ def compute_chance_of_part(boxes: Boxes) -> float:
     point, their share is counted. Else the boxes are widened until FEW share one, and the share is carried back to the
     true width by the power law by which it grows from there to MANY: a density without structure below the spacing of
     the draws. Where equal draws show that there is such structure, and where the share does not grow, nothing is
-    carried back."""
-    counts: list[tuple[float, int]] = []
-    widened = 1.0
-    while widened < WIDEST and (not counts or counts[-1][1] < MANY):
-        counts.append((widened, count_deepest(boxes, widened)))
-        widened *= GROWTH
-    few = next((one for one in counts if one[1] >= FEW), counts[-1])
-    share = compute_upper_bound(few[1], len(boxes))
-    if few[0] == 1:
-        return share
+    carried back. A wider box holds the narrower one, so the number that share a point never falls: it is bisected."""
+    deepest = cache(partial(count_deepest, boxes))
     equal = int(np.max(np.unique(boxes, axis=0, return_counts=True)[1]))
-    if equal > 1 or counts[-1][1] < MANY:
-        return compute_upper_bound(max(equal, counts[0][1]), len(boxes))
-    dimensions = log(counts[-1][1] / few[1]) / log(counts[-1][0] / few[0])
-    return float(share / few[0] ** min(dimensions, boxes.shape[1]))
+    if deepest(1.0) >= FEW:
+        return compute_upper_bound(deepest(1.0), len(boxes))
+    if equal > 1 or deepest(WIDTHS[-1]) < MANY:
+        return compute_upper_bound(max(equal, deepest(1.0)), len(boxes))
+    few, many = (WIDTHS[bisect_left(WIDTHS, least, key=deepest)] for least in (FEW, MANY))
+    dimensions = log(deepest(many) / deepest(few)) / log(many / few)
+    return float(compute_upper_bound(deepest(few), len(boxes)) / few ** min(dimensions, boxes.shape[1]))
 
 
 def count_deepest(boxes: Boxes, widened: float) -> int:

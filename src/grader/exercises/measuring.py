@@ -9,13 +9,15 @@ from typing import Any
 
 from grader.domain.run import Job, RunReport, RunStatus
 from grader.domain.verdict import Status
-from grader.exercises import measurer
-from grader.exercises.embedding import embed_code
+from grader.exercises.driving import measurer
+from grader.exercises.driving.embedding import compile_code
 from grader.exercises.kind import Measurement, Results, Trial
 
 Run = Callable[[Job], RunReport]
 """Runs a job in the jail. Raises JailFault."""
 
+
+DRIVER = 'exec(codes["measurer"])\nload(codes["program"])\n'
 
 CPU_S_MAX = 120.0
 """CPU time after which no further trial of a script is measured [s]: far less than a verdict may take."""
@@ -52,9 +54,9 @@ def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: 
         name: (array.dtype.str, array.shape, base64.b64encode(array.tobytes()).decode())
         for name, array in results.items()
     }
-    ours, program = embed_code(getsource(measurer)), embed_code(measurement.program)
-    driver = f"import base64, marshal\nexec({ours})\nload({program})\n"
-    report = run(Job("", driver, {"inputs": trial.inputs, "results": encoded}, measurement.limits))
+    codes = {"measurer": compile_code(getsource(measurer)), "program": compile_code(measurement.program)}
+    inputs = {"inputs": trial.inputs, "results": encoded}
+    report = run(Job("", DRIVER, inputs, measurement.limits, codes=codes))
     if report.status is RunStatus.RETURNED:
         return report.results
     detail = report.reason if report.status is RunStatus.CRASHED else ""

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -99,12 +100,16 @@ def draw_number(value: Value, rng: np.random.Generator) -> float:
 def write_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:
     """Writes `values` into the MJCF text `xml`. Raises WrongParameter if a number's `element` is not a path, or
     the model has no such element, and ValueError if the text is not XML."""
+    return _write_numbers(xml, tuple((name, numbers[name], value) for name, value in values.items()))
+
+
+@lru_cache(maxsize=64)
+def _write_numbers(xml: str, written: tuple[tuple[str, Number, float], ...]) -> str:
     try:
         root = ET.fromstring(xml)  # noqa: S314 - the author's own file
     except ET.ParseError as error:
         raise ValueError(f"the model is not XML: {error}") from error
-    for name, value in values.items():
-        number = numbers[name]
+    for name, number, value in written:
         found = find_elements(root, name, number)
         if not found:
             raise WrongParameter(

@@ -1,4 +1,4 @@
-"""Checks, plans and judges exercises of every kind; the only place that hides hidden cases."""
+"""Checks, plans and judges exercises of every kind."""
 
 import builtins
 import json
@@ -6,9 +6,8 @@ import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import entry_points
-from inspect import getsource
 from typing import Any
 
 import mujoco
@@ -20,9 +19,12 @@ from grader.domain.misread import misread, without_remarks
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import Fault, GraderError, JailFault, NotFound
-from grader.exercises import catching, harness, recorder
-from grader.exercises.crashes import explain_error, explain_hidden_slip
-from grader.exercises.embedding import embed_code
+from grader.exercises.crashes import explain_error
+from grader.exercises.diagnosing import describe_success, diagnose
+from grader.exercises.driving.embedding import CATCHING, DRIVER, SAVING, WATCH, compile_driver, save_models
+from grader.exercises.driving.playing import Played, Talk, describe_stop, play_trials
+from grader.exercises.explaining.script import Script
+from grader.exercises.findings import AnyJudged, build_findings, build_titles, choose_message
 from grader.exercises.judgement import list_counting
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, TextOf, Trial
 from grader.exercises.measuring import Run, Unmeasured, limit_cpu, measure
@@ -46,24 +48,19 @@ TRACES = {False: "traces", True: "hidden_traces"}
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
 
-NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
-NUMBERS_MAX, FIGURES_MAX = 12, 2
-"""Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
-
 STEPPED = (
     "The function let MuJoCo take the step (mj_step or another integrator), which this exercise does not allow: take "
     "accelerations from mujoco.mj_forward, and write the step yourself."
 )
 
 
+ENDED = "The script ended before this case."
+
 RAISED_CHARS_MAX = 1000
 
 
 ALL_TYPES = [one.__name__ for one in vars(types).values() if isinstance(one, type)]
 """Names of Python's types that are no built-in names, such as `function`."""
-
-
-OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
 
 
 def refuse_text(path: str) -> str:
@@ -78,7 +75,6 @@ def refuse_job(job: Job) -> RunReport:
 
 AnyKind = Kind[Any, Any, Any]
 AnyTrial = Trial[Any]
-AnyJudged = JudgedTrial[Any, Any]
 
 
 @cache
@@ -92,28 +88,37 @@ def load_kinds() -> Mapping[str, AnyKind]:
     return kinds
 
 
+def list_codes() -> list[bytes]:
+    """Returns the code that the jobs of installed kinds have in common: the jail may load it ahead."""
+    parts = [code for kind in load_kinds().values() for code in compile_driver(kind.driver).values()]
+    return list(dict.fromkeys([*parts, CATCHING]))
+
+
 @dataclass(frozen=True)
 class Plan:
-    """The input of the jail for one exercise, and the trials for the judge. `driver` runs over the plain-JSON `inputs`,
-    then over the `hidden_inputs`; `without_integrators` as in Job."""
+    """The input of the jail for one exercise, and the trials for the judge. The driver, whose parts are `codes`, runs
+    over the plain-JSON `inputs`, then over the `hidden_inputs`; `without_integrators` as in Job."""
 
-    driver: str
+    codes: Mapping[str, bytes]
     inputs: Mapping[str, Any]
     hidden_inputs: Mapping[str, Any]
     without_integrators: bool
     parameters: ExerciseParameters
     trials: tuple[AnyTrial, ...]
+    talk: Talk | None = None
 
     def build_job(self, source: str, limits: Limits) -> Job:
         """Returns the job of the jail for a script."""
-        watch = f"watch_exceptions({embed_code(getsource(catching))})\n" if "except" in source else ""
+        watches, saves = "except" in source, SAVING in source
         return Job(
             source,
-            f"{self.driver}{watch}",
-            self.inputs,
+            f"{DRIVER}{WATCH}" if watches else DRIVER,
+            {**self.inputs, "models": None} if saves else self.inputs,
             limits,
             without_integrators=self.without_integrators,
             hidden_inputs=self.hidden_inputs,
+            codes={**self.codes, "catching": CATCHING} if watches else self.codes,
+            talk=self.talk,
         )
 
 
@@ -209,20 +214,21 @@ def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text
         entries = trial.entries or (question.entry,)
         one = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
         inputs[trial.hidden].append(one)
+    models = save_models(kind, parameters, [trial for trial in trials if not trial.hidden])
     return Plan(
-        driver=build_driver(kind),
-        inputs={"trials": inputs[False], "more": bool(inputs[True])},
+        codes=compile_driver(kind.driver),
+        inputs={
+            "trials": inputs[False],
+            "more": bool(inputs[True]),
+            "models": models,
+            **({"plays": True} if kind.plays else {}),
+        },
         hidden_inputs={"trials": inputs[True]} if inputs[True] else {},
         without_integrators=kind.without_integrators,
         parameters=parameters,
         trials=tuple(trials),
+        talk=partial(play_trials, kind, parameters, trials) if kind.plays else None,
     )
-
-
-def build_driver(kind: AnyKind) -> str:
-    """Returns the driver of the jail: the harness, which loads the recorder and the kind's own driver."""
-    harness_code, recorder_code, kind_code = map(embed_code, (getsource(harness), getsource(recorder), kind.driver))
-    return f"import base64, marshal\nexec({harness_code})\nload({recorder_code}, {kind_code})\n"
 
 
 def build_case_trials(
@@ -257,6 +263,12 @@ def read_model(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) 
         raise WrongParameter("model", str(error)) from error
 
 
+def save_hidden_models(question: ScriptQuestion, plan: Plan) -> dict[str, dict[str, str]]:
+    """Returns what the job's hidden inputs may have beside the trials: their compiled models."""
+    hidden = [trial for trial in plan.trials if trial.hidden]
+    return {"models": save_models(load_kinds()[question.check.kind], plan.parameters, hidden)}
+
+
 def prepare_exercise(question: ScriptQuestion, plan: Plan) -> None:
     """Computes and caches what judging needs, whatever the script does: to be called while it runs."""
     kind = load_kinds()[question.check.kind]
@@ -264,50 +276,65 @@ def prepare_exercise(question: ScriptQuestion, plan: Plan) -> None:
         kind.prepare(plan.parameters, trial)
 
 
-def judge_exercise(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run = refuse_job) -> Verdict:
+def judge_exercise(
+    question: ScriptQuestion, plan: Plan, report: RunReport, run: Run = refuse_job, source: str = ""
+) -> Verdict:
     """Returns the verdict on a script; one that did not return gets the status of that name, with the reason. `run` is
-    the jail's, for kinds that measure there. Raises JailFault as it does."""
+    the jail's, for kinds that measure there; it raises JailFault. The text of the script, `source`, only explains."""
     if report.stepped:
         return build_failure(question, Status.FORBIDDEN, STEPPED)
     if report.status is not RunStatus.RETURNED:
-        return build_failure(question, Status(report.status.value), explain_error(report.reason))
+        where = describe_stop(report.talked, build_titles(plan.parameters, plan.trials))
+        return build_failure(question, Status(report.status.value), f"{explain_error(report.reason)}{where}")
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        return judge_results(question, plan, report, limit_cpu(run))
+        return judge_results(question, plan, report, limit_cpu(run), Script(source))
 
 
-def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run) -> Verdict:
+def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run, script: Script) -> Verdict:
     """Returns the verdict on a script that returned."""
     kind = load_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}
     results = [select_results(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
+    records = report.talked.records if isinstance(report.talked, Played) else {}
     known = {False: None, True: list_known_words(kind.driver)}
     held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
-    found = [judge_trial(kind, plan, trial, part, run) for trial, part in zip(plan.trials, results, strict=True)]
+    found = [
+        judge_trial(kind, plan, trial, part, run) if not kind.plays else judge_played(kind, plan, index, part, records)
+        for index, (trial, part) in enumerate(zip(plan.trials, results, strict=True))
+    ]
     judged = settle(
         [
-            JudgedTrial(trial, judgement, False, trace)
+            JudgedTrial(trial, judgement, False, trace, script)
             for trial, (judgement, _), trace in zip(plan.trials, found, traces, strict=True)
         ]
     )
-    titles = build_titles(plan)
+    titles = build_titles(plan.parameters, plan.trials)
     findings = build_findings(question, titles, judged)
     ends = [end for _, end in found]
     if ends[0] is not None and all(ends):
-        return build_failure(question, ends[0], f"{titles[0]}: {choose_message(judged[0])}", findings)
+        visible = {choose_message(one) for one in judged if not one.trial.hidden}
+        first = choose_message(judged[0])
+        return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
     whole = [one for one, end in zip(judged, ends, strict=True) if not end]
-    diagnosis, direction = diagnose(kind, plan, judged, whole)
+    said = [f"{title}: {choose_message(one)}" for title, one in zip(titles, judged, strict=True)]
+    mistake, direction = diagnose(kind, plan.parameters, list(zip(judged, said, strict=True)), whole, run)
     verdict = verdict_of(
         findings,
-        diagnosis=diagnosis,
+        diagnosis=mistake.sentence if mistake else None,
+        line=mistake.line if mistake else None,
         direction=direction,
         evidence=kind.build_pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
         return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review, "direction": review})
+    if verdict.status is not Status.CORRECT:
+        return verdict
     # The explanation names the right results, so it is shown with full marks only.
-    return verdict.model_copy(update={"explain": question.explain}) if verdict.status is Status.CORRECT else verdict
+    return verdict.model_copy(
+        update={"explain": question.explain, "remark": describe_success(kind, plan.parameters, judged)}
+    )
 
 
 def judge_trial(
@@ -324,11 +351,16 @@ def judge_trial(
     return kind.judge(plan.parameters, trial, results), None
 
 
-def tells_numbers(sentence: str) -> bool:
-    """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many. A script that
-    makes up its trace chooses the numbers that a mistake's sentence takes from there."""
-    figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
-    return len(figures) > NUMBERS_MAX or any(len(one) > FIGURES_MAX for one in figures)
+def judge_played(
+    kind: AnyKind, plan: Plan, index: int, results: Results, records: Mapping[int, Any]
+) -> tuple[Judgement[Any], Status | None]:
+    """Returns the judgement on a trial of a kind that plays; with a status if it ended before it could be judged."""
+    trial = plan.trials[index]
+    if index not in records:
+        raised = read_raised(results, trial)
+        return raised or Judgement(False, ENDED, None), Status.CRASHED
+    judgement = kind.judge(plan.parameters, trial, records[index])
+    return judgement, Status.CRASHED if judgement.crashed else None
 
 
 @cache
@@ -369,74 +401,3 @@ def settle(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
     """Decides which trials count."""
     counting = list_counting({one.trial.id: one.judgement for one in judged})
     return [replace(one, counts=one.trial.id in counting) for one in judged]
-
-
-def build_titles(plan: Plan) -> list[str]:
-    """Returns the title of each trial: that of its case, or a number if the case is hidden, and its own."""
-    cases = plan.parameters.cases
-    hidden = [case.id for case in cases if case.hidden]
-    titles = {
-        case.id: f"hidden case {hidden.index(case.id) + 1}" if case.hidden else case.title or case.id for case in cases
-    }
-    return [
-        ", ".join(filter(None, (titles[trial.case.id] if trial.case else "", trial.title))) for trial in plan.trials
-    ]
-
-
-def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
-    """Returns one finding for each trial, and one that asks for a review if a judgement does."""
-    scale = question.points / sum(one.trial.points for one in judged)
-    findings = [build_finding(one, title, one.trial.points * scale) for title, one in zip(titles, judged, strict=True)]
-    reviews = dict.fromkeys(one.judgement.review for one in judged if one.judgement.review)
-    if reviews:
-        message = " ".join(reviews)
-        findings.append(
-            Finding(
-                id="doubt", title="for a person", passed=None, points=0.0, max_points=0.0, message=message,
-                direction=message
-            )
-        )  # fmt: skip
-    return tuple(findings)
-
-
-def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
-    """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values. The detail may
-    say how far the result is off, so the direction leaves it out."""
-    shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
-    return Finding(
-        id=judged.trial.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
-        max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
-        direction=choose_message(judged), measured=shown.measured, expected=shown.expected
-    )  # fmt: skip
-
-
-def choose_message(judged: AnyJudged) -> str:
-    """Returns the message of the finding: `unmet` where the trial passed but does not count."""
-    judgement = judged.judgement
-    return judgement.unmet if judgement.passed and not judged.counts else judgement.message
-
-
-def diagnose(
-    kind: AnyKind, plan: Plan, judged: Sequence[AnyJudged], whole: Sequence[AnyJudged]
-) -> tuple[str | None, str | None]:
-    """Returns the sentence of the mistake, else the hint of the first failed case, else the message of its finding. The
-    second sentence replaces the first where only the direction of an error may be told. `whole` are the trials
-    that did not raise. Details are left out, so that the diagnosis does not depend on the seed."""
-    wrong = next((index for index, one in enumerate(judged) if not one.counts), None)
-    if wrong is None:
-        return None, None
-    first = judged[wrong]
-    message = f"{build_titles(plan)[wrong]}: {choose_message(first)}"
-    if first not in whole:
-        message = f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
-        return message, message
-    slip = explain_hidden_slip(
-        [one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden]
-    )
-    if slip is not None:
-        return slip, slip
-    hint = first.trial.case.hint if first.trial.case else None
-    mistake = kind.name_mistake(plan.parameters, whole)
-    if first.trial.hidden and mistake and tells_numbers(mistake):
-        mistake = None
-    return mistake or hint or message, hint or message if kind.mistakes_tell_size or not mistake else mistake

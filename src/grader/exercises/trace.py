@@ -1,6 +1,6 @@
 """Reads the traces that scripts leave in the jail: claims, which explain a verdict and never decide one.
-`grader.exercises.recorder` writes them and describes their form. Whatever the bytes are, `read_trace` returns a trace:
-the notes up to the first that is not well formed."""
+`grader.exercises.driving.recorder` writes them and describes their form. Whatever the bytes are, `read_trace` returns a
+trace: the notes up to the first that is not well formed."""
 
 import json
 import re
@@ -94,8 +94,8 @@ NO_TRACE = Trace()
 
 def read_traces(values: "NDArray[np.generic] | None", known: Container[str] | None = None) -> dict[int, Trace]:
     """Returns the traces in the result `traces` by the index of the trial, up to the first that is not whole.
-    `grader.exercises.harness` writes the result. `known` is given for hidden trials: a text with a word that is not
-    among these is emptied, as the script may have made it of the numbers of a hidden case."""
+    `grader.exercises.driving.harness` writes the result. `known` is given for hidden trials: a text with a word that is
+    not among these is emptied, as the script may have made it of the numbers of a hidden case."""
     traces: dict[int, Trace] = {}
     if values is None or values.dtype != np.uint8 or values.ndim != 1:
         return traces

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from grader.exercises.findings import build_titles
 from grader.exercises.kind import TextOf
-from grader.exercises.runner import build_titles, load_kinds, plan_exercise, read_parameters, refuse_text
+from grader.exercises.runner import load_kinds, plan_exercise, read_parameters, refuse_text
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -21,7 +22,7 @@ def describe_exercise(
     kind = load_kinds()[question.check.kind]
     plan = plan_exercise(question, model_xml, SEED, text_of)
     scale = question.points / sum(trial.points for trial in plan.trials)
-    titled = zip(plan.trials, build_titles(plan), strict=True)
+    titled = zip(plan.trials, build_titles(plan.parameters, plan.trials), strict=True)
     return {
         "kind": question.check.kind,
         "how": kind.how,

@@ -2,6 +2,7 @@
 
     want   "W"                                                         asks for the next part of the job
     array  "A"  length u8, name  dtype code  ndim u8, shape u32 each  length u32, payload
+    answer "C"  length u32, payload                                    to a message of the channel, if the job has one
     end    "E"  kind u8  length u16, reason (UTF-8)                     the last frame, exactly once
 
 The first want comes after the import of the student's module and asks for the inputs; a second asks for the hidden
@@ -20,12 +21,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.domain.run import RunStatus
+from grader.domain.run import ANSWER_BYTES_MAX, RunStatus
 from grader.sandbox.policy import NAME_CHARS_MAX, NDIM_MAX, RESULT_ARRAYS_MAX
 
 DTYPES: Final = {b"d": "<f8", b"f": "<f4", b"q": "<i8", b"i": "<i4", b"B": "|u1", b"?": "|b1"}
 WANT: Final = b"W"
 WANTS_MAX: Final = 2
+ANSWER: Final = b"C"
+ANSWER_HEAD_BYTES: Final = 5
 KINDS: Final = (RunStatus.RETURNED, RunStatus.CRASHED, RunStatus.FORBIDDEN, RunStatus.OUT_OF_MEMORY)
 
 
@@ -67,16 +70,26 @@ class _Reader:
 
 class WantCounter:
     """Counts the wants in a message that is still arriving; calls `heard` with the name of each array before the last.
-    The time at which an array arrives later may tell the hidden inputs."""
+    The time at which an array arrives later may tell the hidden inputs. With `takes_answers` it also takes the answers
+    out of the message: `answer` is the last one, None before and once it was read."""
 
-    def __init__(self, heard: Callable[[str], object]) -> None:
+    def __init__(self, heard: Callable[[str], object], *, takes_answers: bool = False) -> None:
         self.count = 0
+        self.answer: bytes | None = None
+        self.unasked = False
+        """Whether an answer came before the last one was read, or one is too long: no driver does that."""
         self._at = 0
         self._heard = heard
+        self._takes_answers = takes_answers
 
     def scan(self, data: bytes | bytearray) -> int:
         """Read on in `data`, all that has arrived so far; returns how many whole want frames it holds."""
         while self._at < len(data):
+            if self._takes_answers and data[self._at] == ANSWER[0]:
+                assert isinstance(data, bytearray)
+                if not self._take_answer(data):
+                    break
+                continue
             size = _measure_frame(data, self._at)
             if size is None or self._at + size > len(data):
                 break
@@ -87,6 +100,21 @@ class WantCounter:
                 self._heard(data[name : name + data[name - 1]].decode("ascii", "replace"))
             self._at += size
         return self.count
+
+    def _take_answer(self, data: bytearray) -> bool:
+        """Takes the answer at `_at` out of `data`; returns False if it has not wholly arrived, or is none."""
+        begin = self._at + ANSWER_HEAD_BYTES
+        if len(data) < begin:
+            return False
+        end = begin + int.from_bytes(data[self._at + 1 : begin], "little")
+        if self.answer is not None or end - begin > ANSWER_BYTES_MAX:
+            self.unasked = True
+            return False
+        if len(data) < end:
+            return False
+        self.answer = bytes(data[begin:end])
+        del data[self._at : end]
+        return True
 
 
 def _measure_frame(data: bytes | bytearray, at: int) -> int | None:

@@ -1,9 +1,10 @@
 """The interface of the jail: `Jail.run(job)`, and the tier that this machine allows."""
 
+import base64
 import json
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from grader.sandbox import cell, cgroup, selftest
 from grader.sandbox.policy import MB
 from grader.sandbox.pool import Pool
 from grader.sandbox.report import build_report
+from grader.sandbox.talking import TalkingWatch
 from grader.sandbox.watch import Watch
 from grader.sandbox.zygote import Child, Zygote
 
@@ -23,6 +25,8 @@ QUEUE_S_MAX = 600.0
 CHILD_S_MAX = 60.0
 RECYCLE_AFTER = 2000
 TRIES = 8
+CODE_BYTES_MAX = 128 * 1024
+"""The largest code object that is loaded ahead: a packet of the zygote's socket holds a little more."""
 CURE = "docs/deploy.md says what it needs of a container; GRADER_ALLOW_T2=true accepts one without namespaces."
 
 
@@ -37,8 +41,9 @@ class Tier(StrEnum):
 class Jail:
     """Runs students' scripts, `workers` at a time (default: one for each core); thread-safe; the rest wait in a queue.
     `models`: the folder of MJCF files that scripts may read. `allow_t2`: accept a machine without user namespaces.
-    `recycle_after`: children that one zygote makes. `inside`: the folder of the code that runs in the cell; another one
-    only in tests. Raises JailRefused if this machine does not allow the jail, or the self-test found a hole."""
+    `codes`: code objects of drivers that the zygote loads ahead; a job that has others brings them. `recycle_after`:
+    children that one zygote makes. `inside`: the folder of the code that runs in the cell; another one only in tests.
+    Raises JailRefused if this machine does not allow the jail, or the self-test found a hole."""
 
     tier: Tier
     self_test: selftest.SelfTest
@@ -49,6 +54,7 @@ class Jail:
         workers: int | None = None,
         *,
         allow_t2: bool = False,
+        codes: Sequence[bytes] = (),
         recycle_after: int = RECYCLE_AFTER,
         inside: Path = cell.INSIDE,
     ) -> None:
@@ -57,10 +63,12 @@ class Jail:
         self.workers = workers or os.cpu_count() or 1
         self._places = threading.Semaphore(self.workers)
         group = cgroup.find_delegated()
-        full = partial(Zygote, models, inside, group=group)
+        ahead = [code for code in codes if len(code) <= CODE_BYTES_MAX]
+        self._places_of_codes = {code: place for place, code in enumerate(ahead)}
+        full = partial(Zygote, models, inside, group=group, codes=ahead)
         tries: list[tuple[Tier, Callable[[], Zygote]]] = [(Tier.T0 if group else Tier.T1, full)]
         if allow_t2:
-            tries.append((Tier.T2, partial(Zygote, models, inside, alone=True)))
+            tries.append((Tier.T2, partial(Zygote, models, inside, alone=True, codes=ahead)))
         faults = []
         for self.tier, start in tries:
             self._pool = Pool(start, self.workers, recycle_after)
@@ -92,19 +100,31 @@ class Jail:
         first = {
             "source": job.source,
             "driver": job.driver,
+            "codes": {name: self._refer_to(code) for name, code in job.codes.items()},
             "filename": job.filename.rpartition("/")[2] or "submission.py",
             "cpu_s": job.limits.cpu_s,
             "wall_s": job.limits.wall_s,
+            "talks": job.talk is not None,
         }
-        parts = [json.dumps(part).encode() for part in (first, dict(job.inputs), dict(job.hidden_inputs))]
+        parts = [
+            lambda: json.dumps(first).encode(),
+            lambda: json.dumps(dict(job.inputs)).encode(),
+            lambda: json.dumps({**job.hidden_inputs, **job.late_inputs()}).encode(),
+        ]
         child = self._limited_child(job.limits)
         try:
             removes = job.without_integrators and not child.zygote.keeps_integrators
-            return build_report(Watch(child, job, parts, without_integrators=removes).run(), job)
+            watch = TalkingWatch if job.talk else Watch
+            return build_report(watch(child, job, parts, without_integrators=removes).run(), job)
         except OSError as error:
             raise JailFault(f"The jail broke: {error}") from error
         finally:
             self._pool.give_back(child)
+
+    def _refer_to(self, code: bytes) -> int | str:
+        """Return the place of a code object that the zygote has loaded, or else its text."""
+        place = self._places_of_codes.get(code)
+        return base64.b64encode(code).decode() if place is None else place
 
     def _limited_child(self, limits: Limits) -> Child:
         """Return a spare with this job's limits; a spare that died while it waited is replaced by the next."""

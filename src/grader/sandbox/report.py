@@ -38,7 +38,7 @@ def build_report(ending: Ending, job: Job) -> RunReport:
         results=message.results if message and status is RunStatus.RETURNED else {},
         hidden_results=message.hidden if message and status is RunStatus.RETURNED else {},
         stdout=clean(ending.stdout, cap), stderr=clean(ending.stderr, cap), cpu_s=ending.cpu_s, wall_s=ending.wall_s,
-        stepped=ending.stepped
+        stepped=ending.stepped, talked=ending.talked
     )  # fmt: skip
 
 
@@ -72,6 +72,8 @@ def _explain_stop(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | Non
         Cause.WALL: (RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."),
         Cause.OUTPUT: (RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."),
         Cause.MEMORY: (RunStatus.OUT_OF_MEMORY, f"The script used more than {limits.memory_mb} MB of memory."),
+        Cause.PART: (RunStatus.TIMED_OUT, "The script used up the CPU time that one case may take."),
+        Cause.ANSWER: (RunStatus.CRASHED, "The script's process answered what it was not asked."),
         Cause.RESULTS: (RunStatus.OUTPUT_TOO_LARGE, f"The script sent back more than {RESULT_BYTES_MAX // MB} MB."),
     }
     cause = Cause.CPU if out_of_time else ending.cause

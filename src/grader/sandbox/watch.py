@@ -6,7 +6,7 @@ import selectors
 import signal
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -32,6 +32,8 @@ class Cause(StrEnum):
     OUTPUT = "output"
     RESULTS = "results"
     STOP = "stop"
+    PART = "part"
+    ANSWER = "answer"
 
 
 @dataclass(frozen=True)
@@ -50,23 +52,38 @@ class Ending:
     stepped: int = 0
     late_stderr: bytes = b""
     hidden_sent: bool = False
+    talked: Any = None
+
+
+Part = Callable[[], bytes]
+"""Makes a part of a job."""
+
+
+def frame_part(part: bytes) -> bytes:
+    """Returns a part of a job behind its size, as the child reads it."""
+    return struct.pack("<I", len(part)) + part
 
 
 class Watch:
     """Sends one job to a child, and watches it until it is dead. `parts` are the job, its inputs and, if there are any,
-    its hidden inputs. The job is sent at once, each further part when the child asks for it. The inputs of a job
-    `without_integrators` are sent after these have been removed: a script that knew its inputs earlier could still step
-    them. The output is read before the hidden inputs are sent; output after that is dropped, as it may reveal them."""
+    its hidden inputs. The job is sent at once, each further part is made and sent when the child asks for it. The
+    inputs of a job `without_integrators` are sent after these have been removed: a script that knew its inputs earlier
+    could still step them. The output is read before the hidden inputs are sent; output after that is dropped, as it may
+    reveal them."""
 
-    def __init__(self, child: Child, job: Job, parts: Sequence[bytes], *, without_integrators: bool) -> None:
+    def __init__(self, child: Child, job: Job, parts: Sequence[Part], *, without_integrators: bool) -> None:
         self._child, self._limits, self._sent, self._is_stopped = child, job.limits, job.sent, job.is_stopped
-        first, *self._withheld = [struct.pack("<I", len(part)) + part for part in parts]
-        self._unsent = memoryview(first)
-        self._wants, self._answered = WantCounter(job.heard), 0
+        first, *self._withheld = parts
+        self._unsent = memoryview(frame_part(first()))
+        self._wants, self._answered = WantCounter(job.heard, takes_answers=job.talk is not None), 0
         self._without_integrators, self._removing = without_integrators, False
         self._late = {child.stdout: bytearray(), child.stderr: bytearray()}
         self._hidden_sent = False
         self._last = b""
+        self._killed_at: float | None = None
+        self._check_at = 0.0
+        self._aside_s = 0.0
+        """Time in which the script waited for us [s]."""
         self._read = {child.stdout: bytearray(), child.stderr: bytearray(), child.results: bytearray()}
         self._caps = {
             child.stdout: (job.limits.output_kb * KB, Cause.OUTPUT),
@@ -85,7 +102,9 @@ class Watch:
             self._selector.register(descriptor, selectors.EVENT_READ)
         self._selector.register(child.job, selectors.EVENT_WRITE)
         with self._selector:
-            self._until_dead()
+            talked = self._talk()
+            while not self._serve():
+                pass
             self._drain()
         wall_s = self._usage.wall_s
         last = self._final_report()
@@ -97,37 +116,40 @@ class Watch:
         cpu_s = max(0.0, last["cpu_s"] - self._usage.cpu_before_s)
         return Ending(
             self._cause, last["ended"], cpu_s, wall_s, stdout, stderr, results, oom_killed, int(last["stepped"]),
-            bytes(self._late[child.stderr]), self._hidden_sent,
+            bytes(self._late[child.stderr]), self._hidden_sent, talked,
         )  # fmt: skip
 
-    def _until_dead(self) -> None:
-        killed_at: float | None = None
-        check_at = 0.0
-        while True:
-            # Not at every message of the child: a check reads several files of /proc.
-            if self._cause is None and time.monotonic() >= check_at:
-                self._check_limits()
-                check_at = time.monotonic() + POLL_S_MIN
-            if self._cause is not None and killed_at is None:
-                self._child.kill()
-                killed_at = time.monotonic()
-            if killed_at is not None and time.monotonic() > killed_at + DEATH_S_MAX:
-                raise JailFault("A child of the jail does not die.")
-            for key, _ in self._selector.select(self._patience()):
-                if key.fd == self._child.pidfd:
-                    return
-                if key.fd == self._child.job:
-                    self._feed()
-                elif key.fd == self._child.status.fileno():
-                    self._read_keeper()
-                else:
-                    self._take(key.fd)
+    def _talk(self) -> Any:
+        """Talk with the driver, if the job asks for it; see grader.sandbox.talking."""
+        return None
+
+    def _serve(self) -> bool:
+        """Check the limits, wait once for the child, and serve its pipes; return True when it is dead."""
+        # Not at every message of the child: a check reads several files of /proc.
+        if self._cause is None and time.monotonic() >= self._check_at:
+            self._check_limits()
+            self._check_at = time.monotonic() + POLL_S_MIN
+        if self._cause is not None and self._killed_at is None:
+            self._child.kill()
+            self._killed_at = time.monotonic()
+        if self._killed_at is not None and time.monotonic() > self._killed_at + DEATH_S_MAX:
+            raise JailFault("A child of the jail does not die.")
+        for key, _ in self._selector.select(self._patience()):
+            if key.fd == self._child.pidfd:
+                return True
+            if key.fd == self._child.job:
+                self._feed()
+            elif key.fd == self._child.status.fileno():
+                self._read_keeper()
+            else:
+                self._take(key.fd)
+        return False
 
     def _patience(self) -> float:
         """Return the time until the next check of the limits [s]; CPU time may pass faster by the number of cores."""
         if self._cause is not None:
             return 1.0
-        wall_left = self._limits.wall_s - self._usage.waited_s
+        wall_left = self._limits.wall_s + self._aside_s - self._usage.waited_s
         cpu_left = self._limits.cpu_s - self._usage.cpu_s
         return max(POLL_S_MIN, min(POLL_S_MAX, wall_left, cpu_left / (os.cpu_count() or 1)))
 
@@ -136,7 +158,7 @@ class Watch:
         usage.refresh()
         if usage.cpu_s >= limits.cpu_s:
             self._cause = Cause.CPU
-        elif usage.waited_s >= limits.wall_s:
+        elif usage.waited_s >= limits.wall_s + self._aside_s:
             self._cause = Cause.WALL
         elif usage.private_bytes > limits.memory_mb * MB + RESIDENT_EXTRA:
             self._cause = Cause.MEMORY
@@ -152,16 +174,22 @@ class Watch:
             self._unsent = self._unsent[:0]
         if not self._unsent:
             self._selector.unregister(self._child.job)
-            if not self._withheld:
+            if self._is_whole():
                 self._child.hang_up()
             sent, self._sent = self._sent, ignore
             sent()
 
+    def _is_whole(self) -> bool:
+        """Whether there is nothing more to send than what is unsent."""
+        return not self._withheld
+
     def _send_next(self) -> None:
         """Send the next part that was withheld."""
-        if not self._withheld or self._child.job < 0:
-            return
-        self._unsent = memoryview(bytes(self._unsent) + self._withheld.pop(0))
+        if self._withheld and self._child.job >= 0:
+            self._send(self._withheld.pop(0)())
+
+    def _send(self, part: bytes) -> None:
+        self._unsent = memoryview(bytes(self._unsent) + frame_part(part))
         if self._child.job not in self._selector.get_map():
             self._selector.register(self._child.job, selectors.EVENT_WRITE)
 

@@ -10,7 +10,7 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -110,7 +110,8 @@ class Child:
 class Zygote:
     """One warm process in its cell. The thread that starts it must also use and end it, and live as long: bubblewrap's
     --die-with-parent follows the thread. `alone` leaves out the cell and the namespaces (tier T2). `group` makes a
-    cgroup for a child, where delegated. `keeps_integrators` says why MuJoCo's integrators cannot be removed from a
+    cgroup for a child, where delegated. `codes` are code objects that it
+    loads for the drivers of jobs. `keeps_integrators` says why MuJoCo's integrators cannot be removed from a
     child here; it is empty where they can. Raises JailFault if it does not start."""
 
     def __init__(
@@ -120,6 +121,7 @@ class Zygote:
         *,
         alone: bool = False,
         group: Callable[[int], Group] | None = None,
+        codes: Sequence[bytes] = (),
     ) -> None:
         self.children: set[Child] = set()
         self.made = 0
@@ -128,7 +130,7 @@ class Zygote:
         self._uid = policy.NOBODY if os.geteuid() == 0 else os.geteuid()
         self._pidfd = -1
         runtime = cell.find_runtime()
-        configuration = json.dumps(self._configuration(runtime, models)).encode()
+        configuration = json.dumps(self._configuration(runtime, models) | {"codes": len(codes)}).encode()
         self._control, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its:
             try:
@@ -137,7 +139,7 @@ class Zygote:
                 self._control.close()
                 raise
         try:
-            self._greet(configuration)
+            self._greet([configuration, *codes])
         except BaseException:
             self.close()
             raise
@@ -182,10 +184,11 @@ class Zygote:
             "filter": base64.b64encode(seccomp.build_filter(None if self._alone else 1)).decode(),
         }
 
-    def _greet(self, configuration: bytes) -> None:
+    def _greet(self, packets: Sequence[bytes]) -> None:
         self._control.settimeout(START_S_MAX)
         try:
-            self._control.send(configuration)
+            for packet in packets:
+                self._control.send(packet)
             message, descriptors, _, _ = socket.recv_fds(self._control, PACKET_BYTES_MAX, 1)
         except OSError as error:
             raise JailFault(f"The zygote did not start ({error}): {self._complaint()}") from error

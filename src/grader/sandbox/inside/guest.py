@@ -3,10 +3,12 @@
 From the first byte of the student's source on, this process may be under the student's control: what it sends is a
 claim. Order: the driver is executed, the student's source imported as a module (never as `__main__`), the driver's
 `run(student, inputs, submit)` called. The inputs arrive after the import. The driver finds `hidden_inputs()` among its
-names: it asks for the hidden inputs, and what is printed after that is not kept. If it defines `compile_source(source,
-filename)`, that compiles the student's source.
+names: it asks for the hidden inputs, and what is printed after that is not kept. `exchange(answer)` sends an answer,
+unless it is None, and returns the next message of the channel, None at the end of a trial. If it defines
+`compile_source(source, filename)`, that compiles the student's source.
 """
 
+import base64
 import builtins
 import contextlib
 import ctypes
@@ -14,6 +16,7 @@ import errno
 import io
 import json
 import linecache
+import marshal
 import os
 import random
 import re
@@ -43,7 +46,11 @@ FORBIDDEN = "scripts may not start processes, use the network, or reach for file
 PROCESSES = re.compile(r"/(multiprocessing/|concurrent/futures/process|subprocess)")
 """Files of the standard library that start processes."""
 LINE_CHARS_MAX = 80
+ANSWER = b"C"  # to a message of the channel
 WANT = b"W"  # asks for the next part of the job
+read_some, write_some = os.read, os.write  # a script may exchange those of `os`
+CODES: list[CodeType] = []
+"""The code that the zygote has loaded, for the drivers of jobs."""
 OWN_FOLDERS: list[str] = []  # set by prepare(): a file missing here is not a refusal of the jail
 
 
@@ -115,7 +122,7 @@ def receive() -> dict[str, Any]:
 def _read(size: int) -> bytes:
     data = bytearray()
     while len(data) < size:
-        chunk = os.read(JOB, min(size - len(data), PIPE_BYTES))
+        chunk = read_some(JOB, min(size - len(data), PIPE_BYTES))
         if not chunk:
             os._exit(0)  # a spare that is no longer needed
         data += chunk
@@ -164,10 +171,17 @@ def _send_sample(name: str, text: bytes) -> None:
 
 def _run(work: dict[str, Any], filename: str) -> None:
     driver: dict[str, Any] = {"__name__": "driver", "__builtins__": builtins}
-    driver.update(kind_of=_find_kind, hidden_inputs=hidden_inputs)
+    codes = {name: CODES[one] if isinstance(one, int) else _load_code(one) for name, one in work["codes"].items()}
+    driver.update(kind_of=_find_kind, hidden_inputs=hidden_inputs, exchange=exchange, codes=codes)
+    _talks.extend([True] * work["talks"])
     exec(compile(work["driver"], "<driver>", "exec"), driver)  # noqa: S102
     student = _import(work["source"], filename, driver.get("compile_source", _compile))
     driver["run"](student, _request_part(), submit)
+
+
+def _load_code(text: str) -> CodeType:
+    code: CodeType = marshal.loads(base64.b64decode(text))  # noqa: S302 - the grader's own
+    return code
 
 
 def hidden_inputs() -> dict[str, Any]:
@@ -177,8 +191,17 @@ def hidden_inputs() -> dict[str, Any]:
             stream.flush()
     libc.fflush(None)
     inputs = _request_part()
-    os.close(JOB)
+    if not _talks:
+        os.close(JOB)
     return inputs
+
+
+def exchange(answer: bytes | None) -> bytes | None:
+    """Send an answer over the channel, and block until the next message has arrived; None at the end of a trial."""
+    if answer is not None:
+        _write(RESULTS, ANSWER + struct.pack("<I", len(answer)) + answer)
+    (size,) = struct.unpack("<I", _read(4))
+    return _read(size) if size else None
 
 
 def _request_part() -> dict[str, Any]:
@@ -219,10 +242,10 @@ def _explain(error: BaseException, filename: str) -> tuple[str, str]:
         notes, shown.__notes__ = shown.__notes__ or (), None
         last = [line for line in shown.format_exception_only() if line.strip()]
         reason = " ".join([last[-1].strip() if last else type(error).__name__, *map(str, notes)])
-        reason += _describe_place(error, shown.stack)
+        place = _describe_place(error, shown.stack)
     except BaseException:
-        reason = type(error).__name__
-    return kind, _describe_error(error, kind, reason)
+        reason, place = type(error).__name__, ""
+    return kind, _describe_error(error, kind, reason, place)
 
 
 def _describe_place(error: BaseException, own: traceback.StackSummary) -> str:
@@ -232,12 +255,12 @@ def _describe_place(error: BaseException, own: traceback.StackSummary) -> str:
     return f", in line {own[-1].lineno} of your script" if own else ""
 
 
-def _describe_error(error: BaseException, kind: str, reason: str) -> str:
+def _describe_error(error: BaseException, kind: str, reason: str, place: str) -> str:
     if isinstance(error, SystemExit):
         return "The script called exit() before it was graded."
     if kind == "forbidden" and any(map(PROCESSES.search, _list_files(error))):
-        return f"{reason} (processes are not available here; one is enough)"
-    return f"{reason} ({FORBIDDEN})" if kind == "forbidden" else reason
+        return f"Do without other processes{place}: none can be started here, and one is enough."
+    return f"{reason}{place} ({FORBIDDEN})" if kind == "forbidden" else f"{reason}{place}"
 
 
 def _list_files(error: BaseException) -> Iterator[str]:
@@ -288,6 +311,8 @@ def _keep_own_lines(shown: traceback.TracebackException, filename: str, seen: se
             _keep_own_lines(other, filename, seen)
 
 
+_talks: list[bool] = []
+"""Not empty if the job has a channel."""
 _writing: list[int] = []
 """The descriptors that are being written to."""
 
@@ -297,6 +322,6 @@ def _write(descriptor: int, data: bytes) -> None:
     _writing.append(descriptor)
     try:
         while view:
-            view = view[os.write(descriptor, view) :]
+            view = view[write_some(descriptor, view) :]
     finally:
         _writing.pop()

@@ -30,6 +30,8 @@ class Sampler:
     def __init__(self, filename: str, send: Callable[[str, bytes], None]) -> None:
         self.filename, self.send = filename, send
         self.lines: Counter[int] = Counter()
+        self.outer: Counter[int] = Counter()
+        """Lines of the outermost call in the student's file: where the innermost lines are called from."""
         self.stays: int | None = None
         self.ticks: Counter[int] = Counter()
         self.sent = 0
@@ -50,6 +52,7 @@ class Sampler:
             own = list(self.own_frames(frame))
             if own:
                 self.lines[own[0].f_lineno] += 1
+                self.outer[own[-1].f_lineno] += 1
                 self.stays = find_staying(own)
             self.ticks[number] += 1
             if number == signal.SIGPROF and self.ticks[number] == 1:
@@ -94,7 +97,8 @@ class Sampler:
     def tell(self) -> None:
         """Sends what was seen so far."""
         summary = {"lines": self.lines.most_common(TOLD_MAX), "samples": self.lines.total(), "rates": self.rates}
-        self.send(f"where{self.sent}", json.dumps(summary | {"stays": self.stays}).encode())
+        summary |= {"outer": self.outer.most_common(TOLD_MAX), "stays": self.stays}
+        self.send(f"where{self.sent}", json.dumps(summary).encode())
         self.sent += 1
 
 

@@ -1,8 +1,8 @@
 """The warm process of the cell: imports MuJoCo once, holds no secret, never runs a student's code, forks children.
 
 Control messages (one packet each, on the socket whose number is `argv[1]`):
-    in   the configuration, once, as JSON;  then per child any byte with five descriptors:
-         job, stdout, stderr, results, status
+    in   the configuration, once, as JSON;  then so many code objects as it says, as marshal writes them;
+         then per child any byte with five descriptors: job, stdout, stderr, results, status
     out  JSON {"keeps_integrators": why they cannot be removed here, or ""} with a pidfd of this process
 On a child's status socket, between the supervisor and the child's keeper:
     out  "child" with the child's pidfd
@@ -19,6 +19,7 @@ import fcntl
 import gc
 import importlib
 import json
+import marshal
 import os
 import resource
 import select
@@ -29,7 +30,7 @@ import sys
 import traceback
 from typing import Any
 
-from . import guest, integrators, lockdown, namespaces
+from . import guest, integrators, lockdown, namespaces, rehearsal
 from .kernel import PR_SET_DUMPABLE, libc, prctl
 
 PACKET_BYTES_MAX = 1 << 18
@@ -44,6 +45,7 @@ def main() -> None:
     control = socket.socket(fileno=int(sys.argv[1]))
     config = json.loads(control.recv(PACKET_BYTES_MAX))
     config["filter"] = base64.b64decode(config["filter"])
+    guest.CODES.extend(marshal.loads(control.recv(PACKET_BYTES_MAX)) for _ in range(config["codes"]))  # noqa: S302
     _become(config["user"])
     for name in config["preload"]:
         with contextlib.suppress(ImportError):  # such as the viewer, where no graphics library is installed
@@ -57,6 +59,7 @@ def main() -> None:
     _quiet_mujoco()
     _unbuffer_c_stdio()
     _shrink_thread_stacks(config["thread_stack"])
+    config["rehearsal"] = rehearsal.Rehearsal()
     signal.signal(signal.SIGCHLD, _bury)
     gc.collect()
     gc.freeze()
@@ -200,6 +203,7 @@ def _child(
         lockdown.load_landlock(**config["landlock"])
         lockdown.load_seccomp(config["filter"])
         guest.say_ready(lockdown.probe_locks(__file__))
+        config["rehearsal"].run()
         work = guest.receive()
     except BaseException:
         os.write(guest.STDERR, traceback.format_exc()[-2000:].encode())

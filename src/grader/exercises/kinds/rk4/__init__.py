@@ -1,20 +1,26 @@
 """The `rk4` kind judges steps of Runge-Kutta methods. It compares the student's trajectories with our own, under a
 force that only mj_forward applies, and names the mistake in a wrong step by its Butcher tableau."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from inspect import getsource
 from typing import Any
 
-from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
+import mujoco
+
+from grader.exercises.film import Film
+from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, Trial
+from grader.exercises.kinds.rk4.films import record_films
 from grader.exercises.kinds.rk4.judging import driver
 from grader.exercises.kinds.rk4.judging.described import describe
 from grader.exercises.kinds.rk4.judging.judge import Rk4Outcome, judge_order, judge_run, list_accepted_states
 from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.mistakes import name_the_mistake, write_lazy_steps
 from grader.exercises.kinds.rk4.parameters import Rk4Case, Rk4Parameters, pose_case
-from grader.exercises.kinds.rk4.pictures import build_evidence
+from grader.exercises.kinds.rk4.pictures import build_evidence, describe_right_step
+from grader.exercises.kinds.rk4.script_facts import CLAIMS, LANDMARKS
 from grader.exercises.kinds.rk4.truth import build_truth, prepare, rehearse
+from grader.numerics.scene import Scene
 from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -33,6 +39,8 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
     )
     without_integrators = True
     mistakes_tell_size = False
+    claims = CLAIMS
+    landmarks = LANDMARKS
 
     def build_trials(self, parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Sequence[Trial[Problem]]:
         """Returns one run of the student's step."""
@@ -59,6 +67,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
         """Returns the runs, with the exact motion where the judge compares with it."""
         return describe(trial.problem, build_truth(trial.problem))
 
+    def compile_model(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> mujoco.MjModel:
+        """Returns the model of the case."""
+        return Scene.from_xml(trial.problem.run.xml).model
+
     def rehearse(self, parameters: Rk4Parameters, trial: Trial[Problem]) -> None:
         """Solves for the exact motion where the judgement needs it; raises ValueError if the scene has constraints."""
         rehearse(trial.problem)
@@ -73,15 +85,28 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
             trial.problem, build_truth(trial.problem), results
         )
 
-    def name_mistake(self, parameters: Rk4Parameters, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str | None:
-        """Returns the sentence of the wrong method that gives the student's trajectory of the first case."""
+    def name_mistake(
+        self, parameters: Rk4Parameters, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]
+    ) -> Mistake | None:
+        """Returns the mistake in the student's step, with its line where the trace shows it."""
         return name_the_mistake(parameters.cases[0].id, judged)
+
+    def describe_success(self, parameters: Rk4Parameters, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str:
+        """Returns the distance from MuJoCo's RK4 in the first visible case, and the observed order."""
+        return describe_right_step([one.judgement.outcome for one in judged if not one.trial.hidden])
 
     def build_pictures(
         self, parameters: Rk4Parameters, visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]
     ) -> dict[str, Any]:
         """Returns the difference against time, and the error against the timestep."""
         return build_evidence(visible)
+
+    def record_films(
+        self, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any],
+        failed: Collection[str], *, timestep_s: float | None = None,
+    ) -> Sequence[Film]:  # fmt: skip
+        """Returns the student's motion beside MuJoCo's."""
+        return [*record_films(trials, evidence)] if timestep_s is None else ()
 
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]

@@ -1,5 +1,6 @@
 """Names the mistake that the trace of one wrong run shows, by ordered rules on its tableau, rotations and state."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -8,9 +9,14 @@ import numpy as np
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
+from grader.exercises.kinds.rk4.combinations import Term
 from grader.exercises.kinds.rk4.judging.judge import RunOutcome
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
+from grader.exercises.kinds.rk4.lines import END, Place
 from grader.exercises.kinds.rk4.methods import compute_order, find_name
+from grader.exercises.kinds.rk4.mutants.catalogue import MUTANTS, OF_BARE_DATA
+from grader.exercises.kinds.rk4.mutants.matching import Match, TakenSteps, find_match
+from grader.exercises.kinds.rk4.mutants.turns import explain_turns
 from grader.exercises.kinds.rk4.rotations import (
     BODY,
     RIGHT,
@@ -18,32 +24,49 @@ from grader.exercises.kinds.rk4.rotations import (
     explain_wrong_sign,
     find_rule,
 )
-from grader.exercises.kinds.rk4.slope_sentences import explain_slopes, follows_classical
-from grader.exercises.kinds.rk4.state_sentences import (
-    explain_activations,
+from grader.exercises.kinds.rk4.sentences.changed_numbers import (
+    explain_added_constant,
     explain_clipped_velocities,
+    explain_rounded_state,
+    explain_truncated_slopes,
+)
+from grader.exercises.kinds.rk4.sentences.coordinates import (
+    explain_lost_length,
+    explain_one_number,
+    explain_reset_start,
+    explain_some_coordinates,
+)
+from grader.exercises.kinds.rk4.sentences.slopes import explain_early_calls, explain_slopes, follows_classical, is_close
+from grader.exercises.kinds.rk4.sentences.states import (
+    FRACTIONS_OF_TIME,
+    explain_activations,
     explain_idle,
     explain_missing_slope,
     explain_other_data,
     explain_own_timestep,
     explain_restored_state,
-    explain_rounded_state,
     explain_shared_sum,
     explain_single_joints,
     explain_stale_variables,
     explain_time,
-    explain_truncated_slopes,
     explain_unreadable_state,
 )
+from grader.exercises.kinds.rk4.sentences.tableaus import STAGES
 from grader.exercises.kinds.rk4.step_trace import read_steps
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, Rule, is_same, read_tableau, to_matrix
-from grader.exercises.kinds.rk4.tableau_sentences import STAGES
 from grader.exercises.rules import find_sentence
 from grader.exercises.trace import Trace, get_list
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 
 MUJOCO_MOVES_ONCE = RK4_ORDER_ON_ROTATIONS == 2
 """Whether MuJoCo's RK4 itself moves rotations once, by the weighted mean of the velocities."""
+
+TIMESTEP = "model.opt.timestep"
+
+HARMLESS_FIELDS = frozenset({"model.opt.integrator"})
+"""Fields that no call of mj_forward reads."""
+
+AnyJudged = JudgedTrial[Any, Any]
 
 NO_NUMBER = (
     "In your first step data.qpos or data.qvel becomes nan: None, or something that is no number, was assigned to it. "
@@ -66,13 +89,15 @@ OTHER_STEPPERS = {
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The sentence that names a mistake, and the `fallback` that says how far the step can be read."""
+    """The sentence that names a mistake, and the `fallback` that says how far the step can be read. `place` is where
+    the step first differs from the right one."""
 
     sentence: str | None = None
     fallback: str | None = None
+    place: Place | None = None
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def read_judged_run(judged: JudgedTrial[Any, Any]) -> Reading | None:
     """Reads the tableau off the trace of a judged run; None where there is no trace, or it cannot be read."""
     run = judged.judgement.outcome.run
@@ -82,12 +107,23 @@ def read_judged_run(judged: JudgedTrial[Any, Any]) -> Reading | None:
         return None
 
 
-def diagnose_run(outcome: RunOutcome, judged: JudgedTrial[Any, Any]) -> Diagnosis:
-    """Diagnoses a wrong run by its trace; an empty diagnosis where there is no trace, or it cannot be read."""
+def diagnose_run(failed: Sequence[AnyJudged]) -> Diagnosis:
+    """Diagnoses the first of the failed runs by its trace, with a mistake that explains all of them if there is one. An
+    empty diagnosis where there is no trace, or it cannot be read."""
+    judged = failed[0]
     reading = read_judged_run(judged)
     if reading is None:
         return Diagnosis(NO_NUMBER if begins_with_nan(judged.trace) else None, explain_other_steppers(judged.trace))
-    return diagnose_reading(outcome, judged, reading)
+    return diagnose_reading(judged.judgement.outcome, failed, reading)
+
+
+def diagnose_passed_run(passed: AnyJudged) -> Diagnosis:
+    """Diagnoses a step by a run that passed, where others have failed: the steps from drawn states show what a run from
+    one start hides."""
+    reading = read_judged_run(passed)
+    if reading is None:
+        return Diagnosis()
+    return Diagnosis(find_sentence(STATE_RULES, reading) or explain_changed_model(passed))
 
 
 def begins_with_nan(trace: Trace) -> bool:
@@ -96,16 +132,104 @@ def begins_with_nan(trace: Trace) -> bool:
     return first is not None and bool(np.isnan(first.numbers).any())
 
 
-def diagnose_reading(outcome: RunOutcome, judged: JudgedTrial[Any, Any], reading: Reading) -> Diagnosis:
-    """Diagnoses a wrong run whose trace has been read."""
-    if (sentence := find_sentence(STATE_RULES, reading)) is not None:
+def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: Reading) -> Diagnosis:
+    """Diagnoses a wrong run whose trace has been read. A step of four calls whose stages are all sums of its slopes is
+    named by its tableau. Of any other a mutant tells more: the tableau takes every call for a stage."""
+    judged = failed[0]
+    if (sentence := find_sentence(STATE_RULES, reading) or explain_changed_model(judged)) is not None:
         return Diagnosis(sentence)
     if find_quaternions(reading.model) and reading.calls:
         sentence = explain_rotations(reading, outcome, hidden=judged.trial.hidden)
     else:
         sentence = explain_slopes(reading, judged.trace.returned_values)
-    sentence = sentence or (explain_rest(reading, outcome) if follows_classical(reading) else None)
-    return Diagnosis(sentence, explain_other_steppers(judged.trace) or find_sentence(FALLBACK_RULES, reading))
+    if sentence and (is_whole_tableau(reading) or sentence == explain_early_calls(reading)):
+        return Diagnosis(sentence, place=find_first_difference(reading))
+    rest = explain_rest(reading, outcome) if follows_classical(reading) else None
+    taken = [steps for one in failed if (steps := list_taken_steps(one))]
+    match = find_match(taken, OF_BARE_DATA if rest else MUTANTS) if taken else None
+    if match and match.mutants and not (sentence and is_better_told_by_tableau(match, reading)):
+        return Diagnosis(match.sentence, place=find_mutant_place(match))
+    sentence = sentence or add_second(rest, failed[1:])
+    fallback = explain_other_steppers(judged.trace) or find_sentence(FALLBACK_RULES, reading)
+    return Diagnosis(sentence, fallback, find_first_difference(reading))
+
+
+def is_better_told_by_tableau(match: Match, reading: Reading) -> bool:
+    """Whether the sentence of the tableau says more than mutants do: they do not explain all runs, are tableaus
+    themselves, or are two in a step of one or two calls, which is another method."""
+    is_other_method = len(match.mutants) > 1 and reading.calls < STAGES - 1
+    return not match.explains_all or match.is_tableau or is_other_method
+
+
+def add_second(first: str | None, others: Sequence[AnyJudged]) -> str | None:
+    """Returns a sentence on the rest of the state, with that on another failed run where it is another mistake."""
+    for one in others if first else ():
+        reading = read_judged_run(one)
+        if reading is not None and follows_classical(reading):
+            second = explain_rest(reading, one.judgement.outcome)
+            if second is not None and second != first:
+                return f"Two things are wrong. First: {first} Second: {second}"
+    return first
+
+
+def is_whole_tableau(reading: Reading) -> bool:
+    """Whether a step moves positions and velocities by sums of its slopes alone: by the same, if it has not four calls.
+    One in which a call is left out moves them by different ones."""
+    positions, velocities = to_matrix(reading.positions, "v"), to_matrix(reading.velocities, "a")
+    if positions is None or velocities is None:
+        return False
+    return reading.calls == STAGES or is_same(positions, velocities)
+
+
+def list_taken_steps(judged: AnyJudged) -> TakenSteps | None:
+    """Returns the steps in the trace of a judged run, with their forces; None if there are none."""
+    problem, reading = judged.trial.problem, read_judged_run(judged)
+    if reading is None or not all(step.calls for step in reading.steps):
+        return None
+    forces = {False: problem.run.force, True: problem.probe.force if problem.probe else problem.run.force}
+    return TakenSteps(reading.model, [(step, forces[step.probe]) for step in reading.steps])
+
+
+def find_mutant_place(match: Match) -> Place:
+    """Returns where the first of the mutants changes the right step."""
+    name, part = match.mutants[0].place
+    calls = [all(called) for called in zip(*(mutant.program.calls for mutant in match.mutants), strict=True)]
+    after = END if name == "end" else sum(calls[: int(name.removeprefix("stage ")) - 1])
+    return Place(after, part, sum(calls))
+
+
+def find_first_difference(reading: Reading) -> Place | None:
+    """Returns the first row of a reading that is not that of the classical method; None if all are."""
+    parts = (("qpos", "v", reading.positions), ("qvel", "a", reading.velocities), ("act", "r", reading.activations))
+    for row in range(reading.calls + 1):
+        after = row if row < reading.calls else END
+        known = CLASSICAL[row if row < reading.calls else -1] if row < len(CLASSICAL) else ()
+        for name, slope, rows in parts:
+            right = {Term(slope, stage): share for stage, share in enumerate(known, 1) if share}
+            if rows and (rows[row] is None or not is_close(rows[row] or {}, right)):
+                return Place(after, name, reading.calls)
+        time = {Term("t", 0): share} if (share := FRACTIONS_OF_TIME[min(row, STAGES)]) else {}
+        if reading.times[row] is None or not is_close(reading.times[row] or {}, time):
+            return Place(after, "time", reading.calls)
+    return None
+
+
+def explain_changed_model(judged: AnyJudged) -> str | None:
+    """Returns the sentence of a step that changes the model that it is given; None if it does not, or harmlessly."""
+    note = next(iter(judged.trace.list_notes("changed")), None)
+    names = [name for name in get_list(note.info, "fields") if isinstance(name, str)] if note else []
+    if note is None or not set(names) - HARMLESS_FIELDS:
+        return None
+    if TIMESTEP in names and len(note.numbers) == 1 and np.isfinite(note.numbers[0]):
+        return (
+            f"Your step changes the model that it is given: after the first call {TIMESTEP} is "
+            f"{note.numbers[0]:.2g} times what it was, so that every later step has another length. Compute with a "
+            "number of your own, h = model.opt.timestep, and leave the model as it is."
+        )
+    return (
+        f"Your step changes the model that it is given: {' and '.join(names)} {'is' if len(names) == 1 else 'are'} not "
+        "as before after the first call. Every later step is that of another model: leave it as it is."
+    )
 
 
 def explain_other_steppers(trace: Trace) -> str | None:
@@ -139,7 +263,8 @@ def explain_rotations(reading: Reading, outcome: RunOutcome, *, hidden: bool) ->
         return describe_single_move(velocities)
     sentence = explain_misplaced(model, reading.steps, velocities, hidden=hidden)
     if sentence is not None or rule not in RIGHT:
-        return sentence or explain_wrong_sign(model, reading.steps, velocities)
+        sentence = sentence or explain_wrong_sign(model, reading.steps, velocities)
+        return sentence or explain_turns(model, reading.steps, velocities)
     return explain_quaternion_length(model, reading.steps)
 
 
@@ -165,12 +290,15 @@ def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
 
 
 STATE_RULES: tuple[Rule, ...] = (
-    explain_other_data, explain_stale_variables, explain_idle, explain_single_joints, explain_restored_state,
-    explain_clipped_velocities, explain_truncated_slopes, explain_rounded_state,
+    explain_other_data, explain_reset_start, explain_stale_variables, explain_idle, explain_single_joints,
+    explain_restored_state, explain_one_number, explain_some_coordinates, explain_clipped_velocities,
+    explain_truncated_slopes, explain_rounded_state,
 )  # fmt: skip
 """Mistakes in how a step keeps its state and slopes, which are looked for before those of the method."""
 
 FALLBACK_RULES: tuple[Rule, ...] = (
-    explain_missing_slope, explain_shared_sum, explain_own_timestep, explain_unreadable_state, explain_rotation_end,
+    explain_lost_length, explain_added_constant, explain_missing_slope, explain_shared_sum, explain_own_timestep,
+    explain_unreadable_state,
+    explain_rotation_end,
 )  # fmt: skip
 """True sentences about a step whose mistake is not recognised."""

@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.rk4.diagnosis import diagnose_run
+from grader.exercises.kind import JudgedTrial, Mistake
+from grader.exercises.kinds.rk4.diagnosis import diagnose_passed_run, diagnose_run
 from grader.exercises.kinds.rk4.judging.driver import Forward
 from grader.exercises.kinds.rk4.judging.judge import Rk4Outcome, RunOutcome
+from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.exercises.kinds.rk4.judging.run import Problem, Run, with_timestep
 from grader.exercises.kinds.rk4.judging.trajectory import (
     Trajectory,
@@ -22,9 +23,11 @@ from grader.exercises.kinds.rk4.judging.trajectory import (
     simulate_with,
     subtract_positions,
 )
+from grader.exercises.kinds.rk4.lines import Place, find_line
 from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.sentences.tableaus import WRONG_WEIGHTS, describe_method
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
-from grader.exercises.kinds.rk4.tableau_sentences import WRONG_WEIGHTS, describe_method
+from grader.exercises.trace import Trace
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICIT, IMPLICITFAST, RK4
 
 PREFIX = 40
@@ -47,6 +50,9 @@ RELATIVE = 1e-5
 
 FLOAT32 = 1e-3
 """A state kept in 32 bits departs by less than this within PREFIX steps."""
+
+FAR, NEAR = 1e-2, 2e-3
+"""Differences of quaternions: a wrong sign gives more than the one, two methods of fourth order less than the other."""
 
 Vector = NDArray[np.float64]
 State = tuple[Vector, Vector]
@@ -143,23 +149,40 @@ def measure_departure(run: Run, student: Trajectory) -> float:
     return compare(run, student.take_first(PREFIX), simulate_mujoco(run).take_first(PREFIX)).worst
 
 
-def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str | None:
-    """Returns the sentence of the mistake in the first wrong trajectory; None if it is not recognised. What the trace
-    shows comes first. Then the trajectory is compared with those of wrong methods; at last the trace says up to where
-    the step can be read."""
-    wrong = next((one for one in judged if not one.judgement.passed), None)
-    if wrong is None or not isinstance(wrong.judgement.outcome, RunOutcome):
+def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> Mistake | None:
+    """Returns the mistake in the first wrong trajectory; None if it is not recognised. What the trace shows comes
+    first. Then the trajectory is compared with those of wrong methods; at last the trace says up to where the step can
+    be read."""
+    failed = [one for one in judged if not one.judgement.passed]
+    if not failed or not isinstance(failed[0].judgement.outcome, RunOutcome):
         return None
-    outcome = wrong.judgement.outcome
-    diagnosis = diagnose_run(outcome, wrong)
+    outcome = failed[0].judgement.outcome
+    runs = [one for one in judged if isinstance(one.judgement.outcome, RunOutcome)]
+    diagnosis = diagnose_run([one for one in runs if one in failed])
+    if diagnosis.sentence is None and failed[0].trial.hidden:
+        passed = (diagnose_passed_run(one) for one in runs if one not in failed and not one.trial.hidden)
+        diagnosis = next((one for one in passed if one.sentence), diagnosis)
     if diagnosis.sentence:
-        return diagnosis.sentence
+        return Mistake(diagnosis.sentence, find_first_line([one.trace for one in runs], diagnosis.place))
     if wraps_angles(outcome):
-        return "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
+        return Mistake(
+            "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
+        )
+    if loses_sign(outcome):
+        return Mistake(
+            "Your step changes the sign of a quaternion's w and leaves x, y and z as they are: that is another "
+            "rotation. A quaternion and its negative are the same one, so change all four signs, or none."
+        )
     is_first = outcome.problem.case == first_case
-    return (name_the_step(outcome) if is_first else name_the_state(outcome)) or (
+    sentence = (name_the_step(outcome) if is_first else name_the_state(outcome)) or (
         diagnosis.fallback if is_first else None
     )
+    return Mistake(sentence) if sentence else None
+
+
+def find_first_line(traces: Sequence[Trace], place: Place | None) -> int | None:
+    """Returns the line of a place in a step, from the first trace that tells it."""
+    return next((line for trace in traces if place and (line := find_line(trace, place)) is not None), None)
 
 
 def name_the_step(wrong: RunOutcome) -> str | None:
@@ -196,6 +219,25 @@ def wraps_angles(wrong: RunOutcome) -> bool:
     whole = np.zeros(model.nv)
     whole[hinges] = np.round(turns[hinges])
     return bool(whole.any() and np.all(np.abs(turns - whole) <= WHOLE_TURN))
+
+
+def loses_sign(wrong: RunOutcome) -> bool:
+    """Whether the first quaternion that is far from the right one has the sign of w turned, and nothing else."""
+    ours, theirs = simulate_mujoco(wrong.run).qpos, wrong.student.qpos
+    rows = min(len(ours), len(theirs))
+    for address in find_quaternions(wrong.run.scene().model):
+        here = slice(address.qpos, address.qpos + 4)
+        one, other = ours[:rows, here], theirs[:rows, here]
+        far = np.flatnonzero(measure_turns(one, other) > FAR)
+        if len(far) and measure_turns(one, other * [-1, 1, 1, 1])[far[0]] <= NEAR:
+            return True
+    return False
+
+
+def measure_turns(one: Vector, other: Vector) -> Vector:
+    """Returns the difference of quaternions (n, 4), whatever their signs."""
+    apart, against = (np.max(np.abs(one - sign * other), axis=1) for sign in (1, -1))
+    return np.array(np.minimum(apart, against))
 
 
 def explain_other_forward(run: Run, student: Trajectory, departure: float) -> str | None:

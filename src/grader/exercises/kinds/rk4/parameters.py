@@ -109,7 +109,7 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     case, xml = drawn.case, drawn.xml
     scene = Scene.from_xml(xml, key=case.start.key)
     check_supported(scene.model)
-    check_muscles(xml)
+    check_muscles(scene.model, xml)
     start = scene.at(**case.start.model_dump(exclude={"key"})).start
     qpos, qvel, act, ctrl = (tuple(part.tolist()) for part in (start.qpos, start.qvel, start.act, start.ctrl))
     if max(map(abs, qvel), default=0.0) * case.timestep_s > MOTION_MAX:
@@ -130,8 +130,10 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     return replace(problem, order=Order(check.timesteps_s, check.tolerance), order_runs=order_runs)
 
 
-def check_muscles(xml: str) -> None:
+def check_muscles(model: mujoco.MjModel, xml: str) -> None:
     """Raises ValueError for a muscle without `lengthrange`: MuJoCo simulates to find it, which the jail refuses."""
+    if not np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_MUSCLE):
+        return
     for actuator in mujoco.MjSpec.from_string(xml).actuators:
         if actuator.gaintype == mujoco.mjtGain.mjGAIN_MUSCLE and not any(actuator.lengthrange):
             raise ValueError(f"give the muscle {actuator.name!r} its lengthrange")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.diagnosis import read_judged_run
+from grader.exercises.kinds.rk4.films import keep_motion
 from grader.exercises.kinds.rk4.judging.judge import OrderOutcome, Rk4Outcome, RunOutcome
 from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.tableau import draw_tableau
@@ -17,13 +18,15 @@ POINTS_MAX = 300
 
 
 def build_evidence(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str, Any]:
-    """Returns `differences` of cases (for a logarithmic axis), `order`, and the `tableau` of the first case."""
+    """Returns `differences` of cases (for a logarithmic axis), `order`, the `tableau` of the first case, and of a wrong
+    one the `motion`."""
     outcomes = [one.judgement.outcome for one in visible]
     order = next((one for one in outcomes if isinstance(one, OrderOutcome)), None)
     return {
         "differences": [draw_difference(one) for one in outcomes if isinstance(one, RunOutcome)],
         "order": draw_order(order) if order else None,
         "tableau": find_tableau(visible),
+        **keep_motion(visible),
     }
 
 
@@ -62,3 +65,22 @@ def draw_order(order: OrderOutcome) -> dict[str, Any]:
 def round_figures(values: NDArray[np.float64]) -> list[float | None]:
     """Returns values to four figures; None for what is not finite."""
     return [float(f"{value:.4g}") if isfinite(value) else None for value in values.tolist()]
+
+
+def describe_right_step(visible: Sequence[Rk4Outcome]) -> str:
+    """Returns sentences on the visible runs of a right step: how far it is from MuJoCo's, and its order."""
+    run = next((one for one in visible if isinstance(one, RunOutcome)), None)
+    order = next((one for one in visible if isinstance(one, OrderOutcome)), None)
+    said = []
+    if run is not None and run.agrees:
+        same = (
+            "bit for bit that of MuJoCo's RK4"
+            if run.difference.worst == 0
+            else (f"within {run.difference.worst:.1g} of MuJoCo's RK4")
+        )
+        said.append(f"After {run.run.steps} steps your state is {same}.")
+    elif run is not None:
+        said.append("Your step is not MuJoCo's own, and as near to the exact motion as a method of fourth order is.")
+    if order is not None and order.slope is not None:
+        said.append(f"Your error shrinks with order {order.slope:.2f}.")
+    return " ".join(said)

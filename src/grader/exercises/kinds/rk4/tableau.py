@@ -87,7 +87,7 @@ class StatePart:
         """Returns the equations of every row, over the chosen coordinates of all steps."""
         slopes = [self.terms(step) for step in steps]
         terms = {term: np.concatenate([one[term][chosen] for one in slopes]) for term in slopes[0]}
-        largest = [np.max(np.abs(one[next(iter(one))]), initial=0.0) for one in slopes]
+        largest = [np.max(np.abs(next(iter(one.values()), np.zeros(1))), initial=0.0) for one in slopes]
         systems = []
         for row in range(1, steps[0].calls + 2):
             changes = [self.change(step, row)[chosen] for step in steps]
@@ -274,6 +274,8 @@ def propose_terms(slope: str, row: int, calls: int) -> Iterator[list[list[Term]]
     yield [[Term(slope, stage, power) for power, stage in product((1, other), earlier)] for other in (0, 2)]
     if slope == "a":
         yield [[Term(STALE, 0, power) for power in (0, 2)]]
+    if slope == "a":
+        yield [[Term(name, stage) for name, stage in product("av", earlier)]]
     if slope in "av":
         yield [[Term("v" if slope == "a" else "a", stage) for stage in earlier]]
 

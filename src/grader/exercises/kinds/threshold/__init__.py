@@ -1,19 +1,24 @@
 """The `threshold` kind judges brackets of the largest stable timestep. It certifies a bracket by simulating at its
 ends, and names the mistake in a search by the runs that the script made."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from inspect import getsource
 from typing import Any
 
+import mujoco
+
+from grader.exercises.film import Film
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
+from grader.exercises.kinds.threshold.films import record_films, record_timestep
 from grader.exercises.kinds.threshold.judging import driver
 from grader.exercises.kinds.threshold.judging.described import describe
-from grader.exercises.kinds.threshold.judging.judge import Claim, judge_claim, read_claim
+from grader.exercises.kinds.threshold.judging.judge import Claim, has_limit, judge_claim, read_claim
 from grader.exercises.kinds.threshold.limits import describe_expected, find_accepted_ends
-from grader.exercises.kinds.threshold.mistakes import name_the_mistake, write_lazy_scripts
+from grader.exercises.kinds.threshold.mistakes import describe_right_search, name_the_mistake, write_lazy_scripts
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, build_cells
 from grader.exercises.kinds.threshold.pictures import build_evidence
+from grader.exercises.kinds.threshold.script_facts import CLAIMS, LANDMARKS
 from grader.exercises.parameters import Case
 from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
@@ -29,6 +34,8 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         "within the horizon, or small motions about the equilibrium grow. A right None counts only if a limit of the "
         "same model is found under another integrator."
     )
+    claims = CLAIMS
+    landmarks = LANDMARKS
 
     def build_trials(self, parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[Cell]]:
         """Returns one call of the student's function for every integrator."""
@@ -36,7 +43,7 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         return [
             Trial(
                 id=f"{drawn.case.id}.{cell.integrator.name}",
-                inputs={"model": drawn.xml, "integrator": cell.integrator.code, "again": cell is not several[-1]},
+                inputs={"model": drawn.xml, "integrator": cell.integrator.code},
                 problem=cell,
                 title=cell.integrator.name,
             )
@@ -49,9 +56,15 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         """Returns the search, and the start and the equilibrium of the model."""
         return describe(parameters, trial.problem)
 
+    def compile_model(self, parameters: ThresholdParameters, trial: Trial[Cell]) -> mujoco.MjModel:
+        """Returns the model of the case."""
+        return trial.problem.scene.model
+
     def prepare(self, parameters: ThresholdParameters, trial: Trial[Cell]) -> None:
-        """Compiles the scenes."""
-        _ = trial.problem.scene, trial.problem.scene_as_written
+        """Compiles the scenes, finds the equilibrium, and simulates at the longest timestep."""
+        cell = trial.problem
+        _ = cell.scene, cell.scene_as_written, cell.rest
+        has_limit(cell.scene, cell.integrator.code, parameters.search_s[1], parameters.horizon_s)
 
     def judge(self, parameters: ThresholdParameters, trial: Trial[Cell], results: Results) -> Judgement[Claim]:
         """Certifies a claim by simulating at its ends."""
@@ -65,11 +78,25 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         """Returns the sentence of the first wrong method that gives the student's claims."""
         return name_the_mistake(parameters, judged)
 
+    def describe_success(self, parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str:
+        """Returns how many simulations a visible search took, and how many a bisection needs."""
+        return describe_right_search(parameters, [one.trace for one in judged if not one.trial.hidden])
+
     def build_pictures(
         self, parameters: ThresholdParameters, visible: Sequence[JudgedTrial[Cell, Claim]]
     ) -> dict[str, Any]:
         """Returns the angle at both ends of each claim, and the stability line."""
         return build_evidence(parameters, visible)
+
+    def record_films(
+        self, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]], evidence: Mapping[str, Any],
+        failed: Collection[str], *, timestep_s: float | None = None,
+    ) -> Sequence[Film]:  # fmt: skip
+        """Returns the runs at the ends of the claims, and around the limits where the evidence has them; or at a
+        timestep, where it has the limits."""
+        if timestep_s is not None:
+            return [*record_timestep(parameters, trials, evidence, failed, timestep_s)]
+        return [*record_films(parameters, trials, evidence, failed)]
 
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
-from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim
+from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, judge_claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.search_trace import Run, Search
 from grader.exercises.trace import Trace
+from grader.numerics.stability.horizon import warns_within
 
 CLOSE = 1e-6
 """Relative difference below which two timesteps are the same."""
@@ -14,7 +18,8 @@ CLOSE = 1e-6
 
 @dataclass(frozen=True)
 class Observation:
-    """One wrong claim, with what its trial did. `shown` numbers may be told: those of a visible trial."""
+    """One wrong claim, with what its trial did. `may_tell_numbers`: they are those of a visible trial.
+    `simulates_others`: the script made runs under another integrator."""
 
     parameters: ThresholdParameters
     cell: Cell
@@ -22,6 +27,8 @@ class Observation:
     search: Search
     trace: Trace
     may_tell_numbers: bool
+    simulates_others: bool = False
+    script: Script = NO_SCRIPT
 
     def describe_timestep(self, seconds: float) -> str:
         """Where a timestep is, for the student; no number of a hidden trial."""
@@ -46,6 +53,36 @@ class Observation:
             return []
         found = (run for run in self.search.runs if run.timestep_s >= self.claim.high * (1 - CLOSE))
         return sorted(found, key=lambda run: run.timestep_s)
+
+    @property
+    def runs_before_falls(self) -> list[Run]:
+        """The runs after which the search went on at a smaller timestep: it took them for unstable."""
+        return [one for one, other in pairwise(self.search.runs) if other.timestep_s < one.timestep_s * (1 - CLOSE)]
+
+    @cached_property
+    def last_bracket(self) -> Bracket | None:
+        """The largest stable and the smallest unstable timestep of the runs; None where not all runs are known."""
+        runs = self.search.runs
+        above = min((run.timestep_s for run in runs if run.warnings), default=0.0)
+        below = max((run.timestep_s for run in runs if not run.warnings and run.timestep_s < above), default=0.0)
+        return Bracket(below, above) if below and self.search.total <= len(runs) else None
+
+    @cached_property
+    def right_bracket(self) -> Bracket | None:
+        """The bracket that the runs end with, where the judge accepts it: then the search is right, and what was
+        returned is not what it found."""
+        bracket = self.last_bracket
+        return bracket if bracket and judge_claim(self.parameters, self.cell, bracket).passed else None
+
+    @cached_property
+    def runs_end_as_ours(self) -> bool:
+        """Whether every run warned, or did not, as one of the given model does: then no difference in model or start
+        explains the answer. False where not all runs are known."""
+        horizon_s, code = self.parameters.horizon_s, self.cell.integrator.code
+        return 0 < self.search.total <= len(self.search.runs) and all(
+            bool(run.warnings) == warns_within(self.cell.scene, run.timestep_s, horizon_s, integrator=code)
+            for run in self.search.runs
+        )
 
 
 Rule = Callable[[Observation], str | None]

@@ -117,8 +117,8 @@ def draw_angle(parameters: ThresholdParameters, trial: Trial[Cell], end: str, ti
 
 def thin(values: NDArray[np.float64]) -> list[float]:
     """Returns at most POINTS_MAX of the values to seven figures; the first and the last are kept."""
-    chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS_MAX)).round().astype(int))
-    return [round_figures(value) for value in values[chosen]]
+    chosen = np.linspace(0, len(values) - 1, min(len(values), POINTS_MAX)).round().astype(int)
+    return [round_figures(value) for value in values[chosen].tolist()]
 
 
 def draw_stability(parameters: ThresholdParameters, trial: Trial[Cell]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import re
 from itertools import pairwise
+from math import isnan
 
 from grader.exercises.kinds.threshold.judging.judge import Bracket, NoLimit, Unreadable
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation
@@ -25,15 +26,65 @@ def explain_no_step(observed: Observation) -> str | None:
     """Returns the sentence where None was returned without a step."""
     if observed.search.total or observed.search.other_functions or not isinstance(observed.claim, NoLimit):
         return None
+    name = observed.cell.integrator.name
+    if observed.simulates_others:
+        return (
+            f"Under {name} your function returned None without a single step, although {name} has a limit here too. "
+            "Run the same search under every integrator that you are given."
+        )
     if observed.search.created:
         return (
-            "Your function returned None without a single step: it makes an MjData, but mj_step is never called. Print "
-            "how many steps your loop takes (a run's length divided by the timestep); mj_forward moves nothing."
+            "Your function returned None without a single step: it makes an MjData, but mj_step is not called in this "
+            "case. An answer must be measured: step the model (mj_forward moves nothing), and if you do so in a loop, "
+            "print how many steps it takes."
         )
     return (
         "Your function returned None without a single step. Step the model with mujoco.mj_step (mj_forward moves "
         "nothing) at several timesteps before you answer."
     )
+
+
+def explain_other_return(observed: Observation) -> str | None:
+    """Returns the sentence where the runs end with a right bracket, and something else is returned."""
+    bracket, claim = observed.right_bracket, observed.claim
+    if bracket is None or isinstance(claim, Unreadable):
+        return None
+    found = ""
+    if observed.may_tell_numbers:
+        found = f": {1e3 * bracket.low:.4g} ms stayed stable, and at {1e3 * bracket.high:.4g} ms MuJoCo warned"
+    if isinstance(claim, NoLimit):
+        return f"Your search is right{found}; but your function returns None. Return its ends: return low, high."
+    if claim.width < 0 or is_in_other_unit(claim, bracket):
+        return None
+    if claim.number is None and claim.width == 0:
+        twice = f"{1e3 * claim.low:.4g} ms" if found else "one end"
+        return f"Your search is right{found}; but you return {twice} twice. Return its two ends: return low, high."
+    inside = bracket.low * (1 - CLOSE) <= min(claim.numbers) and max(claim.numbers) <= bracket.high * (1 + CLOSE)
+    if inside:
+        return None
+    ends = " and ".join(f"{1e3 * end:.4g}" for end in claim.numbers)
+    returned = f"you return {ends} ms{describe_factor(claim, bracket)}" if found else "you return something else"
+    return f"Your search is right{found}; but {returned}. Return the two ends as the search has left them."
+
+
+def is_in_other_unit(claim: Bracket, bracket: Bracket) -> bool:
+    """Whether a claim holds an end of the bracket in milliseconds, or as a rate."""
+    ends = (bracket.low, bracket.high, (bracket.low + bracket.high) / 2)
+    others = [other for end in ends for other in (1e3 * end, 1 / end)]
+    return any(abs(number - other) <= 1e-3 * other for number in claim.numbers for other in others)
+
+
+def describe_factor(claim: Bracket, bracket: Bracket) -> str:
+    """Returns by which simple factor a claim differs from what was found, to end a clause; empty if by none."""
+    several = [(bracket.low,), (bracket.high,), ((bracket.low + bracket.high) / 2,)]
+    for ends in several if claim.number is not None else [(bracket.low, bracket.high)]:
+        factors = [number / end for number, end in zip(claim.numbers, ends, strict=True)]
+        factor = round(factors[0], 2)
+        if factor != 1 and all(abs(one - factor) <= CLOSE for one in factors):
+            return f", {factor:g} times what it found"
+    if claim.number is None and abs(claim.low - bracket.high) <= CLOSE * bracket.high:
+        return ", the first of which is the one that warned"
+    return ""
 
 
 def explain_unreadable_result(observed: Observation) -> str | None:
@@ -45,6 +96,11 @@ def explain_unreadable_result(observed: Observation) -> str | None:
         return (
             f"Your function returns a {value.type} that holds None: where nothing is unstable return None alone, else "
             "two numbers, (h_stable, h_unstable)."
+        )
+    if value.type in ("float", "float64") and any(map(isnan, value.numbers)):
+        return (
+            "Your function returns nan: where nothing is unstable return None alone, else two numbers, (h_stable, "
+            "h_unstable)."
         )
     many = f" of {value.shape[0]} items" if value.type in ("tuple", "list") and value.shape else ""
     what = f"a value of type {value.type}{many}" if value.type else "something else"
@@ -83,31 +139,55 @@ def explain_upward_search(observed: Observation) -> str | None:
 
 def explain_coarse_search(observed: Observation) -> str | None:
     """Returns the sentence where the last stable and the first unstable timestep lie far apart."""
-    runs, allowed_s = observed.search.runs, observed.parameters.width_s
-    if observed.search.total > len(runs) or not isinstance(observed.claim, Bracket):
+    bracket, allowed_s = observed.last_bracket, observed.parameters.width_s
+    if bracket is None or not isinstance(observed.claim, Bracket) or bracket.width <= 1.5 * allowed_s:
         return None
-    above = min((run.timestep_s for run in runs if run.warnings), default=0.0)
-    below = max((run.timestep_s for run in runs if not run.warnings and run.timestep_s < above), default=0.0)
-    ends = observed.claim.numbers
-    if not below or above - below <= 1.5 * allowed_s or min(ends) < below or max(ends) > above:
+    if min(observed.claim.numbers) < bracket.low or max(observed.claim.numbers) > bracket.high:
         return None
-    shown = f" ({1e3 * below:.4g} and {1e3 * above:.4g} ms)" if observed.may_tell_numbers else ""
+    shown = f" ({1e3 * bracket.low:.4g} and {1e3 * bracket.high:.4g} ms)" if observed.may_tell_numbers else ""
     return (
         f"Your search is too coarse: its last stable and its first unstable timestep{shown} are more than "
         f"{1e3 * allowed_s:g} ms apart, and the limit lies anywhere between. Go on halving between the two."
     )
 
 
+def explain_whole_range(observed: Observation) -> str | None:
+    """Returns the sentence where the ends of the search are returned, and nothing was tried between them."""
+    ends, runs = observed.parameters.search_s, observed.search.runs
+    if not isinstance(observed.claim, Bracket) or observed.claim.numbers != list(ends):
+        return None
+    inside = [run for run in runs if ends[0] * (1 + CLOSE) < run.timestep_s < ends[1] * (1 - CLOSE)]
+    if inside or not runs or observed.search.total > len(runs):
+        return None
+    shortest, longest, width = (f"{1e3 * one:g}" for one in (*ends, observed.parameters.width_s))
+    return (
+        f"You return the whole range of the search, {shortest} and {longest} ms: no timestep between them was tried. "
+        f"If a loop should halve it, look at its condition: {width} ms are {observed.parameters.width_s:g} s."
+    )
+
+
+def explain_early_return(observed: Observation) -> str | None:
+    """Returns the sentence where a `return` within the loop ends the search, so that its bracket is too wide."""
+    claim, runs = observed.claim, observed.search.runs
+    if not isinstance(claim, Bracket) or claim.width <= observed.parameters.width_s or not observed.script.tree:
+        return None
+    middles = {f"{run.timestep_s:.9g}" for run in runs} - {f"{end:.9g}" for end in observed.parameters.search_s}
+    if len(middles) != 1 or observed.search.total > len(runs) or not observed.script.returns_in_loops:
+        return None
+    return (
+        "Your search tries one timestep between its ends, and returns: a `return` that stands inside the loop ends it "
+        f"after one halving. Return after the loop, when the bracket is at most "
+        f"{1e3 * observed.parameters.width_s:g} ms wide."
+    )
+
+
 def explain_rounded_ends(observed: Observation) -> str | None:
     """Returns the sentence where the answer holds the ends of the search, or their middle, rounded too coarsely."""
-    if not isinstance(observed.claim, Bracket) or observed.search.total > len(observed.search.runs):
+    bracket = observed.last_bracket
+    if not isinstance(observed.claim, Bracket) or bracket is None:
         return None
-    above = min((run.timestep_s for run in observed.search.runs if run.warnings), default=0.0)
-    below = max(
-        (run.timestep_s for run in observed.search.runs if not run.warnings and run.timestep_s < above), default=0.0
-    )
-    ends = (below, above) if observed.claim.number is None else ((below + above) / 2,)
-    if not below or all(abs(one - end) <= CLOSE * end for one, end in zip(ends, observed.claim.numbers, strict=True)):
+    ends = (bracket.low, bracket.high) if observed.claim.number is None else ((bracket.low + bracket.high) / 2,)
+    if all(abs(one - end) <= CLOSE * end for one, end in zip(ends, observed.claim.numbers, strict=True)):
         return None
     for decimals in ROUNDED_DECIMALS:
         if [round(one, decimals) for one in ends] == observed.claim.numbers:
@@ -149,8 +229,8 @@ def explain_narrow_search(observed: Observation) -> str | None:
     bottom = lowest > 1.05 * shortest_s and all(run.warnings for run in runs if run.timestep_s == lowest)
     if bottom and isinstance(observed.claim, Bracket) and observed.claim.low <= lowest * (1 + CLOSE):
         return (
-            f"Your search begins at {observed.format_number(1e3 * lowest)} ms, which is unstable already. "
-            f"Begin at {1e3 * shortest_s:g} ms."
+            f"The smallest timestep of your search is {observed.format_number(1e3 * lowest)} ms, which is unstable "
+            f"already. Search from {1e3 * shortest_s:g} ms."
         )
     return None
 

@@ -203,8 +203,10 @@ def explain_short_runs(observed: Observation) -> str | None:
 
 
 def explain_other_model(observed: Observation) -> str | None:
-    """Returns the sentence where the model that is stepped is not the given one."""
+    """Returns the sentence where the model that is stepped is not the given one, and some run ends otherwise for it."""
     used = {run.model for run in observed.search.runs}
+    if observed.runs_end_as_ours:
+        return None
     if (
         len(used) != 1
         or not (index := used.pop()) < len(observed.search.differing_fields)

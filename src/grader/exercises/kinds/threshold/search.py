@@ -6,21 +6,25 @@ from itertools import pairwise
 from mujoco import mjtWarning
 
 from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.threshold.bisections import explain_wrong_bisection
 from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation, Rule
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
 from grader.exercises.kinds.threshold.range_mistakes import (
     explain_coarse_search,
+    explain_early_return,
     explain_list_indices,
     explain_narrow_search,
     explain_no_simulation,
     explain_no_step,
+    explain_other_return,
     explain_printed_result,
     explain_rounded_ends,
     explain_uncertainty,
     explain_unreadable_result,
     explain_untried_ends,
     explain_upward_search,
+    explain_whole_range,
 )
 from grader.exercises.kinds.threshold.run_mistakes import (
     REPEATED_MIN,
@@ -38,6 +42,7 @@ from grader.exercises.kinds.threshold.run_mistakes import (
     explain_short_runs,
     explain_single_timestep,
 )
+from grader.exercises.kinds.threshold.script_facts import describe_test
 from grader.exercises.kinds.threshold.search_trace import read_search
 
 UNSTABLE = {int(getattr(mjtWarning, f"mjWARN_{name}")): name for name in ("BADQPOS", "BADQVEL", "BADQACC", "BADCTRL")}
@@ -61,10 +66,11 @@ def explain_overlooked_warning(observed: Observation) -> str | None:
             f"{at} MuJoCo raised {kinds}, and your answer calls that timestep stable. You switched the automatic reset "
             "off, so that data.time never falls back: look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC."
         )
+    test = describe_test(observed.script)
     return (
         f"{at} MuJoCo raised {kinds} and reset the state, and your answer calls that "
-        "timestep stable. After the steps, look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or at "
-        "data.time falling back."
+        f"timestep stable. {test}After the steps, look at data.warning[...].number of BADQPOS, BADQVEL and BADQACC, or "
+        "at data.time falling back."
     )
 
 
@@ -74,8 +80,17 @@ def restrict_to_no_limit(rule: Rule) -> Rule:
 
 
 def explain_own_criterion(observed: Observation) -> str | None:
-    """Returns the sentence where a run without a warning counts as unstable."""
-    calm = next((run for run in observed.unstable_runs if not run.warnings), None)
+    """Returns the sentence where a run without a warning counts as unstable: it is the end of the answer that is called
+    so, or the search went down from it."""
+    fell, claim = observed.runs_before_falls, observed.claim
+    calm = next(
+        (
+            run
+            for run in observed.unstable_runs
+            if not run.warnings and (run in fell or (isinstance(claim, Bracket) and run.timestep_s == claim.high))
+        ),
+        None,
+    )
     if calm is None:
         return None
     horizon_s = observed.parameters.horizon_s
@@ -132,16 +147,21 @@ def explain_inverted_test(observed: Sequence[Observation]) -> str | None:
 
 
 CERTAIN_RULES: tuple[Rule, ...] = (
-    explain_printed_result, explain_no_step, explain_unreadable_result, explain_far_timesteps, explain_reset_each_step,
+    explain_whole_range, explain_early_return, explain_printed_result, explain_unreadable_result, explain_rounded_ends,
+    explain_uncertainty, explain_list_indices, explain_other_return, explain_far_timesteps, explain_reset_each_step,
     explain_actuators_off, explain_single_timestep, explain_missing_reset, explain_other_integrator, explain_nan_start,
-    explain_other_start, explain_other_target, explain_short_runs, explain_rounded_ends,
+    explain_other_start, explain_other_target, explain_short_runs, explain_wrong_bisection,
     restrict_to_no_limit(explain_rollout), restrict_to_no_limit(explain_linearisation),
-    restrict_to_no_limit(explain_overlooked_warning), restrict_to_no_limit(explain_narrow_search),
+    restrict_to_no_limit(explain_other_model), restrict_to_no_limit(explain_overlooked_warning),
+    restrict_to_no_limit(explain_narrow_search),
 )  # fmt: skip
 """What the runs show without doubt; the first that explains every wrong claim is the diagnosis."""
 
+NO_STEP_RULES: tuple[Rule, ...] = (explain_no_step,)
+"""Looked at when no formula gives the claims."""
+
 FALLBACK_RULES: tuple[Rule, ...] = (
-    explain_uncertainty, explain_list_indices, explain_upward_search, explain_narrow_search, explain_coarse_search,
+    explain_upward_search, explain_narrow_search, explain_coarse_search,
     explain_overlooked_warning, explain_old_warnings, explain_other_model, explain_sticky_flag, explain_own_criterion,
     explain_no_simulation, explain_untried_ends,
 )  # fmt: skip
@@ -149,13 +169,27 @@ FALLBACK_RULES: tuple[Rule, ...] = (
 
 
 def explain_searches(
-    parameters: ThresholdParameters, wrong: Sequence[JudgedTrial[Cell, Claim]], rules: Sequence[Rule]
+    parameters: ThresholdParameters,
+    wrong: Sequence[JudgedTrial[Cell, Claim]],
+    rules: Sequence[Rule],
+    judged: Sequence[JudgedTrial[Cell, Claim]] = (),
 ) -> str | None:
     """Returns the sentence of the first rule that explains every wrong claim of the visible trials. If all visible
-    claims are right, it must explain those of the hidden trials, of whose runs only the first are known."""
+    claims are right, it must explain those of the hidden trials, of whose runs only the first are known. `judged` are
+    all trials."""
     shown = [one for one in wrong if not one.trial.hidden] or wrong
+    simulates = any((search := read_search(one.trace)) is not None and search.total for one in judged)
     observed = [
-        Observation(parameters, one.trial.problem, one.judgement.outcome, search, one.trace, not one.trial.hidden)
+        Observation(
+            parameters=parameters,
+            cell=one.trial.problem,
+            claim=one.judgement.outcome,
+            search=search,
+            trace=one.trace,
+            may_tell_numbers=not one.trial.hidden,
+            simulates_others=simulates,
+            script=one.script,
+        )
         for one in shown
         if (search := read_search(one.trace)) is not None
     ]

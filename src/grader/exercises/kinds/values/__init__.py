@@ -1,15 +1,16 @@
 """The `values` kind judges the results of functions. It compares them with those of an author's program, or puts them
 into a residual, and names the mistake that gives them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from inspect import getsource
 from typing import Any
 
-from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
+from grader.domain.run import Job, RunReport
+from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, Trial
 from grader.exercises.kinds.values.judging import driver
 from grader.exercises.kinds.values.judging.described import describe
 from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, judge_calls
-from grader.exercises.kinds.values.mistakes import name_the_mistake
+from grader.exercises.kinds.values.mistakes import name_by_edits, name_the_mistake
 from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import build_evidence
 from grader.exercises.kinds.values.rehearsal import rehearse_call
@@ -52,6 +53,15 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
     ) -> str | None:
         """Returns the sentence of the first mistake that explains the wrong results."""
         return name_the_mistake(parameters, judged)
+
+    def name_mistake_by_runs(
+        self,
+        parameters: ValuesParameters,
+        judged: Sequence[JudgedTrial[Problem, Comparisons]],
+        run: Callable[[Job], RunReport],
+    ) -> Mistake | None:
+        """Returns the mistake of the edited program that gives the wrong results, or of the edit that mends them."""
+        return name_by_edits(parameters, judged, run)
 
     def build_pictures(
         self, parameters: ValuesParameters, visible: Sequence[JudgedTrial[Problem, Comparisons]]

@@ -8,7 +8,7 @@ from math import pi
 import mujoco
 import numpy as np
 
-from grader.exercises.kind import JudgedTrial
+from grader.exercises.kind import JudgedTrial, Mistake
 from grader.exercises.kinds.values.call_trace import (
     explain_by_trace,
     explain_missing_forward,
@@ -16,6 +16,7 @@ from grader.exercises.kinds.values.call_trace import (
 )
 from grader.exercises.kinds.values.judging.driver import Rows, compile_model, start_data
 from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, find_largest, fits
+from grader.exercises.kinds.values.mutants.matching import RunJob, name_edit
 from grader.exercises.kinds.values.parameters import Problem, Result, ValuesParameters
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 from grader.exercises.rules import find_sentence
@@ -32,16 +33,35 @@ PATTERN_MIN = 3
 
 def name_the_mistake(parameters: ValuesParameters, judged: Sequence[JudgedTrial[Problem, Comparisons]]) -> str | None:
     """Returns the sentence for the first function that is wrong: the mistake and the cure; None if no mistake fits."""
+    calls = list_calls(judged)
+    sentence = find_mistake(calls)
+    return add_function(sentence, parameters, calls) if sentence else None
+
+
+def name_by_edits(
+    parameters: ValuesParameters, judged: Sequence[JudgedTrial[Problem, Comparisons]], run: RunJob
+) -> Mistake | None:
+    """Returns the mistake for the first function that is wrong, found by edits of its program and of the author's; None
+    if none fits. Raises JailFault."""
+    calls = list_calls(judged)
+    mistake = name_edit(calls, judged[0].script.source, run)
+    return replace(mistake, sentence=add_function(mistake.sentence, parameters, calls)) if mistake else None
+
+
+def list_calls(judged: Sequence[JudgedTrial[Problem, Comparisons]]) -> list[StudentCall]:
+    """Returns the calls of the first function that is wrong."""
     first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
-    calls = [
+    return [
         StudentCall(one.trial.problem, compared, one.trace, one.trial.hidden)
         for one in judged
         if one.trial.problem.name == first
         for compared in one.judgement.outcome
     ]
-    sentence = find_mistake(calls)
-    several = len(parameters.functions) > 1
-    return f"{first}: {sentence}" if sentence and several else sentence
+
+
+def add_function(sentence: str, parameters: ValuesParameters, calls: Sequence[StudentCall]) -> str:
+    """Returns a sentence with the name of the function that it is about, where the exercise has several."""
+    return f"{calls[0].problem.name}: {sentence}" if len(parameters.functions) > 1 else sentence
 
 
 def find_mistake(calls: Sequence[StudentCall]) -> str | None:

@@ -141,7 +141,8 @@ Program = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The calls of one trial. `independent`: no number of the model is drawn, so the calls share no draw."""
+    """The calls of one trial. `independent`: no number of the model is drawn, so the calls share no draw. `text` is
+    that of the author's program."""
 
     name: str
     function: Function
@@ -150,6 +151,7 @@ class Problem:
     program: Program
     mistakes: tuple[tuple[Program, str], ...]
     independent: bool
+    text: str = ""
 
     @property
     def results(self) -> list[dict[str, str | None]]:
@@ -270,6 +272,7 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Pro
             for index, one in enumerate(parameters.mistakes)
         ),
         independent=not any(isinstance(value, tuple) for value in case.set.values()),
+        text=drawn.content.text_of(parameters.program),
     )
     model = compile_model(problem.xml)
     if model is not None:

@@ -6,8 +6,6 @@ reset, and ends at the next such moment or with the trial. Only its first step i
 the script."""
 
 import contextlib
-import copy
-import functools
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +15,7 @@ import mujoco
 import numpy as np
 
 note: Callable[..., bool] = globals().get("note", lambda *_: False)
+load_model: Callable[[str], Any] = globals().get("load_model", mujoco.MjModel.from_xml_string)
 
 RUNS_MAX = 300
 """Runs that are noted in a trial, the first ones."""
@@ -103,22 +102,6 @@ class Search:
         note("search", info, np.array(self.runs).reshape(-1))
 
 
-@functools.lru_cache(maxsize=1)
-def compile_model(xml: str) -> tuple[Any, dict[str, bytes]]:
-    """Returns the model of an MJCF text and its `read_values`, made once for all integrators."""
-    model = mujoco.MjModel.from_xml_string(xml)
-    return model, read_values(model)
-
-
-def get_fresh_model(xml: str, *, again: bool) -> tuple[Any, dict[str, bytes]]:
-    """As `compile_model`, with a model that no call has seen: a copy only if the text comes `again`."""
-    model, values = compile_model(xml)
-    if again:
-        return copy.copy(model), values
-    compile_model.cache_clear()
-    return model, values
-
-
 def read_values(model: Any) -> dict[str, bytes]:
     """Returns what the motion of a model depends on, but for the timestep and the integrator."""
     values = {name: getattr(model, name).tobytes() for name in FIELDS}
@@ -202,9 +185,9 @@ def trial(
 ) -> None:
     """Makes one call on a fresh model, so that no call sees what another changed."""
     (entry,) = functions
-    model, given = get_fresh_model(inputs["model"], again=inputs["again"])
+    model = load_model(inputs["model"])
     search.restart(hidden=bool(globals().get("hidden")))
-    search.given = given
+    search.given = read_values(model)
     search.scope = getattr(inspect.unwrap(entry), "__globals__", {})
     steps = (take_first_step, plain["mj_step"])
     search.names = [name for name, value in search.scope.items() if any(value is step for step in steps)]

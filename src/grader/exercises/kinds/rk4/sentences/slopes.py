@@ -7,6 +7,8 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Combination, Term
 from grader.exercises.kinds.rk4.methods import chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.sentences.changed_numbers import explain_own_drag, explain_powers_of_h
+from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, describe_method, explain_view, spell_number
 from grader.exercises.kinds.rk4.step_trace import Rows
 from grader.exercises.kinds.rk4.tableau import (
     CLASSICAL,
@@ -21,7 +23,6 @@ from grader.exercises.kinds.rk4.tableau import (
     look_up_row,
     to_matrix,
 )
-from grader.exercises.kinds.rk4.tableau_sentences import STAGES, describe_method, spell_number
 from grader.exercises.rules import find_sentence
 from grader.exercises.trace import ReturnedValue
 
@@ -93,6 +94,8 @@ def explain_borrowed_slopes(reading: Reading) -> str | None:
             "Your first acceleration is data.qacc as it stood before the step: nothing has computed it for this state. "
             "Call mj_forward before you read data.qacc."
         )
+    if (sentence := explain_own_drag(reading.velocities)) is not None:
+        return sentence
     crossed = [
         what
         for what, rows, slope in (("position", reading.positions, "a"), ("velocity", reading.velocities, "v"))
@@ -110,59 +113,6 @@ def explain_borrowed_slopes(reading: Reading) -> str | None:
             "use data.qacc."
         )
     return None
-
-
-def explain_powers_of_h(reading: Reading) -> str | None:
-    """Returns the sentence of slopes that are not multiplied by h exactly once."""
-    for rows, slope, what in ((reading.velocities, "a", "velocity"), (reading.positions, "v", "position")):
-        if any(row is None for row in rows):
-            continue
-        used = [{term.power for term in row if term.slope == slope} for row in rows if row is not None]
-        if not any(one - {1} for one in used):
-            continue
-        number = find_fixed_timestep(rows, slope)
-        if number is not None:
-            return (
-                f"Your step is {number:g} s long whatever the timestep of the model is: use model.opt.timestep, not a "
-                "fixed number."
-            )
-        return describe_power(used, rows, slope, what)
-    return None
-
-
-def find_fixed_timestep(rows: Combinations, slope: str) -> float | None:
-    """Returns the number [s] that every row has in the place of h; None if there is none."""
-    weights = {term: value for term, value in (rows[-1] or {}).items() if term.slope == slope}
-    if not weights or any(term.power for row in rows if row for term in row if term.slope == slope):
-        return None
-    number = sum(weights.values())
-    return number if 0 < number < 0.1 else None  # the weights of a fixed step sum to it, those without h to about 1
-
-
-def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, what: str) -> str:
-    """Returns the sentence of a row that is multiplied by h too often, or not at all."""
-    *stages, result = used
-    weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
-    off = sum(power != 1 for power in weights.values())
-    if result == {2} and not any(2 in one for one in stages):
-        return (
-            f"h is applied twice to the {what}: once in k, once in the sum. If your k are already multiplied by h, the "
-            "result is the start plus (k1 + 2 k2 + 2 k3 + k4)/6."
-        )
-    if result == {0}:
-        return (
-            f"The weighted sum that advances the {what} is not multiplied by h: add h times the sum to the start of "
-            "the step."
-        )
-    if off:
-        how = "not multiplied by h/6" if 0 in result else "multiplied by h twice"
-        return (
-            f"{spell_number(off).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
-            f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
-        )
-    stage = next(index for index, one in enumerate(stages, 1) if one - {1})
-    how = "h twice" if 2 in used[stage - 1] else "a slope without h"
-    return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."
 
 
 def explain_early_calls(reading: Reading) -> str | None:
@@ -206,14 +156,23 @@ def explain_separate_rules(reading: Reading) -> str | None:
     if is_same(velocities, [*CLASSICAL[:-1], (0, 0, 0, 1)]) and not (positions and is_same(velocities, positions)):
         return (
             "All accelerations equal the last one: data.qacc is a view that the next mj_forward overwrites, so copy it."
+            " If you did, the sum uses the last one alone."
         )
     sentence = explain_new_velocity(reading, velocities)
     if sentence or (positions is not None and is_same(velocities, positions)):
         return sentence
     if not is_same(velocities, CLASSICAL):
-        return explain_overwritten_velocities(velocities) or describe_method(velocities, "velocity")
+        return (
+            explain_overwritten_velocities(velocities)
+            or explain_view(velocities, "qacc")
+            or describe_method(velocities, "velocity")
+        )
     if positions is not None:
-        return explain_position_tableau(positions) or describe_method(positions, "position")
+        return (
+            explain_position_tableau(positions)
+            or explain_view(positions, "qvel")
+            or describe_method(positions, "position")
+        )
     return explain_mixed_slopes(reading)
 
 
@@ -263,7 +222,8 @@ POSITION_STAGES: Mapping[str, Matrix] = {
 
 POSITION_WEIGHTS: Mapping[tuple[float, ...], str] = {
     (0, 0, 0, 1): (
-        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it."
+        "All stage velocities equal the last one: data.qvel is a view that the next stage overwrites, so copy it. If "
+        "you did, the sum uses the last one alone."
     ),
     (1, 0, 0, 0): (
         "The position advances with the velocity at the start of the step alone; use the weighted mean of the four "
@@ -349,7 +309,11 @@ def is_mean(result: Combination, after: Term) -> bool:
 
 
 def is_verlet(positions: Combinations, velocities: Matrix) -> bool:
-    """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2."""
+    """Whether this is the velocity Verlet method: its second stage lies at h v + h h a/2, which is also reached by half
+    a kick and a drift."""
+    kicked = {Term("v", 2): 1.0}
+    if all(row is not None and is_close(row, kicked) for row in (positions[1], positions[-1])):
+        return is_same(velocities, [(), (1 / 2,), (1 / 2, 1 / 2)])
     mean = {Term("v", 1): 1 / 2, Term("v", 2): 1 / 2}
     moved = all(row is not None and is_close(row, mean) for row in (positions[1], positions[-1]))
     return moved and is_same(velocities, [(), (1,), (1 / 2, 1 / 2)])

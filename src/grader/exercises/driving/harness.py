@@ -6,9 +6,14 @@ and `hidden_inputs()` fetches the hidden trials, which the process does not know
 An exception ends its trial alone: the result `raised` holds its name and line. SystemExit and its like, a refusal of
 the jail, and lack of memory end the whole script: they are raised again.
 
-The results `traces` and `hidden_traces` hold what the recorder noted in each trial. The driver finds among its names
-`note`, which adds to the trace, and `hidden`, which says whether the current trial is."""
+Models come compiled where the inputs have them under `models`; `load_model` makes new ones.
 
+The results `traces` and `hidden_traces` hold what the recorder noted in each trial. The driver finds among its names
+`note`, which adds to the trace, and `hidden`, which says whether the current trial is. That of a kind that plays also
+finds `exchange(answer)`, which sends an answer and returns the next message, None at the end of the trial, and
+`explain(error)`, which makes an exception of the student's an answer."""
+
+import base64
 import builtins
 import contextlib
 import difflib
@@ -19,23 +24,54 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 
 Submit = Callable[[str, Any], None]
 
-GIVEN: dict[str, Any] = {name: globals().get(name) for name in ("kind_of", "hidden_inputs")}
+GIVEN: dict[str, Any] = {name: globals().get(name) for name in ("kind_of", "hidden_inputs", "exchange")}
 RECORDER: dict[str, Any] = {"__name__": "recorder", "__builtins__": builtins}
 KIND: dict[str, Any] = {"__name__": "kind", "__builtins__": builtins}
 TEXT_CHARS_MAX = 1000
+
+MODELS: dict[str, bytes] = {}
+"""Compiled models, as MuJoCo saves them, by their MJCF text."""
+STATE: dict[str, Any] = {"compiles": False, "student": None, "faults": 0, "plays": False, "asked": False, "over": False}
+FAULTS_SHOWN = 3
+"""Exceptions of steps that are written to stderr."""
+compile_text, load_saved = mujoco.MjModel.from_xml_string, mujoco.MjModel.from_binary_path
+SAVED = "model.mjb"
+"""A name for MuJoCo; there is no such file."""
 
 
 def load(recorder: types.CodeType, driver: types.CodeType) -> None:
     """Executes the recorder and the kind's driver, before the student's module is imported."""
     exec(recorder, RECORDER)  # noqa: S102
-    KIND["note"] = RECORDER["note"]
+    KIND.update(note=RECORDER["note"], load_model=load_model, exchange=exchange, explain=explain)
     exec(driver, KIND)  # noqa: S102
     if "before_import" in KIND:
         KIND["before_import"]()
+
+
+def load_model(xml: str) -> mujoco.MjModel:
+    """Returns a new model of an MJCF text. A text is compiled once, and its model loaded from then on; of a model that
+    was loaded MuJoCo cannot save the text."""
+    if STATE["compiles"]:
+        return compile_text(xml)
+    if xml not in MODELS:
+        model = compile_text(xml)
+        saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, saved)
+        MODELS[xml] = saved.tobytes()
+        return model
+    return load_saved(SAVED, {SAVED: MODELS[xml]})
+
+
+def take_models(inputs: Mapping[str, Any]) -> None:
+    """Keeps the compiled models of a part of the job. None in their place: every model is to be compiled."""
+    models = inputs.get("models", {})
+    STATE["compiles"] = STATE["compiles"] or models is None
+    MODELS.update({xml: base64.b64decode(saved) for xml, saved in (models or {}).items()})
 
 
 def watch_exceptions(catching: types.CodeType) -> None:
@@ -48,6 +84,8 @@ def watch_exceptions(catching: types.CodeType) -> None:
 
 def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
     """Called by the jail after the import: every trial, visible ones first."""
+    STATE.update(student=student, plays=inputs.get("plays", False))
+    take_models(inputs)
     attempt_all(student, inputs["trials"], submit, "traces")
     if not inputs["more"]:
         return
@@ -55,6 +93,7 @@ def run(student: object, inputs: Mapping[str, Any], submit: Submit) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)  # dropped output must not count against the limit
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
+    take_models(hidden)
     attempt_all(student, hidden["trials"], submit, "hidden_traces")
 
 
@@ -79,6 +118,7 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> bytes:
         submit(f"t{index}_{name}", numbers)
 
     KIND["hidden"] = trial["hidden"]
+    STATE.update(asked=False, over=False)
     RECORDER["begin"](trial["hidden"])
     try:
         functions = tuple(RECORDER["traced"](function_of(student, name)) for name in trial["entries"])
@@ -87,6 +127,8 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> bytes:
         if ends_the_script(error):
             raise
         submit_result("raised", np.frombuffer(account(error, student, trial["hidden"]), dtype=np.uint8))
+        if STATE["plays"]:
+            leave_trial()
     trace: bytes = RECORDER["end"]()
     return trace
 
@@ -126,7 +168,31 @@ def built_in(error: BaseException) -> type[BaseException]:
     return found
 
 
-def account(error: BaseException, student: object, hidden: bool) -> bytes:
+def exchange(answer: bytes | None) -> bytes | None:
+    """Sends an answer of the driver's, unless it is None, and returns the next message, None at the trial's end."""
+    message: bytes | None = GIVEN["exchange"](answer)
+    STATE.update(asked=True, over=message is None)
+    return message
+
+
+def leave_trial() -> None:
+    """Answers with nothing, which says that the trial has raised, until it ends."""
+    if not STATE["asked"]:
+        exchange(None)
+    while not STATE["over"]:
+        exchange(b"")
+
+
+def explain(error: BaseException) -> bytes:
+    """Returns an exception of a step as JSON, for a driver that goes on after it; raises it again if it ends the
+    script. The text of the first ones in visible trials goes to stderr."""
+    if ends_the_script(error):
+        raise error
+    STATE["faults"] += 1
+    return account(error, STATE["student"], KIND["hidden"], shown=STATE["faults"] <= FAULTS_SHOWN)
+
+
+def account(error: BaseException, student: object, hidden: bool, *, shown: bool = True) -> bytes:
     """Returns an exception and its line in the student's file as JSON; of a visible trial, writes it to stderr too."""
     file = getattr(student, "__file__", "")
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
@@ -134,7 +200,7 @@ def account(error: BaseException, student: object, hidden: bool) -> bytes:
     if not hidden:
         with contextlib.suppress(Exception):  # the student's own __str__
             what = traceback.format_exception_only(type(error), error)[-1].strip()
-            lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), f"{what}\n"]
+            lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), f"{what}\n"] * shown
             os.write(2, "".join(lines).encode("utf-8", "backslashreplace"))
     line = frames[-1].lineno if frames else None
     return json.dumps({"raised": what[:TEXT_CHARS_MAX], "line": line}).encode()

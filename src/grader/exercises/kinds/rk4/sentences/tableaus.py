@@ -264,3 +264,20 @@ def spell_number(count: int) -> str:
     """Returns a small number in words."""
     words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
     return words[count] if count < len(words) else str(count)
+
+
+VIEW_WEIGHTS: Mapping[tuple[float, ...], int] = {
+    (0, 1 / 3, 1 / 3, 1 / 3): 1, (1 / 6, 0, 1 / 3, 1 / 2): 2, (1 / 6, 1 / 3, 0, 1 / 2): 3
+}  # fmt: skip
+"""Weights that count the last slope in place of the one of a stage."""
+
+
+def explain_view(rows: Matrix, name: str) -> str | None:
+    """Returns the sentence of one slope that is counted as the last one; None if none is."""
+    stage = next((stage for weights, stage in VIEW_WEIGHTS.items() if is_same_row(rows[-1], weights)), None)
+    if stage is None or not is_same([*rows[:-1], ()], [*CLASSICAL[:-1], ()]):
+        return None
+    return (
+        f"In your sum the last data.{name} stands in the place of that of stage {stage}: data.{name} is a view that "
+        f"later stages overwrite. Copy it in stage {stage} as in the others, with data.{name}.copy()."
+    )

@@ -7,6 +7,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Rows, Term, format_coefficient
 from grader.exercises.kinds.rk4.judging.quaternions import OFFSETS
+from grader.exercises.kinds.rk4.sentences.tableaus import FRACTIONS, STAGES, spell_number, write_row
 from grader.exercises.kinds.rk4.step_trace import Step
 from grader.exercises.kinds.rk4.tableau import (
     CLASSICAL,
@@ -17,7 +18,6 @@ from grader.exercises.kinds.rk4.tableau import (
     is_same_row,
     to_matrix,
 )
-from grader.exercises.kinds.rk4.tableau_sentences import FRACTIONS, STAGES, spell_number, write_row
 
 FRACTIONS_OF_TIME = (0, 1 / 2, 1 / 2, 1, 1)
 """The times of the four stages and of the result, in timesteps from the start of the step."""
@@ -25,8 +25,6 @@ FRACTIONS_OF_TIME = (0, 1 / 2, 1 / 2, 1, 1)
 CUT_ATOL = 1e-9
 """Relative difference below which two velocities are the same."""
 
-CUTS_MIN = 2
-"""The fewest velocities of equal size that count as cut off."""
 
 CLOCK_ATOL = 1e-6
 """Difference in timesteps below which two times are the same: a time of many seconds has lost digits."""
@@ -37,8 +35,6 @@ LENGTHS_MIN = 3
 NUMBERS_MIN = 2
 """The fewest coordinates of which "every" is said."""
 
-DECIMALS = range(3, 13)
-"""Decimals to which a state may be rounded."""
 
 SET_TIME = "set it to t, t + h/2, t + h/2 and t + h before the four calls of mj_forward, and to t + h at the end"
 
@@ -263,12 +259,14 @@ def explain_shared_sum(reading: Reading) -> str | None:
 
 
 def explain_stale_variables(reading: Reading) -> str | None:
-    """Returns the sentence of steps that begin at a state, or use slopes, of an earlier call; None if none do."""
+    """Returns the sentence of steps that begin at a state, or use slopes, of another call; None if none do. One step is
+    enough: two states are never the same by chance."""
     steps = reading.steps
     if reading.calls < 2 or len(steps) < 2:
         return None
     elsewhere = [step for step in steps if not begins_at(step, step, 0)]
-    if elsewhere and all(any(begins_at(one, other, row) for other in steps for row in (0, -1)) for one in elsewhere):
+    pairs = ((one, other) for one in elsewhere for other in steps if other is not one)
+    if any(begins_at(one, other, row) for one, other in pairs for row in (0, -1)):
         return (
             "Your step does not begin at the state in data, but at one that an earlier call has left in a variable "
             "outside of the function: copy data.qpos, data.qvel, data.act and data.time at the start of every call."
@@ -333,8 +331,8 @@ def describe_still_joint(reading: Reading, still: Sequence[int]) -> str:
             "from model.jnt_qposadr."
         )
     return (
-        "The position of a hinge or slide never changes, although its velocity does: after a quaternion its place "
-        "in data.qpos is neither the joint's number nor its jnt_dofadr. Write it at model.jnt_qposadr[joint]."
+        "The position of a hinge or slide never changes, although its velocity does: move those as well, at "
+        "model.jnt_qposadr[joint], which after a quaternion is neither the joint's number nor its jnt_dofadr."
     )
 
 
@@ -351,37 +349,6 @@ def are_later_joints_still(reading: Reading) -> bool:
 def is_free_joint_first(model: mujoco.MjModel, still: Sequence[int]) -> bool:
     """Whether the first coordinate that stands still is a free joint's."""
     return int(model.jnt_type[model.dof_jntid[min(still)]]) == int(mujoco.mjtJoint.mjJNT_FREE)
-
-
-def explain_truncated_slopes(reading: Reading) -> str | None:
-    """Returns the sentence of slopes that have lost their fractions."""
-    steps = reading.steps
-    if reading.calls < 2 or not all(moves_with(step, np.trunc(step.qacc[1])) for step in steps):
-        return None
-    if not any(np.any(np.trunc(step.qacc[1])) for step in steps):
-        return None
-    return (
-        "The slopes in your stages are cut off to whole numbers: an array of whole numbers, such as np.array([0, 0]) "
-        "or one with dtype=int, keeps no fractions. Make it of floats, such as np.zeros(model.nv)."
-    )
-
-
-def explain_rounded_state(reading: Reading) -> str | None:
-    """Returns the sentence of a state that is rounded, to 32 bits at the start or to some decimals at the end."""
-    steps = [step for step in reading.steps if step.calls]
-    if not steps:
-        return None
-    if all(np.array_equal(step.qpos[1], step.qpos[0].astype(np.float32)) for step in steps) and not all(
-        np.array_equal(step.qpos[1], step.qpos[0]) for step in steps
-    ):
-        return "The state went through 32-bit floats: use NumPy's default, float64."
-    if reading.calls != STAGES:
-        return None
-    ends = [step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:]) for step in steps]
-    for decimals in DECIMALS:
-        if all(np.array_equal(np.round(end, decimals), step.qvel[-1]) for step, end in zip(steps, ends, strict=True)):
-            return f"Your step rounds its result to {decimals} decimals: round what you print, not the state."
-    return None
 
 
 def explain_unreadable_state(reading: Reading) -> str | None:
@@ -423,24 +390,3 @@ def describe_unreadable_row(row: int, unknown: Sequence[str], calls: int) -> str
         )
     until = f" Your stages up to {row} can be read." if row > 1 else ""
     return f"{said} slopes.{until} Print that state, and compare it with the formula by hand."
-
-
-def explain_clipped_velocities(reading: Reading) -> str | None:
-    """Returns the sentence of velocities that are those of the classical step, cut off at one size."""
-    bounds: list[float] = []
-    for step in reading.steps:
-        if step.calls != STAGES:
-            return None
-        end = step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:])
-        wrong = np.abs(step.qvel[-1] - end) > CUT_ATOL * (1 + np.abs(end))
-        if np.any(np.abs(step.qvel[-1][wrong]) >= np.abs(end[wrong])):
-            return None
-        bounds += np.abs(step.qvel[-1][wrong]).tolist()
-    if len(bounds) < CUTS_MIN or max(bounds) - min(bounds) > CUT_ATOL * max(bounds):
-        return None
-    if max(bounds) == 0:
-        return (
-            "Your step sets a velocity to 0 that is not: MuJoCo does not, since a joint limit is a force in data.qacc. "
-            "Leave data.qpos and data.qvel as the formula gives them."
-        )
-    return f"Your step cuts velocities off at {bounds[0]:.4g}: MuJoCo does not, so leave data.qvel as it comes out."

@@ -1,0 +1,88 @@
+"""Chooses the sentence of a verdict: the mistake of a wrong script, a remark on a right one."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from grader.errors import JailFault
+from grader.exercises.crashes import explain_hidden_slip
+from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence
+from grader.exercises.explaining.places import find_landmark
+from grader.exercises.kind import JudgedTrial, Kind, Mistake
+from grader.exercises.measuring import Run
+from grader.exercises.parameters import ExerciseParameters
+
+AnyKind = Kind[Any, Any, Any]
+AnyJudged = JudgedTrial[Any, Any]
+
+NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
+NUMBERS_MAX, FIGURES_MAX = 12, 2
+"""Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
+
+OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
+
+
+def tells_numbers(sentence: str) -> bool:
+    """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many. A script that
+    makes up its trace chooses the numbers that a mistake's sentence takes from there."""
+    figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
+    return len(figures) > NUMBERS_MAX or any(len(one) > FIGURES_MAX for one in figures)
+
+
+def diagnose(
+    kind: AnyKind,
+    parameters: ExerciseParameters,
+    judged: Sequence[tuple[AnyJudged, str]],
+    whole: Sequence[AnyJudged],
+    run: Run,
+) -> tuple[Mistake | None, str | None]:
+    """Returns the mistake, else the hint of the first failed case, else its message. The sentence beside it replaces
+    its own where only the direction of an error may be told. `judged` are all trials with their messages, `whole` those
+    that did not raise. Details are left out, so that the diagnosis does not depend on the seed."""
+    first, message = next(((one, said) for one, said in judged if not one.counts), (None, ""))
+    if first is None:
+        return None, None
+    if first not in whole:
+        message = f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
+        return Mistake(message), message
+    slip = explain_hidden_slip(
+        [one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden]
+    )
+    slip = slip and correct_sentence(slip, gather_evidence(whole))
+    if slip is not None:
+        return Mistake(slip), slip
+    plain = (first.trial.case.hint if first.trial.case else None) or message
+    named = kind.name_mistake(parameters, whole) or try_runs(kind, parameters, whole, run)
+    mistake = Mistake(named) if isinstance(named, str) else named
+    evidence = gather_evidence(whole)
+    sentence = correct_sentence(mistake.sentence, evidence, (*CLAIMS, *kind.claims)) if mistake else None
+    if mistake is None or sentence is None or (first.trial.hidden and tells_numbers(sentence)):
+        return Mistake(plain), plain
+    line = mistake.line or find_landmark(sentence, evidence.script, kind.landmarks)
+    mistake = replace(mistake, sentence=sentence, line=line)
+    return mistake, plain if kind.mistakes_tell_size else mistake.sentence
+
+
+def try_runs(
+    kind: AnyKind, parameters: ExerciseParameters, whole: Sequence[AnyJudged], run: Run
+) -> Mistake | str | None:
+    """Returns the mistake that programs in the jail show; None where there is no jail."""
+    try:
+        return kind.name_mistake_by_runs(parameters, whole, run)
+    except JailFault:
+        return None
+
+
+def gather_evidence(judged: Sequence[AnyJudged]) -> Evidence:
+    """Returns what the claims of a sentence are held against."""
+    traces = [one.trace for one in judged]
+    return Evidence(judged[0].script, traces, [one.trace for one in judged if not one.counts] or traces)
+
+
+def describe_success(kind: AnyKind, parameters: ExerciseParameters, judged: Sequence[AnyJudged]) -> str:
+    """Returns how many trials hold, and what the kind says of a right script."""
+    hidden = sum(one.trial.hidden for one in judged)
+    cases = "The case holds" if len(judged) == 1 else f"All {len(judged)} cases hold"
+    also = f", the {hidden} hidden ones too" if hidden > 1 else ", the hidden one too" if hidden else ""
+    return f"{cases}{also}. {kind.describe_success(parameters, judged)}".rstrip()

@@ -1,0 +1,102 @@
+"""The `controller` kind closes a loop: it simulates in the grader's own process, and asks the student's function for
+the controls at each step. Nothing hidden enters the jail."""
+
+from collections.abc import Mapping, Sequence
+from inspect import getsource
+from typing import Any
+
+import mujoco
+
+from grader.exercises.kind import Ask, DrawnCase, JudgedTrial, Judgement, Kind, Trial
+from grader.exercises.kinds.controller import driver
+from grader.exercises.kinds.controller.goals import measure_goal, meets
+from grader.exercises.kinds.controller.judge import Outcome, judge_records
+from grader.exercises.kinds.controller.mistakes import name_the_mistake
+from grader.exercises.kinds.controller.parameters import (
+    ControllerCase,
+    ControllerParameters,
+    Problem,
+    check_names,
+    pose_case,
+)
+from grader.exercises.kinds.controller.pictures import build_evidence
+from grader.exercises.kinds.controller.simulating import list_constant_laws, play_case, simulate_law
+from grader.questions.kinds.script import ScriptQuestion
+
+PERIODS_REHEARSED = 20
+EPISODES_OF_LUCK = 5
+
+
+class Controller(Kind[ControllerParameters, Problem, Outcome]):
+    """Judges a controller in closed loop: one trial for each case, of one or more episodes."""
+
+    parameters = ControllerParameters
+    driver = getsource(driver)
+    plays = True
+    mistakes_tell_size = False
+    how = "The grader simulates, and calls your function for the controls at each step. It judges the motion."
+
+    def build_trials(
+        self, parameters: ControllerParameters, drawn: DrawnCase[ControllerCase]
+    ) -> Sequence[Trial[Problem]]:
+        """Returns one trial, whose inputs are the model as it was written and no number of the case."""
+        problem = pose_case(parameters, drawn)
+        inputs = {
+            "model": drawn.xml_as_written,
+            "form": parameters.form,
+            "nu": problem.model.nu,
+            "entry": drawn.content.entry,
+        }
+        return [Trial(drawn.case.id, inputs, problem, cpu_s=parameters.cpu_s)]
+
+    def rehearse(self, parameters: ControllerParameters, trial: Trial[Problem]) -> None:
+        """Simulates the first periods of the case without control. Raises ValueError and KeyError."""
+        check_names(parameters, trial.problem)
+        _, law = list_constant_laws(trial.problem, has_target=False)[0]
+        periods = min(PERIODS_REHEARSED, trial.problem.periods)
+        if simulate_law(parameters, trial.problem, 0, law, periods).lost_at_s is not None:
+            raise ValueError("the simulation blows up without any control: take a shorter timestep")
+
+    def compile_model(self, parameters: ControllerParameters, trial: Trial[Problem]) -> mujoco.MjModel | None:
+        """Returns the model that the student's function gets."""
+        return trial.problem.model
+
+    def play(self, parameters: ControllerParameters, trial: Trial[Problem], ask: Ask) -> Any:
+        """Simulates every episode."""
+        return play_case(parameters, trial.problem, ask)
+
+    def judge(self, parameters: ControllerParameters, trial: Trial[Problem], results: Any) -> Judgement[Outcome]:
+        """Measures each goal, or counts the episodes that reach all."""
+        return judge_records(parameters, trial.problem, results, hidden=trial.hidden)
+
+    def name_mistake(
+        self, parameters: ControllerParameters, judged: Sequence[JudgedTrial[Problem, Outcome]]
+    ) -> str | None:
+        """Returns the sentence of the first mistake that explains what failed."""
+        return name_the_mistake(parameters, judged)
+
+    def build_pictures(
+        self, parameters: ControllerParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]
+    ) -> dict[str, Any]:
+        """Returns charts of the motion and of the controls."""
+        return build_evidence(parameters, visible)
+
+    def write_lazy_answers(
+        self, question: ScriptQuestion, parameters: ControllerParameters, trials: Sequence[Trial[Problem]]
+    ) -> Mapping[str, str]:
+        """Returns a controller that does nothing."""
+        zeros = f"[0.0] * {trials[0].problem.model.nu}"
+        if parameters.form == "make":
+            return {"no control": f"def {question.entry}(model):\n    return lambda t, observation: {zeros}\n"}
+        return {"no control": f"def {question.entry}(model, data, *target):\n    return {zeros}\n"}
+
+    def bound_luck(self, parameters: ControllerParameters, trials: Sequence[Trial[Problem]]) -> float | None:
+        """Returns 1 if a law that looks at nothing passes one of the episodes, and 0 if none does."""
+        (trial,) = trials
+        problem = trial.problem
+        for _, law in list_constant_laws(problem, has_target=parameters.has_target):
+            for index in range(min(EPISODES_OF_LUCK, len(problem.episodes))):
+                record = simulate_law(parameters, problem, index, law, problem.periods)
+                if all(meets(goal, measure_goal(goal, record)) for goal in parameters.goals):
+                    return 1.0
+        return 0.0

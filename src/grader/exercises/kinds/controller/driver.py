@@ -1,0 +1,102 @@
+"""Asks the student's controller at every step of a simulation that is not here. This file is the text of the driver,
+which runs in the jail: NumPy, MuJoCo and the standard library alone.
+
+A message is a letter and float64 numbers: "B" begins an episode, "S" asks for the controls of one step. With the form
+`make` the numbers of a step are the time and the observation; with `control` time, qpos, qvel, act and the target, if
+there is one. An answer is "C" with the controls, which are missing at the begin, or "X" with an exception as JSON. The
+model is the public one: what is written into it, or into data, changes nothing that is judged."""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+
+note: Callable[..., bool] = globals().get("note", lambda *_: False)
+load_model: Callable[[str], mujoco.MjModel] = globals().get("load_model", mujoco.MjModel.from_xml_string)
+exchange: Callable[[bytes | None], bytes | None] = globals().get("exchange", lambda _: None)
+explain: Callable[[BaseException], bytes] = globals().get("explain", lambda error: repr(error).encode())
+
+Step = Callable[[Any], Any]
+
+WRITTEN = ("qpos", "qvel", "time")
+
+
+def trial(functions: Any, inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
+    """Answers the messages of one trial. An exception is the answer to its step, and the judge ends that episode."""
+    (entry,) = functions
+    begin = make_step if inputs["form"] == "make" else control_step
+    step: Step | None = None
+    message = exchange(None)
+    while message is not None:
+        try:
+            if message[:1] == b"B":
+                step = begin(entry, load_model(inputs["model"]), inputs)
+                answer = b"C"
+            else:
+                assert step is not None
+                answer = b"C" + check_controls(step(np.frombuffer(message, "<f8", offset=1)), inputs["nu"]).tobytes()
+        except Exception as error:
+            answer = b"X" + explain(error)
+        message = exchange(answer)
+
+
+def make_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -> Step:
+    """Returns what calls `act(t, observation)`, of an `act` that the student's function makes for each episode."""
+    act = entry(model)
+    if not callable(act):
+        raise TypeError(f"{inputs['entry']} returned {describe(act)} in place of a function act(t, observation)")
+
+    def step(values: Any) -> Any:
+        return act(float(values[0]), values[1:].copy())
+
+    return step
+
+
+def control_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -> Step:
+    """Returns what calls `control(model, data)`, with a data of the student's own that is set to the state."""
+    data = mujoco.MjData(model)
+    ends = np.cumsum([1, model.nq, model.nv, model.na]).tolist()
+    state = {"seen": False}
+
+    def step(values: Any) -> Any:
+        data.time = values[0]
+        data.qpos[:], data.qvel[:], data.act[:] = (values[low:high] for low, high in pairwise(ends))
+        mujoco.mj_forward(model, data)
+        target = values[ends[-1] :].tolist()
+        returned = entry(model, data, *target)
+        if not state["seen"]:
+            state["seen"] = note_written(data, values, ends)
+        return data.ctrl.copy() if returned is None else returned
+
+    return step
+
+
+def note_written(data: mujoco.MjData, values: Any, ends: Any) -> bool:
+    """Notes which part of the state the student's function has changed, if any."""
+    now = {"qpos": data.qpos, "qvel": data.qvel, "time": np.array([data.time])}
+    given = {"qpos": values[ends[0] : ends[1]], "qvel": values[ends[1] : ends[2]], "time": values[:1]}
+    changed = [name for name in WRITTEN if not np.array_equal(now[name], given[name])]
+    return bool(changed) and note("wrote", {"parts": changed})
+
+
+def check_controls(returned: Any, nu: int) -> Any:
+    """Returns the controls (nu,). Raises TypeError and ValueError with what the student should return."""
+    wanted = "one control" if nu == 1 else f"{nu} controls"
+    if returned is None:
+        raise TypeError(f"the controller returned None instead of {wanted}")
+    try:
+        controls = np.asarray(returned, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"the controller returned {describe(returned)} instead of {wanted}") from None
+    if controls.size != nu:
+        raise ValueError(f"the controller returned an array of shape {controls.shape} instead of {wanted}")
+    if not np.isfinite(controls).all():
+        raise ValueError("the controller returned a control that is not finite (nan or inf)")
+    return controls.reshape(nu)
+
+
+def describe(value: Any) -> str:
+    """Returns what a value is, in two words."""
+    return "None" if value is None else f"a {type(value).__name__}"

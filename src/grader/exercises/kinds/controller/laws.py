@@ -1,0 +1,88 @@
+"""Fits the law behind a controller's answers: a linear function of what it observed, perhaps of the step before, of
+differences, or of the sum of errors. A law that fits to rounding is taken for the student's own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grader.exercises.kinds.controller.simulating import Floats, Mask, Record
+
+EXACT = 1 - 1e-10
+"""The share of the variance of the controls that a law explains which is written down: all but rounding."""
+
+ROUGH = 0.97
+"""The share that is enough to tell the sign of a gain."""
+
+ROWS_MIN = 12
+"""Fewer controls than this tell no law."""
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """Controls = observed now (or a step before) times `gains`, plus `difference` times their change, plus `integral`
+    times the sum of errors over time [1/s], plus a constant."""
+
+    gains: Floats
+    difference: Floats
+    integral: float
+    stale: bool
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether the change of what was observed plays a part."""
+        return bool(np.any(np.nan_to_num(self.difference)))
+
+
+def fit_law(record: Record, *, track: int, has_target: bool, fits: float = EXACT) -> FittedLaw | None:
+    """Returns the simplest law that explains a share `fits` of the variance of the first control; None if none does.
+    `track` is the place of the tracked sensor in what was observed. Only controls between their extremes are looked at:
+    a script may clip its own."""
+    if len(record.time_s) < ROWS_MIN:
+        return None
+    seen, asked = record.observed, record.asked[:, 0]
+    before = np.vstack((seen[:1], seen[:-1]))
+    error = (seen[:, -1] if has_target else 0.0) - seen[:, track]
+    sums = (np.cumsum(error) * (record.time_s[1] - record.time_s[0]))[:, None]
+    free = find_free(asked)
+    width = seen.shape[1]
+    none = np.empty((len(seen), 0))
+    for base, change, integral in (
+        (seen, none, none),
+        (before, none, none),
+        (seen, none, sums),
+        (seen, seen - before, none),
+        (seen, seen - before, sums),
+    ):
+        gains = solve(np.hstack((base, change, integral)), asked, free, fits)
+        if gains is not None:
+            changes = np.nan_to_num(gains[width : width + change.shape[1]])
+            return FittedLaw(
+                gains[:width], changes, float(np.nan_to_num(gains[-1])) if integral.size else 0.0, base is before
+            )
+    return None
+
+
+def find_free(asked: Floats) -> Mask:
+    """Returns where the control differs from both its extremes, at which a script may have clipped it; the first calls,
+    which have no earlier one, are left out."""
+    edge = 1e-9 * float(np.ptp(asked))
+    free = np.asarray((asked > asked.min() + edge) & (asked < asked.max() - edge))
+    free[:3] = False
+    return free
+
+
+def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> Floats | None:
+    """Returns the gains of columns that do not stay constant (nan for the others), if they explain the controls."""
+    rows, wanted = columns[free], asked[free]
+    if len(rows) < max(ROWS_MIN, 2 * columns.shape[1]) or np.var(wanted) == 0:
+        return None
+    scale = rows.std(axis=0)
+    moving = scale > 1e-12
+    matrix = np.column_stack((rows[:, moving] / scale[moving], np.ones(len(rows))))
+    solution, _, rank, _ = np.linalg.lstsq(matrix, wanted, rcond=1e-12)
+    left = wanted - matrix @ solution
+    if rank < matrix.shape[1] or 1 - np.var(left) / np.var(wanted) < fits:
+        return None
+    gains = np.full(columns.shape[1], np.nan)
+    gains[moving] = solution[:-1] / scale[moving]
+    return gains

@@ -1,0 +1,178 @@
+"""Names the mistake behind a controller that fails: from the law that its controls follow, from what it wrote, and from
+which episodes fail. No sentence has a number."""
+
+from collections.abc import Iterator, Sequence
+from math import degrees
+
+import numpy as np
+
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.controller.judge import Outcome
+from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law
+from grader.exercises.kinds.controller.parameters import ControllerParameters, Problem
+from grader.exercises.kinds.controller.simulating import Record
+from grader.exercises.trace import get_list
+
+Judged = JudgedTrial[Problem, Outcome]
+
+SMALL = 0.02
+"""A gain below this share of the least sensible one is as good as none."""
+
+FAR = 5.0
+"""A gain that is larger than the largest sensible one by this factor may be one of degrees."""
+
+RECORDS_READ = 3
+"""Failed episodes that are looked at."""
+
+SATURATED = 0.5
+"""The share of time at the actuator's limit that counts as most of it."""
+
+WRITES = (
+    "The function writes data.{parts}: that is a copy, so that it moves nothing. The grader simulates on its own; only "
+    "the controls that you return, or leave in data.ctrl, act."
+)
+NOTHING = "The controls never change: the function does not use what it observes."
+STALE = (
+    "The controls follow what was observed one step before. Compute them from the observation of this call, and only "
+    "then keep it for the next."
+)
+SIGN = "The gain on {name} has the wrong sign: it pushes away from the target, or feeds the motion that it should damp."
+MISSING = "The controls do not depend on {name}."
+DEGREES_END = "is off by the factor between degrees and radians: the sensors tell radians."
+DEGREES = f"The gain on {{name}} {DEGREES_END}"
+LARGE = "The gain on {name} is far too large."
+LITTLE = "The gain on {name} is far too small."
+NOISE = (
+    "The controls differentiate a noisy measurement: the difference of two readings, divided by a short step, is "
+    "mostly noise. Filter it, or use a sensor of the velocity."
+)
+WIND_UP = (
+    "The integrator winds up: while the actuator is at its limit it goes on summing the error, and has to unwind "
+    "later. Stop the sum there, or limit it."
+)
+SATURATES = (
+    "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
+    "the gains."
+)
+TUNED = (
+    "It works in the episodes that you see, not in the hidden ones, whose models and starts are drawn. The numbers fit "
+    "these episodes alone: leave a margin, and use what you observe."
+)
+REMEMBERS = (
+    "Only the first episode goes well: something of it is left for the next. Make the state of the controller anew in "
+    "each episode, not once in the module."
+)
+
+
+def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged]) -> str | None:
+    """Returns the sentence of the first mistake that explains the failed cases."""
+    wrong = [one for one in judged if not one.counts]
+    written = [get_list(note.info, "parts") for one in wrong for note in one.trace.list_notes("wrote")]
+    if written:
+        known = [part for part in ("qpos", "qvel", "time") if part in written[0]]
+        if known:
+            return WRITES.format(parts=" and data.".join(known))
+    visible = [one for one in judged if not one.trial.hidden]
+    is_tuned = bool(visible) and all(one.counts for one in visible)
+    if any(is_first_alone(one) for one in wrong):
+        return REMEMBERS
+    records = [(one, record) for one in wrong for record in list_failed(one)][:RECORDS_READ]
+    sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
+    if is_tuned:  # only what is wrong whatever the case is
+        return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
+    return next(iter(sentences), None)
+
+
+def list_failed(one: Judged) -> list[Record]:
+    """Returns the records of the episodes that reached not every goal, without those that raised."""
+    outcome = one.judgement.outcome
+    return [
+        record
+        for record, failed in zip(outcome.records, outcome.failed, strict=True)
+        if failed and record.fault is None and len(record.time_s)
+    ]
+
+
+def is_first_alone(one: Judged) -> bool:
+    """Whether the first of several episodes succeeded, and no other."""
+    failed = one.judgement.outcome.failed
+    return len(failed) > 2 and not failed[0] and all(failed[1:])
+
+
+def find_sentences(parameters: ControllerParameters, one: Judged, record: Record) -> Iterator[str]:
+    """Yields the sentences that hold of an episode, the most telling first."""
+    if np.ptp(record.asked, axis=0).max() == 0 and len(record.time_s) > 1:
+        yield NOTHING
+        return
+    track = find_columns(parameters, one.trial.problem)[parameters.track]
+    law = fit_law(record, track=track, has_target=parameters.has_target)
+    limited = find_saturated(one.trial.problem, record)
+    if law is not None:
+        if law.stale:
+            yield STALE
+        if law.differentiates and any(record.episode.noise.values()):
+            yield NOISE
+        yield from find_wrong_gains(parameters, one.trial.problem, law)
+        if law.integral and find_beyond(one.trial.problem, record) > 0.05:
+            yield WIND_UP
+    else:
+        rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
+        if rough is not None:
+            wrong_signs = [SIGN.format(name=name) for name in parameters.law]
+            yield from (said for said in find_wrong_gains(parameters, one.trial.problem, rough) if said in wrong_signs)
+    if limited > SATURATED:
+        yield SATURATES
+
+
+def find_saturated(problem: Problem, record: Record) -> float:
+    """Returns the share of time in which the controls are at or beyond an actuator's limit."""
+    model = problem.model
+    low, high = model.actuator_ctrlrange.T
+    beyond = (record.asked >= high) | (record.asked <= low)
+    return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))
+
+
+def find_beyond(problem: Problem, record: Record) -> float:
+    """Returns the share of time in which the controls are beyond an actuator's limit. A law with a sum that fits these
+    moments too has not stopped the sum there; of a script that clips its own controls this is not known."""
+    model = problem.model
+    low, high = model.actuator_ctrlrange.T
+    beyond = (record.asked > high) | (record.asked < low)
+    return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))
+
+
+def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> Iterator[str]:
+    """Yields what is wrong with the gains, by the ranges of the author's `law`."""
+    columns = find_columns(parameters, problem)
+    gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
+    for template in (SIGN, DEGREES, MISSING, LARGE, LITTLE):
+        for name, gain in gains.items():
+            if classify_gain(gain, *parameters.law[name], differentiated=law.differentiates) == template:
+                yield template.format(name=name)
+
+
+def classify_gain(gain: float, low: float, high: float, *, differentiated: bool) -> str:
+    """Returns the sentence of a gain; empty if it is sensible. A range about 0 says nothing of the sign, and what
+    stayed constant nothing of its gain."""
+    if not np.isfinite(gain) or low <= gain <= high or low * high <= 0:
+        return ""
+    sign = 1.0 if low > 0 else -1.0
+    size, least, most = sign * gain, min(abs(low), abs(high)), max(abs(low), abs(high))
+    if abs(size) < SMALL * least:
+        return "" if differentiated else MISSING
+    if size > FAR * most and least <= size / degrees(1) <= most:
+        return DEGREES
+    if size < 0:
+        return SIGN
+    return LARGE if size > most else LITTLE
+
+
+def find_columns(parameters: ControllerParameters, problem: Problem) -> dict[str, int]:
+    """Returns the first column of each observed sensor, and of the target."""
+    columns, at = {}, 0
+    for name in parameters.observe:
+        columns[name] = at
+        at += int(problem.model.sensor(name).dim[0])
+    if parameters.has_target:
+        columns["target"] = at
+    return columns

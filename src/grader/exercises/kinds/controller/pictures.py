@@ -1,0 +1,64 @@
+"""Pictures of judged episodes: the tracked sensor with its target, and the controls."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.controller.judge import Outcome
+from grader.exercises.kinds.controller.parameters import ControllerParameters, Problem
+from grader.exercises.kinds.controller.simulating import Floats, Record
+
+POINTS_MAX = 300
+CONTROLS_MAX = 4
+
+
+def build_evidence(
+    parameters: ControllerParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]
+) -> dict[str, Any]:
+    """Returns two charts for each visible case: of its first episode that did not succeed, else of its first."""
+    charts = []
+    for one in visible:
+        outcome = one.judgement.outcome
+        wrong = [i for i, failed in enumerate(outcome.failed) if failed]
+        at = wrong[0] if wrong else 0
+        if len(outcome.records[at].time_s):
+            title = f", episode {at + 1}" if len(outcome.records) > 1 else ""
+            charts += draw_record(parameters, one.trial.id, outcome.records[at], title)
+    return {"charts": charts}
+
+
+def draw_record(parameters: ControllerParameters, case: str, record: Record, title: str) -> list[dict[str, Any]]:
+    """Returns the charts of one episode."""
+    every = max(1, -(-len(record.time_s) // POINTS_MAX))
+    time = {"label": "time [s]", "log": False}
+
+    def line(label: str, values: Floats) -> dict[str, Any]:
+        return {
+            "label": label,
+            "x": round_all(record.time_s[::every]),
+            "y": round_all(values[::every]),
+            "points": False,
+        }
+
+    tracked = [line(parameters.track, record.tracked), line("target", record.target)]
+    controls = [
+        line("control" if record.applied.shape[1] == 1 else f"control {i}", record.applied[:, i])
+        for i in range(min(record.applied.shape[1], CONTROLS_MAX))
+    ]
+    return [
+        {
+            "case": case, "title": f"{parameters.track} and target{title}", "x": time,
+            "y": {"label": parameters.track, "log": False}, "series": tracked, "marks": [],
+        },
+        {
+            "case": case, "title": f"controls{title}", "x": time, "y": {"label": "control", "log": False},
+            "series": controls, "marks": [],
+        },
+    ]  # fmt: skip
+
+
+def round_all(values: Floats) -> list[float]:
+    """Returns numbers of five figures; one that is not finite, or beyond a picture, is left at its limit."""
+    return [float(f"{value:.5g}") for value in np.nan_to_num(np.clip(values, -1e9, 1e9)).tolist()]

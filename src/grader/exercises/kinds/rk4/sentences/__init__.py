@@ -1,0 +1,1 @@
+"""What is said of a wrong step: first what was seen, then what to do."""

@@ -1,0 +1,174 @@
+"""Says what a step does to its numbers beside the formula: it rounds them, cuts them off, adds to its slopes, or
+multiplies by h too often."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from grader.exercises.kinds.rk4.combinations import Combination, Term, format_coefficient
+from grader.exercises.kinds.rk4.sentences.states import CUT_ATOL, moves_with
+from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, spell_number
+from grader.exercises.kinds.rk4.tableau import CLASSICAL, Reading
+
+Combinations = Sequence[Combination | None]
+
+CONSTANT_RTOL = 1e-10
+"""Round-off of an acceleration that is read off a change of velocity, relative to the largest acceleration."""
+
+CUTS_MIN = 2
+"""The fewest velocities of equal size that count as cut off."""
+
+DECIMALS = range(3, 13)
+"""Decimals to which a state may be rounded."""
+
+
+def explain_truncated_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that have lost their fractions."""
+    steps = reading.steps
+    if reading.calls < 2 or not all(moves_with(step, np.trunc(step.qacc[1])) for step in steps):
+        return None
+    if not any(np.any(np.trunc(step.qacc[1])) for step in steps):
+        return None
+    return (
+        "The slopes in your stages are cut off to whole numbers: an array of whole numbers, such as np.array([0, 0]) "
+        "or one with dtype=int, keeps no fractions. Make it of floats, such as np.zeros(model.nv)."
+    )
+
+
+def explain_rounded_state(reading: Reading) -> str | None:
+    """Returns the sentence of a state that is rounded, to 32 bits at the start or to some decimals at the end."""
+    steps = [step for step in reading.steps if step.calls]
+    if not steps:
+        return None
+    if all(np.array_equal(step.qpos[1], step.qpos[0].astype(np.float32)) for step in steps) and not all(
+        np.array_equal(step.qpos[1], step.qpos[0]) for step in steps
+    ):
+        return "The state went through 32-bit floats: use NumPy's default, float64."
+    if reading.calls != STAGES:
+        return None
+    ends = [step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:]) for step in steps]
+    for decimals in DECIMALS:
+        if all(np.array_equal(np.round(end, decimals), step.qvel[-1]) for step, end in zip(steps, ends, strict=True)):
+            return f"Your step rounds its result to {decimals} decimals: round what you print, not the state."
+    return None
+
+
+def explain_clipped_velocities(reading: Reading) -> str | None:
+    """Returns the sentence of velocities that are those of the classical step, cut off at one size."""
+    bounds: list[float] = []
+    for step in reading.steps:
+        if step.calls != STAGES:
+            return None
+        end = step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:])
+        wrong = np.abs(step.qvel[-1] - end) > CUT_ATOL * (1 + np.abs(end))
+        if np.any(np.abs(step.qvel[-1][wrong]) >= np.abs(end[wrong])):
+            return None
+        bounds += np.abs(step.qvel[-1][wrong]).tolist()
+    if len(bounds) < CUTS_MIN or max(bounds) - min(bounds) > CUT_ATOL * max(bounds):
+        return None
+    if max(bounds) == 0:
+        return (
+            "Your step sets a velocity to 0 that is not: MuJoCo does not, since a joint limit is a force in data.qacc. "
+            "Leave data.qpos and data.qvel as the formula gives them."
+        )
+    return f"Your step cuts velocities off at {bounds[0]:.4g}: MuJoCo does not, so leave data.qvel as it comes out."
+
+
+def explain_added_constant(reading: Reading) -> str | None:
+    """Returns the sentence of accelerations to which the same numbers are added in every step."""
+    if reading.calls != STAGES:
+        return None
+    added = [2 * (step.qvel[2] - step.qvel[0]) / step.timestep_s - step.qacc[1] for step in reading.steps]
+    scale = CONSTANT_RTOL * max(float(np.max(np.abs(step.qacc))) for step in reading.steps)
+    if np.max(np.abs(added[0])) < 1e3 * scale or any(np.max(np.abs(one - added[0])) > scale for one in added):
+        return None
+    number = added[0][0]
+    what = f"{number:.4g}" if np.all(np.abs(added[0] - number) <= scale) else "a constant"
+    return (
+        f"Your accelerations are data.qacc plus {what}, at every state: gravity and all other forces are in data.qacc "
+        "already, so integrate it as mj_forward leaves it."
+    )
+
+
+def explain_own_drag(velocities: Sequence[Combination | None]) -> str | None:
+    """Returns the sentence of accelerations to which a multiple of the velocities is added."""
+    first = velocities[1] if len(velocities) > 1 and velocities[1] else {}
+    drag, share = first.get(Term("v", 1)), first.get(Term("a", 1))
+    if drag is None or not share:
+        return explain_mistyped_slope(velocities)
+    return (
+        f"Your accelerations are data.qacc {'plus' if drag > 0 else 'minus'} {format_coefficient(abs(drag / share))} "
+        "times the velocity: damping and drag belong to the model, and data.qacc holds them already. Integrate it as "
+        "mj_forward leaves it."
+    )
+
+
+def explain_mistyped_slope(velocities: Sequence[Combination | None]) -> str | None:
+    """Returns the sentence of a velocity in the place of an acceleration."""
+    for row, moves in enumerate(velocities, 1):
+        mistyped = [term.stage for term in moves or () if term.slope == "v"]
+        if moves and len(mistyped) == 1 < len(moves):
+            where = f"In your stage {row}" if row < len(velocities) else "At the end of your step"
+            return (
+                f"{where} the velocity moves by a velocity, that of stage {mistyped[0]}, where an acceleration "
+                "belongs: the slope of data.qvel is data.qacc. Look for a mistyped name there."
+            )
+    return None
+
+
+def explain_powers_of_h(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that are not multiplied by h exactly once."""
+    for rows, slope, what in ((reading.velocities, "a", "velocity"), (reading.positions, "v", "position")):
+        if any(row is None for row in rows):
+            continue
+        used = [{term.power for term in row if term.slope == slope} for row in rows if row is not None]
+        if not any(one - {1} for one in used):
+            continue
+        number = find_fixed_timestep(rows, slope)
+        if number is not None:
+            return (
+                f"Your step is {number:g} s long whatever the timestep of the model is: use model.opt.timestep, not a "
+                "fixed number."
+            )
+        return describe_power(used, rows, slope, what)
+    return None
+
+
+def find_fixed_timestep(rows: Combinations, slope: str) -> float | None:
+    """Returns the number [s] that every row has in the place of h; None if there is none."""
+    weights = {term: value for term, value in (rows[-1] or {}).items() if term.slope == slope}
+    if not weights or any(term.power for row in rows if row for term in row if term.slope == slope):
+        return None
+    number = sum(weights.values())
+    return number if 0 < number < 0.1 else None  # the weights of a fixed step sum to it, those without h to about 1
+
+
+def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, what: str) -> str:
+    """Returns the sentence of a row that is multiplied by h too often, or not at all."""
+    *stages, result = used
+    weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
+    off = sum(power != 1 for power in weights.values())
+    if result == {2} and all(2 in one for one in stages[1:]):
+        return (
+            f"h is applied twice to the {what}, in every stage and at the end: once to the slope, and once where it is "
+            "added. mj_integratePos multiplies by h itself."
+        )
+    if result == {2}:
+        return (
+            f"h is applied twice to the {what}: once in k, once in the sum. If your k are already multiplied by h, the "
+            "result is the start plus (k1 + 2 k2 + 2 k3 + k4)/6."
+        )
+    if result == {0}:
+        return (
+            f"The weighted sum that advances the {what} is not multiplied by h: add h times the sum to the start of "
+            "the step."
+        )
+    if off:
+        how = "not multiplied by h/6" if 0 in result else "multiplied by h twice"
+        return (
+            f"{spell_number(off).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
+            f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
+        )
+    stage = next(index for index, one in enumerate(stages, 1) if one - {1})
+    how = "h twice" if 2 in used[stage - 1] else "a slope without h"
+    return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."
