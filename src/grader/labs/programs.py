@@ -3,12 +3,15 @@
 import functools
 import json
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
+
 from grader.domain.lab import Button, LabConfig, Select, Slider
 from grader.errors import ContentError, Fault
-from grader.expressions import Program, ProgramKind, compile_program
+from grader.expressions import Machine, Program, ProgramKind, compile_program
 
 PATH = re.compile(r"(model|data|ctx)(\.[A-Za-z_][A-Za-z0-9_]*)+(\[[0-9]+\])?")
 PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -28,6 +31,24 @@ class LabPrograms:
     stop: Program | None
     shown: tuple[Program, ...]
     reference_lines: tuple[tuple[Program | None, ...], ...]
+
+    def __iter__(self) -> Iterator[Program]:
+        """Yields every program."""
+        yield self.setup
+        for _, setters in self.setters:
+            yield from setters
+        yield from self.buttons.values()
+        yield from filter(None, (self.controller, self.stop, *self.shown))
+        for lines in self.reference_lines:
+            yield from filter(None, lines)
+
+
+def list_missing_elements(programs: Iterable[Program], xml: str) -> list[Fault]:
+    """Returns a fault for every element of a field that a program names by a number and the model does not have, such
+    as `data.qpos[70]`. Raises ValueError if MuJoCo cannot compile the model."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    machine = Machine(model, mujoco.MjData(model))
+    return [Fault("", one.where, why) for one in programs for why in one.list_missing_elements(machine)[:1]]
 
 
 NOTHING = compile_program("", "statement", "")

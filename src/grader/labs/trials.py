@@ -9,7 +9,7 @@ from grader.domain.lab import IntegratorsLab, LabConfig
 from grader.errors import ContentError, Fault, LabError, LabRefused
 from grader.labs.comparison import check_setting, run_integrators
 from grader.labs.controls import Wish, find_control_faults, list_extremes, list_settable
-from grader.labs.programs import compile_lab
+from grader.labs.programs import LabPrograms, compile_lab, list_missing_elements
 from grader.labs.record import LabRun
 from grader.labs.runs import Event, run_lab
 
@@ -28,6 +28,7 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         programs = compile_lab(config, where)
     except ContentError as error:
         return [*faults, *error.faults]
+    faults += _try_elements(programs, xml)
     if faults:
         return faults
     runs: list[LabRun] = []
@@ -53,6 +54,14 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         found = try_run(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
         faults += [fault for fault in found if fault not in faults]
     return [*faults, *_find_never_shown(runs)]
+
+
+def _try_elements(programs: LabPrograms, xml: str) -> list[Fault]:
+    """Returns the elements of fields that are named and that the model does not have."""
+    try:
+        return list_missing_elements(programs, xml)
+    except ValueError:  # which the first run tells
+        return []
 
 
 def _find_never_shown(runs: list[LabRun]) -> list[Fault]:

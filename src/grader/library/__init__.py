@@ -1,7 +1,13 @@
-"""Loads and checks a content folder: quizzes/, models/ and starters. A folder with any fault is refused as a whole,
-with all faults at once."""
+"""Loads and checks a content folder: quizzes/, lessons/, models/ and starters. A folder with any fault is refused as a
+whole, with all faults at once."""
 
+from grader.library.lesson_text import OTHER, Heading, LessonText, Placed, Prose, find_lesson_id
 from grader.library.loading import load, load_files
+from grader.library.passed import NOTHING_PASSED, PassedChecks
+from grader.library.schema import list_policy_faults
 from grader.library.snapshot import Library
 
-__all__ = ["Library", "load", "load_files"]
+__all__ = [
+    "NOTHING_PASSED", "OTHER", "Heading", "LessonText", "Library", "PassedChecks", "Placed", "Prose", "find_lesson_id",
+    "list_policy_faults", "load", "load_files",
+]  # fmt: skip

@@ -1,5 +1,8 @@
 """Reads files of a content folder, which must be inside it, regular, UTF-8 and not too large."""
 
+import os
+from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 
 from grader.errors import Fault
@@ -29,13 +32,30 @@ def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
         return Fault(name, "path", f"cannot be read: {error.strerror}")
 
 
+ENDINGS = {"quizzes": ".json", "lessons": ".md", "models": ".xml"}
+"""What the files end in that are read, by folder."""
+
+NEAR_ENDINGS = frozenset((".json5", ".jsonc", ".mjcf", ".urdf"))
+
+
+def list_unread_files(root: Path) -> Iterator[Fault]:
+    """Yields a fault for each file whose ending is a misspelling of the one that is read, such as `.jsn`."""
+    for folder, ending in ENDINGS.items():
+        for file in list_files(root, folder, "*"):
+            name, last = Path(file).with_suffix("").name, Path(file).suffix
+            doubled = Path(name).suffix == ending  # Windows hides the second ending
+            near = last in NEAR_ENDINGS or bool(last[-1:].isalnum() and get_close_matches(last.lower(), [ending]))
+            if last != ending and (doubled or near) and (root / file).is_file():
+                right = name if doubled else f"{name}{ending}"
+                yield Fault(file, "ending", f"is not read: rename it to {folder}/{right}")
+
+
 def _path_fault(root: Path, name: str) -> str | None:
     """Says why a path is not that of a regular file inside the root, or None. Raises OSError."""
     if not name or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name or "\0" in name:
         return "must be relative to the content folder and stay inside it"
-    try:
-        real = (root / name).resolve()
-    except RuntimeError:
+    real = Path(os.path.realpath(root / name))
+    if any(part.is_symlink() for part in (real, *real.parents)):  # which is left of links that lead to no file
         return "is a link that leads back to itself"
     if not real.is_relative_to(root.resolve()):
         return "is a link out of the content folder: put the file itself there"

@@ -25,22 +25,34 @@ def parse_json(text: str, file: str) -> Any | Fault:
     try:
         value = json.loads(text, object_pairs_hook=JsonObject)
     except json.JSONDecodeError as error:
-        why = f"broken JSON: {error.msg}{_cure(text, error.pos)}"
-        return Fault(file, f"line {error.lineno}, column {error.colno}", why)
+        position = _find_last_comma(text, error.pos)
+        if position is None:
+            return _fault_at(text, error.pos, file, f"{error.msg}{_cure(text, error.pos)}")
+        return _fault_at(text, position, file, "remove the comma after the last item")
     except (RecursionError, ValueError):
         return Fault(file, "whole file", "broken JSON: nested too deeply, or a number with too many digits")
     too_deep = depth(value) > DEPTH_MAX
     return Fault(file, "whole file", f"nested deeper than {DEPTH_MAX} levels") if too_deep else value
 
 
+def _fault_at(text: str, position: int, file: str, why: str) -> Fault:
+    line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+    return Fault(file, f"line {line}, column {column}", f"broken JSON: {why}")
+
+
+def _find_last_comma(text: str, position: int) -> int | None:
+    """Returns the place of a comma before a closing bracket, where that is the error at this position: Python 3.13 is
+    stopped by the comma, those before it by the bracket."""
+    comma = position if text[position : position + 1] == "," else len(text[:position].rstrip()) - 1
+    is_last = text[comma : comma + 1] == "," and text[comma + 1 :].lstrip()[:1] in ("]", "}")
+    return comma if is_last else None
+
+
 def _cure(text: str, position: int) -> str:
     """Returns the cure for what is JavaScript and not JSON at this position; empty where there is no known one."""
-    around = text[:position].rstrip()[-1:] + text[position : position + 1]
     if text.startswith(("//", "/*", "#"), position):
         return " (JSON has no comments: take a key that begins with x-)"
-    if around in (",]", ",}"):
-        return " (remove the comma after the last item)"
-    if around.endswith(("'", "`")):
+    if text.startswith(("'", "`"), position):
         return ' (texts stand between double quotes: "...")'
     return ""
 

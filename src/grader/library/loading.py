@@ -10,9 +10,11 @@ from typing import Any
 
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
-from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, read_text
+from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
 from grader.library.json_text import json_faults, parse_json
+from grader.library.lesson_text import LESSON_BYTES_MAX, LessonText, read_lesson
 from grader.library.mjcf import flattened, inline_faults, model_faults
+from grader.library.passed import NOTHING_PASSED, PassedChecks
 from grader.library.schema import named_parts, read_quiz
 from grader.library.semantics import (
     lab_warnings,
@@ -32,6 +34,7 @@ class _Loading:
     """The files read so far, with faults and warnings; `compiled` are the models that MuJoCo accepts."""
 
     root: Path
+    passed: PassedChecks
     only: str | None = None
     faults: list[Fault] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
@@ -40,37 +43,44 @@ class _Loading:
     starters: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     quizzes: dict[str, Quiz] = field(default_factory=dict)
+    lessons: dict[str, LessonText] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
     sources: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
-def load(root: Path, only: str | None = None) -> Library:
-    """Load quizzes/*.json, models/*.xml and the starters that the quizzes name, below `root`. Raises ContentError with
-    all faults of all files. With `only`, the library holds that quiz alone: all files are read, but neither labs nor
-    exercises of other quizzes are tried, which takes most of the time."""
-    loading = _Loading(root, only)
+def load(root: Path, only: str | None = None, passed: PassedChecks = NOTHING_PASSED) -> Library:
+    """Load quizzes/*.json, lessons/*.md, models/*.xml and the starters that the quizzes name, below `root`. Raises
+    ContentError with all faults of all files; lessons are read once the rest has none. With `only`, the library holds
+    that quiz alone: all files are read, but neither labs nor exercises of other quizzes are tried, which takes most of
+    the time; nor is what has `passed` before."""
+    loading = _Loading(root, passed, only)
+    loading.faults += list_unread_files(root)
     _load_models(loading)
     names = list_files(root, "quizzes", "*.json")
     if not names:
-        loading.faults.append(Fault("quizzes", "*.json", f"no quiz in {root.name or root}: is this a content folder?"))
+        name = root.name or root
+        lacks = f"no quiz in {name}: is this a content folder?" if root.is_dir() else f"there is no folder {name}"
+        loading.faults.append(Fault("quizzes", "*.json", f"{lacks} (GRADER_CONTENT names it)"))
     for name in names:
         _load_quiz(loading, name)
+    if only is None and not loading.faults:  # a lesson names quizzes, which must be whole
+        _load_lessons(loading)
     if loading.faults:
         raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(loading.faults)}.values()))
-    parts = ("quizzes", "files", "models", "starters", "texts", "digests", "sources")
+    parts = ("quizzes", "lessons", "files", "models", "starters", "texts", "digests", "sources")
     frozen: dict[str, Any] = {name: MappingProxyType(getattr(loading, name)) for name in parts}
     return Library(root, **frozen, warnings=tuple(sorted(loading.warnings)))
 
 
-def load_files(files: Mapping[str, str]) -> Library:
+def load_files(files: Mapping[str, str], passed: PassedChecks = NOTHING_PASSED) -> Library:
     """Loads content of these texts by path, such as the `sources` of a quiz. Raises ContentError."""
     with TemporaryDirectory(prefix="grader-content-") as folder:
         for path, text in files.items():
             place = Path(folder, path)
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_bytes(text.encode())
-        return load(Path(folder))
+        return load(Path(folder), passed=passed)
 
 
 def _load_models(loading: _Loading) -> None:
@@ -107,7 +117,7 @@ def _load_quiz(loading: _Loading, file: str) -> None:
     tried = [p for p in (*parsed.questions, *parsed.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
     named: dict[str, str] = {}
     text_of = partial(_read_into, named, loading.root)
-    loading.faults += semantic_faults(tried, loading.compiled, text_of, file)
+    loading.faults += semantic_faults(tried, loading.compiled, text_of, file, loading.passed)
     loading.texts |= named
     if parsed.quiz is None:
         return
@@ -121,6 +131,18 @@ def _load_quiz(loading: _Loading, file: str) -> None:
     models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
     loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
     loading.sources[quiz_id] = {file: text, **models, **starters, **named}
+
+
+def _load_lessons(loading: _Loading) -> None:
+    for file in list_files(loading.root, "lessons", "*.md"):
+        text = read_text(loading.root, file, LESSON_BYTES_MAX)
+        if isinstance(text, Fault):
+            loading.faults.append(text)
+            continue
+        lesson, faults, remarks = read_lesson(text, file, loading.quizzes)
+        loading.lessons[lesson.id] = lesson
+        loading.faults += faults
+        loading.warnings += remarks
 
 
 def _read_into(texts: dict[str, str], root: Path, path: str) -> str:

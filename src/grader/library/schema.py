@@ -79,6 +79,12 @@ def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
     return ParsedQuiz(None if faults else quizzes[0].model_copy(update=parts), questions, labs, faults)
 
 
+def list_policy_faults(values: Mapping[str, Any]) -> list[str]:
+    """Says what is wrong with the values of a `policy`, as of one in a quiz file: `key: why`."""
+    _, faults = validate(QUIZ, [("", {"id": "any", "title": "", "policy": dict(values)})], "")
+    return [f"{fault.key.removeprefix('policy.')}: {fault.why}" for fault in faults]
+
+
 def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the quiz without its lists, every question and every lab, each with the key that begins its faults."""
     yield "", _without_lists(raw)
@@ -87,8 +93,8 @@ def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _without_lists(raw: dict[str, Any]) -> JsonObject:
-    """Returns the quiz without `questions` and `labs`."""
-    own = JsonObject([(name, value) for name, value in raw.items() if name not in ("questions", "labs")])
+    """Returns the quiz without `questions` and `labs`, and without the `$schema` of editors."""
+    own = JsonObject([(name, value) for name, value in raw.items() if name not in ("questions", "labs", "$schema")])
     own.repeated = getattr(raw, "repeated", [])
     return own
 
@@ -144,7 +150,7 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
 def _known_keys(steps: Sequence[str]) -> Iterable[str]:
     """Returns the keys of the part that holds a key, by the names in pydantic's location of the key."""
     part = _parts().get(steps[-2], Quiz) if len(steps) > 1 else Quiz
-    return part.model_fields
+    return [field.alias or name for name, field in part.model_fields.items()]
 
 
 @cache

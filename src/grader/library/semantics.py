@@ -16,6 +16,9 @@ from grader.exercises import TextOf, check_exercise
 from grader.labs import check_integrators, check_lab
 from grader.library.files import read_text
 from grader.library.json_text import dotted
+from grader.library.passed import PassedChecks
+from grader.library.prose_remarks import list_prose_remarks
+from grader.library.verify_texts import list_verify_faults
 from grader.questions import ModelXml, Question, Quiz, kind_of
 
 PROSE = ("q", "title", "options", "explain", "reference", "note")
@@ -28,15 +31,14 @@ PROSE_LISTS = re.compile(r"(?:^|\.)(?:options|items|extra|pairs\.[0-9]+)$")
 
 LABELS = re.compile(r"(?:^|\.)fields\.[0-9]+\.label$")
 
-DOLLAR = re.compile(r"(?<!\\)\$")
-
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:
     """Yield a fault for every model that a question or lab names and that is not in models/."""
     for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
             bare = PurePosixPath(name).stem
-            others = f"take one of {', '.join(sorted(models))}"
+            near = get_close_matches(name, models, n=1)
+            others = f"did you mean {near[0]!r}?" if near else f"take one of {', '.join(sorted(models))}"
             cure = f"write {bare!r}, without folder and .xml" if bare in models else others
             yield Fault(file, at, f"there is no models/{name}.xml: {cure}")
 
@@ -93,10 +95,9 @@ def _top_level_names(source: str) -> set[str]:
 
 
 def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
-    """Yield a warning for every text with an odd number of dollar signs."""
+    """Yield a warning for each part of a text that a page does not show as it was meant."""
     for at, text in _prose(raw, key):
-        if len(DOLLAR.findall(text)) % 2:
-            yield Fault(file, at, "an odd number of $ signs: TeX stands between two; write \\$ for a dollar")
+        yield from (Fault(file, at, why) for why in list_prose_remarks(text))
 
 
 def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
@@ -138,12 +139,25 @@ def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
 
 
 def semantic_faults(
-    parts: Iterable[Question | Lab], models: Mapping[str, str], text_of: TextOf, file: str
+    parts: Iterable[Question | Lab], models: Mapping[str, str], text_of: TextOf, file: str, passed: PassedChecks
 ) -> Iterator[Fault]:
     """Yield faults of the questions and labs whose models are all in `models`, which compile."""
     for part in parts:
-        for fault in _part_faults(part, models, text_of):
+        for fault in passed.run(
+            "part",
+            list_inputs(part, models),
+            lambda text_of, part=part: [*_part_faults(part, models, text_of)],  # type: ignore[misc]
+            text_of=text_of,
+            write=lambda faults: None if faults else [],
+            read=list,
+        ):
             yield replace(fault, file=file, why=" ".join(fault.why.split()))
+
+
+def list_inputs(part: Question | Lab, models: Mapping[str, str]) -> list[str]:
+    """Returns the JSON of a question or lab, and name and text of each model that it names."""
+    named = {name for _, name in named_models(part.model_dump(), "")}
+    return [part.model_dump_json(), *(text for name in sorted(named) for text in (name, models.get(name, "")))]
 
 
 def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextOf) -> Iterator[Fault]:
@@ -172,6 +186,8 @@ def _question_faults(
     if (lab := kind.lab(question)) is not None:
         yield from _lab_faults(lab, models, dotted(question.id, "sim"))
     keys = kind.answer_keys(question)
+    for answer in keys:
+        yield from list_verify_faults(answer, model_xml, question.id)
     if question.verify is not None and all(key.place for key in keys):
         cure = f"move it to {' or '.join(key.place for key in keys)}" if keys else "remove it"
         yield Fault("", dotted(question.id, "verify"), f"{question.kind} has no key to derive again: {cure}")

@@ -6,17 +6,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from grader.errors import Fault, NotFound
+from grader.library.lesson_text import LessonText
 from grader.questions import Question, Quiz, kind_of
 
 
 @dataclass(frozen=True)
 class Library:
-    """Quizzes by id, models (MJCF text) by name, starters (Python text) by path. `warnings` are remarks for the authors
-    that do not prevent serving. `texts`, by path, are the files that exercises name, such as an author's programs.
-    `sources` are, by quiz, the files that its digest is made of, by path: `load_files` makes the quiz of them again."""
+    """Quizzes by id, texts of lessons by id, models (MJCF text) by name, starters (Python text) by path. `warnings` are
+    remarks for the authors that do not prevent serving. `texts`, by path, are the files that exercises name, such as an
+    author's programs. `sources` are, by quiz, the files that its digest is made of, by path: `load_files` makes the
+    quiz of them again."""
 
     root: Path
     quizzes: Mapping[str, Quiz]
+    lessons: Mapping[str, LessonText] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
     models: Mapping[str, str] = field(default_factory=dict)
     starters: Mapping[str, str] = field(default_factory=dict)

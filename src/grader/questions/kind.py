@@ -129,6 +129,11 @@ class QuestionKind(ABC, Generic[Q, A]):
         """Returns the model answer that reviewers see, as HTML."""
         return None
 
+    def sample_answers(self, question: Q) -> Sequence[Any]:
+        """Returns answers that show an author how they are read and judged: the right one, wrong ones, and what people
+        might type. None where only a person, or a run, could tell."""
+        return ()
+
     # What a learner sees.
 
     @abstractmethod

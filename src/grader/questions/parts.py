@@ -1,16 +1,16 @@
 """What kinds whose answers have several parts share: fields of forms, and ids and an order that tell nothing."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from hashlib import sha256
 from itertools import chain, product
 from string import ascii_lowercase
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
-from pydantic_core import PydanticCustomError
 
 from grader.questions.kind import FIELD, Fields
+from grader.questions.question import distinct_texts
 
 PARTS_MAX = 100
 """The most parts of a question."""
@@ -29,25 +29,10 @@ def _digest(text: str) -> bytes:
     return sha256(text.encode(errors="surrogatepass")).digest()
 
 
-def distinct(texts: Sequence[str]) -> None:
-    """Raises PydanticCustomError if two texts are equal but for white space: learners could not tell them apart."""
-    seen = set[str]()
-    for text in texts:
-        words = " ".join(text.split())
-        if words in seen:
-            raise PydanticCustomError("repeated", "{text} is there twice: write each text once", {"text": repr(text)})
-        seen.add(words)
-
-
-def _distinct_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
-    distinct(texts)
-    return texts
-
-
 PartText = Annotated[str, Field(min_length=1)]
 """The text of a part, as HTML."""
 
-DistinctTexts = Annotated[tuple[PartText, ...], Field(max_length=PARTS_MAX), AfterValidator(_distinct_texts)]
+DistinctTexts = Annotated[tuple[PartText, ...], Field(max_length=PARTS_MAX), AfterValidator(distinct_texts)]
 """Texts of parts, no two of them equal."""
 
 

@@ -1,6 +1,6 @@
 """Question: what every question has, whatever its kind; and the fields that several kinds share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
@@ -53,7 +53,23 @@ def _one_for_each_option(whys: tuple[str, ...], info: ValidationInfo) -> tuple[s
     return whys
 
 
-Options = Annotated[tuple[str, ...], Field(min_length=2, max_length=100)]
+def distinct(texts: Sequence[str]) -> None:
+    """Raises PydanticCustomError if two texts are equal but for white space: learners could not tell them apart."""
+    seen = set[str]()
+    for text in texts:
+        words = " ".join(text.split())
+        if words in seen:
+            raise PydanticCustomError("repeated", "{text} is there twice: write each text once", {"text": repr(text)})
+        seen.add(words)
+
+
+def distinct_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
+    """Returns texts of which no two are equal. Raises PydanticCustomError."""
+    distinct(texts)
+    return texts
+
+
+Options = Annotated[tuple[str, ...], Field(min_length=2, max_length=100), AfterValidator(distinct_texts)]
 """What a learner chooses from; each option of a certified question costs simulations."""
 
 OptionIndex = Annotated[int, Field(ge=0, strict=True), AfterValidator(_index_of_option)]

@@ -18,15 +18,16 @@ class LessonHead(BaseModel):
 
 
 class Quiz(BaseModel):
-    """One file of questions and labs. `lesson` is about the lesson that the quiz is of. `anonymous` keeps the learners'
-    names from their reviewers; `second_marking` has answers marked a second time."""
+    """One file of questions and labs. `lesson` is about the lesson that the quiz is of. `default_policy`, the
+    key `policy`, holds where a course has set nothing else: `read_policies` tells what is in force. `anonymous` keeps
+    the learners' names from their reviewers; `second_marking` has answers marked a second time."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)  # kinds are loaded at first use
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
     title: str
     lesson: LessonHead | None = None
-    policy: Policy = Policy()
+    default_policy: Policy = Field(default=Policy(), alias="policy")
     anonymous: bool = True
     second_marking: SecondMarking | None = None
     questions: tuple[AnyQuestion, ...] = ()

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from grader.domain.lab import IntegratorsLab, Lab, LabConfig, UnknownLab
+from grader.domain.policy import Policy
 from grader.questions.question import Question
 from grader.questions.quiz import Quiz
 from grader.questions.registry import kind_of
@@ -19,21 +20,22 @@ TRACE = ("label", "dash", "color")
 PLOT = ("xlabel", "ylabel", "height", "window", "ymin", "ymax")
 
 
-def student_view(quiz: Quiz) -> dict[str, Any]:
-    """The quiz as plain JSON, without answers, tolerances, explanations, references, checks or expressions."""
+def student_view(quiz: Quiz, policy: Policy) -> dict[str, Any]:
+    """The quiz as plain JSON with the policy in force, without answers, tolerances, explanations, references, checks or
+    expressions."""
     return {
         "id": quiz.id,
         "title": quiz.title,
-        "policy": quiz.policy.model_dump(mode="json"),
+        "policy": policy.model_dump(mode="json"),
         "questions": [question_view(question) for question in quiz.questions],
         "labs": [lab_view(lab) for lab in quiz.labs],
     }
 
 
-def unopened_view(quiz: Quiz) -> dict[str, Any]:
-    """The quiz before it opens: its rules, without questions and labs."""
-    policy = quiz.policy.model_dump(mode="json")
-    return {"id": quiz.id, "title": quiz.title, "policy": policy, "questions": [], "labs": []}
+def unopened_view(quiz: Quiz, policy: Policy) -> dict[str, Any]:
+    """The quiz before it opens: the policy in force, without questions and labs."""
+    rules = policy.model_dump(mode="json")
+    return {"id": quiz.id, "title": quiz.title, "policy": rules, "questions": [], "labs": []}
 
 
 def question_view(question: Question) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Questions with one right option: what a choice and a prediction share, and how an option is read."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -10,7 +10,7 @@ from grader.domain.markup import plain_text, quoted
 from grader.domain.verdict import Finding, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import OptionKey
-from grader.questions.kind import FIELD, Fields, Option, QuestionKind
+from grader.questions.kind import FIELD, Fields, Option, QuestionKind, Remark
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
 INDEX = re.compile(r"[+-]?[0-9]{1,9}")
@@ -20,6 +20,8 @@ CHARACTERS_MAX = 4000
 
 DIGITS_MAX = 5
 """The longest index that a form sends."""
+
+NO_WHYS = Remark("whys", "every wrong option gets the same sentence: add a sentence on each option, why it is wrong")
 
 NOTHING_CHOSEN = "Choose one of the options first."
 
@@ -37,6 +39,16 @@ Q = TypeVar("Q", bound=OptionsQuestion)
 
 class OneOption(QuestionKind[Q, int]):
     """Reads, grades and counts one of the options, by its index."""
+
+    def warnings(self, question: Q) -> Iterator[Remark]:
+        """Yields a remark where every wrong option gets the same sentence."""
+        if not question.whys:
+            yield NO_WHYS
+
+    def sample_answers(self, question: Q) -> Sequence[int]:
+        """Returns every option, the right one first."""
+        others = (index for index in range(len(question.options)) if index != question.answer)
+        return [question.answer, *others]
 
     def view(self, question: Q) -> dict[str, Any]:
         """Returns the options."""

@@ -16,12 +16,11 @@ from grader.questions.parts import (
     DistinctTexts,
     PartText,
     by_id,
-    distinct,
     field_of,
     json_or_text,
     typed_for,
 )
-from grader.questions.question import Question
+from grader.questions.question import Question, distinct
 
 UNTOUCHED = "Choose a partner for each text first."
 SHIFTED = "Your partners are shifted by one line: each belongs to the line {where} the one where you put it."
@@ -108,6 +107,11 @@ class Match(QuestionKind[MatchQuestion, Mapping[str, str]]):
             return self.describe(question, self.read(question, answer))
         except InvalidAnswer:
             return super().show(question, answer)
+
+    def sample_answers(self, question: MatchQuestion) -> Sequence[dict[str, str]]:
+        """Returns the right pairs, and pairs that are shifted by one line."""
+        rights = list(question.key.values())
+        return [question.key, dict(zip(question.key, [*rights[1:], rights[0]], strict=True))]
 
     def read(self, question: MatchQuestion, answer: Any) -> Mapping[str, str]:
         """Reads an object with a partner for every left text."""

@@ -9,8 +9,8 @@ from pydantic_core import PydanticCustomError
 from grader.domain.markup import quoted
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
-from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind
-from grader.questions.kinds.choice.options import DIGITS_MAX, option_text, read_choice
+from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind, Remark
+from grader.questions.kinds.choice.options import DIGITS_MAX, NO_WHYS, option_text, read_choice
 from grader.questions.parts import json_or_text
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
@@ -44,6 +44,17 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
     def heading(self, question: MultipleQuestion) -> str:
         """Returns what to do."""
         return "Choose all that are right"
+
+    def warnings(self, question: MultipleQuestion) -> Iterator[Remark]:
+        """Yields a remark where every wrong option gets the same sentence."""
+        if not question.whys:
+            yield NO_WHYS
+
+    def sample_answers(self, question: MultipleQuestion) -> Sequence[list[int]]:
+        """Returns the right options, those that are wrong, one alone, and all of them."""
+        every = list(range(len(question.options)))
+        wrong = [index for index in every if index not in question.answer]
+        return [sorted(question.answer), *([wrong] if wrong else []), [min(question.answer)], every]
 
     def view(self, question: MultipleQuestion) -> dict[str, Any]:
         """Returns the options."""

@@ -53,6 +53,17 @@ def target_warnings(target: Target) -> Iterator[Remark]:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
 
 
+def list_typed_numbers(target: Target) -> list[str]:
+    """Returns what people might type: the right number, twice and a tenth of it, its negative, and other spellings."""
+    unit = f" {target.unit}" if target.unit else ""
+    right = f"{target.answer:.10g}"
+    wrong = target.answer * 2 if target.answer else 1 + target.tolerance
+    edge = target.answer + 0.99 * target.tolerance
+    comma = right.replace(".", ",")
+    numbers = (right, f"{wrong:.6g}", f"x = {right}", comma, f"about {right}", f"{edge:.10g}", f"{-target.answer:.10g}")
+    return list(dict.fromkeys([*(f"{number}{unit}" for number in numbers), right]))
+
+
 class Number(QuestionKind[NumberQuestion, Quantity]):
     """A typed number."""
 
@@ -61,6 +72,10 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
     def warnings(self, question: NumberQuestion) -> Iterator[Remark]:
         """Yields units and tolerances that accept fewer answers than their author may expect."""
         return target_warnings(question)
+
+    def sample_answers(self, question: NumberQuestion) -> Sequence[str]:
+        """Returns what people might type."""
+        return list_typed_numbers(question)
 
     def answer_keys(self, question: NumberQuestion) -> Sequence[NumberKey]:
         """Returns the number."""
@@ -80,11 +95,11 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
 
     def read(self, question: NumberQuestion, answer: Any) -> Quantity:
         """Reads a JSON number or a text, in the unit of the question."""
-        return read_quantity(answer, question.unit)
+        return read_quantity(answer, question.unit, question.q)
 
     def describe(self, question: NumberQuestion, answer: Quantity) -> str:
-        """Returns the number in the unit of the question."""
-        return answer.text
+        """Returns the number in the unit of the question, and what was left out of a typed text."""
+        return answer.echo
 
     def grade(self, question: NumberQuestion, answer: Quantity) -> Verdict:
         """Gives all points for a number within the tolerance; names the slip behind a wrong one."""

@@ -47,7 +47,10 @@ BOUND_AFTER = re.compile(
 )
 """The end of `5 ms or less`."""
 UNCERTAIN = re.compile(r"±|\+/?-")
-LOST_POWER = re.compile(r"[0-9] ?[*xX] ?10-?[0-9]")
+LOST_POWER = re.compile(r"[0-9] ?[*xX] ?10(?:-[0-9]|[1-9](?![0-9.,]))")
+FACTOR = re.compile(r" ?([*/]) ?(?=[0-9.(])")
+FACTORS_MAX = 8
+DATE = re.compile(r"[0-9]+ ?/ ?[0-9]+ ?/ ?[0-9]+(?![0-9.,])")
 CALCULATION = re.compile(
     r"[0-9)] ?[*/+] ?\(?[0-9.]|[0-9] ?(?:\^|\*\*) ?[(+-]?[0-9.]|(?<!\*)\* ?[0-9(]|[0-9]\([0-9]|[0-9]!|√"
     r"|[0-9] ?[xX] [0-9]|\b(?:sqrt|sin|cos|tan|asin|acos|atan|exp|log|ln)\b"
@@ -75,11 +78,44 @@ def read_number(text: str) -> TypedNumber:
         inner = read_number(found[2].strip())
         if inner.rest:
             raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
-        return TypedNumber(-inner.value if found[1] == "-" else inner.value, text[found.end() :].strip())
+        first = TypedNumber(-inner.value if found[1] == "-" else inner.value, text[found.end() :].strip())
+        return multiply(first, text)
     found = NUMBER.match(text)
     if found is None or not (found["mantissa"] or found["power"] or found["whole"] or found["pi"]):
         raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
-    return TypedNumber(_value_of(found, text), text[found.end() :].strip())
+    return multiply(TypedNumber(_value_of(found, text), text[found.end() :].strip()), text)
+
+
+def multiply(first: TypedNumber, text: str) -> TypedNumber:
+    """Compute a product or quotient of numbers, from left to right; what follows it is its unit. Raises InvalidAnswer
+    where it may be a power of ten without its sign, a date, or a division by zero."""
+    value, rest = first.value, first.rest
+    if not FACTOR.match(rest):
+        return first
+    if LOST_POWER.search(text) or DATE.search(text):
+        raise unreadable(text, rest, f"{quoted(text)} is a calculation")
+    for _ in range(FACTORS_MAX):
+        sign = FACTOR.match(rest)
+        if sign is None:
+            return TypedNumber(finite(value, text), rest)
+        found = IN_PARENTHESES.match(rest, sign.end()) or NUMBER.match(rest, sign.end())
+        factor = _read_factor(found, text)
+        if sign[1] == "/" and factor == 0:
+            raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
+        value = value * factor if sign[1] == "*" else value / factor
+        rest = rest[found.end() :].strip() if found else ""
+    raise InvalidAnswer(f"{quoted(text)} is a long calculation: type its result.")
+
+
+def _read_factor(found: re.Match[str] | None, text: str) -> float:
+    """Return the value of one factor. Raises InvalidAnswer where it is no number."""
+    if found is not None and found.re is IN_PARENTHESES:
+        inner = read_number(found[2].strip())
+        if not inner.rest:
+            return inner.value
+    elif found is not None and (found["mantissa"] or found["power"]):
+        return _value_of(found, text)
+    raise InvalidAnswer(f"{quoted(text)} is a calculation: type its result.")
 
 
 def not_one_number(text: str) -> InvalidAnswer:

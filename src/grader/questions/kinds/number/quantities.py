@@ -2,7 +2,7 @@
 
 import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -17,8 +17,14 @@ from grader.questions.kinds.number.numbers import (
     read_number,
     unreadable,
 )
+from grader.questions.kinds.number.phrases import (
+    NON_BREAKING,
+    drop_bound,
+    find_asked_bound,
+    split_remark,
+)
 from grader.questions.kinds.number.spelling import fold, without_markup
-from grader.questions.kinds.number.units import Unit, convert, known_unit, read_unit
+from grader.questions.kinds.number.units import Unit, convert, from_base_units, known_unit, read_unit
 
 CHARACTERS_MAX = 200
 """The longest text that is read; tags and TeX count."""
@@ -48,7 +54,8 @@ IS = re.compile(r" (?:is|equals|ist|should be|must be) ", re.I)
 HEDGE = re.compile(
     r"(?:about|around|approximately|app?rox\.?|roughly|exactly|nearly|almost|just|maybe|probably|circa|cc?a\.?|etwa"
     r"|ungefähr|rund|environ|env\.|около|примерно"
-    r"|so|thus|hence|therefore|∴|⇒|(?:I|we) (?:get|got|find|found|think|guess)|it ?['i]s)(?:,? |(?<=\.)|(?=[0-9]))",
+    r"|so|thus|hence|therefore|∴|⇒|=>|(?:I|we) (?:get|got|find|found|think|guess)|I'd say|(?:it|that|h) would be"
+    r"|it ?['i]s)(?:,? |(?<=\.)|(?=[0-9]))",
     re.I,
 )
 HEDGES_MAX = 3
@@ -91,24 +98,32 @@ class Quantity:
     number: float
     typed_unit: Unit | None
     unit: str
+    left_out: str = ""
+    """A remark behind the answer that was not read."""
 
     @cached_property
     def text(self) -> str:
         """The answer in the question's unit, `5 ms`."""
         return f"{format_number(self.value)} {self.unit}".strip()
 
+    @property
+    def echo(self) -> str:
+        """The answer, and what was left out of it."""
+        return f"{self.text} (left out: {quoted(self.left_out)})" if self.left_out else self.text
+
     def __str__(self) -> str:
-        """The same."""
+        """The answer in the question's unit."""
         return self.text
 
 
-def read_quantity(answer: Any, unit: str | None) -> Quantity:
-    """Read a JSON number or a text, and convert it to the question's unit, which is assumed where none is typed. Raises
-    InvalidAnswer with one sentence: why the answer cannot be read, and what would be readable."""
+def read_quantity(answer: Any, unit: str | None, question: str = "") -> Quantity:
+    """Read a JSON number or a text, and convert it to the question's unit, which is assumed where none is typed. Where
+    the text of the `question` asks for a bound, one of that side is a number. Raises InvalidAnswer with one sentence:
+    why the answer cannot be read, and what would be readable."""
     shown = _read_label(unit or "")
     try:
         if isinstance(answer, str):
-            return _read_text(answer, shown)
+            return _read_text(answer, shown, question)
         if isinstance(answer, int | float) and not isinstance(answer, bool):
             value = _as_float(answer)
             return Quantity(value, value, None, shown)
@@ -124,11 +139,40 @@ def _read_label(unit: str) -> str:
     return without_markup(unit)
 
 
-def _read_text(answer: str, shown: str) -> Quantity:
-    """Read the last of several values that are said to be equal. Raises InvalidAnswer where they differ."""
+def _read_text(answer: str, shown: str, question: str) -> Quantity:
+    """Read the last of several values that are said to be equal; if that fails, without a bound or a remark. Raises
+    InvalidAnswer where they differ."""
     if len(answer) > CHARACTERS_MAX:
         raise InvalidAnswer(f"The answer is too long (at most {CHARACTERS_MAX} characters are read): type one number.")
-    text = fold(answer)
+    text = NON_BREAKING.sub(" ", fold(answer))
+    try:
+        return _read_values(text, shown)
+    except InvalidAnswer:
+        with suppress(InvalidAnswer):
+            return _read_phrase(text, shown, question)
+        raise
+
+
+def _read_phrase(text: str, shown: str, question: str) -> Quantity:
+    """Read an answer without the words of a bound, and without a remark behind it. Raises InvalidAnswer."""
+    plain, remark = split_remark(text)
+    if remark and _is_other_unit(remark, plain, shown):
+        raise InvalidAnswer(f"{quoted(text)} has two units")
+    if (asks := find_asked_bound(question)) is not None:
+        plain = drop_bound(plain, asks)
+    if plain == text:
+        raise InvalidAnswer(f"{quoted(text)} has neither a bound nor a remark")
+    return replace(_read_values(plain, shown), left_out=remark)
+
+
+def _is_other_unit(remark: str, plain: str, shown: str) -> bool:
+    """Whether a remark is a unit, and not that of the answer before it."""
+    unit = known_unit(remark)
+    return unit is not None and unit.powers != (_read_values(plain, shown).typed_unit or unit).powers
+
+
+def _read_values(text: str, shown: str) -> Quantity:
+    """Read the last of several values that are said to be equal. Raises InvalidAnswer where they differ."""
     try:
         return _read_sides(text, shown)[-1]
     except InvalidAnswer:
@@ -145,10 +189,18 @@ def _read_sides(text: str, shown: str) -> list[Quantity]:
     last = _read_side(last_text, shown)
     read = [_read_side(other, shown) for other in others if not _is_formula(other, named=named)]
     for other in read:
-        same_number = other.typed_unit is None and _agree(other.number, last.number)
+        same_number = other.typed_unit is None and (
+            _agree(other.number, last.number) or _is_in_base_units(other.number, last)
+        )
         if not same_number and not _agree(other.value, last.value):
             raise InvalidAnswer(f"{quoted(text)} gives two answers, {other} and {last}: type the one that you mean.")
     return [*read, last]
+
+
+def _is_in_base_units(number: float, quantity: Quantity) -> bool:
+    """Whether a bare number is a quantity in base units: the 0.005 of `0.005 = 5 ms`."""
+    unit = known_unit(quantity.unit) if quantity.typed_unit else None
+    return unit is not None and _agree(from_base_units(number, unit), quantity.value)
 
 
 def _agree(first: float, second: float) -> bool:

@@ -53,7 +53,7 @@ def size_of(given: Quantity, key: NumberKey) -> str:
     return next((words for most, words in SIZES if ratio < most), SIZES[-1][1])
 
 
-SIGN = Slip("has the wrong sign", "check which direction counts as positive")
+SIGN = Slip("has the wrong sign", "check whether it can be negative at all, and which direction counts as positive")
 TWO = Slip("is off by a factor of two", "look for a factor that is missing or counted twice")
 ANGLE = Slip("mixes up degrees and radians", "convert the angle")
 RECIPROCAL = Slip("is the reciprocal of what is asked", "swap numerator and denominator")
@@ -159,9 +159,16 @@ def _is_reciprocal(given: Quantity, wanted: Unit | None, key: NumberKey) -> bool
     """Whether the number is the reciprocal of the answer, also in base units: 200 for 5 ms."""
     if is_right(1 / given.value, key):
         return True
-    if wanted is None or given.typed_unit is not None:
+    if wanted is None or (given.typed_unit is not None and given.typed_unit.powers != wanted.powers):
         return False
+    scale = _base_scale(wanted)
+    return scale is not None and is_right(scale / given.number, key)
+
+
+@lru_cache(maxsize=1024)
+def _base_scale(wanted: Unit) -> float | None:
+    """Return what 1 in base units is in a unit; None where it is no multiple, or not known."""
     try:
-        return is_right(from_base_units(1 / given.number, wanted), key)
+        return None if from_base_units(0.0, wanted) else from_base_units(1.0, wanted)
     except InvalidAnswer:
-        return False
+        return None

@@ -13,7 +13,7 @@ from grader.domain.verify import Verify
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
 from grader.questions.kind import NOTHING_TYPED, CountedNumber, Example, Fields, QuestionKind, Remark
-from grader.questions.kinds.number import Target, grade_number, target_warnings
+from grader.questions.kinds.number import Target, grade_number, list_typed_numbers, target_warnings
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
 from grader.questions.kinds.number.slips import find_slip
 from grader.questions.parts import PARTS_MAX, field_of, json_or_text, typed_for
@@ -126,6 +126,12 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         names = {field.id: field.name for field in question.fields if field.id in answer}
         return "; ".join(f"{names.get(name, name)}: {answer[name]}" for name in {**names, **answer})
 
+    def sample_answers(self, question: NumbersQuestion) -> Sequence[dict[str, str]]:
+        """Returns the right numbers, and others as people might type them, the same way in each field."""
+        samples = [list_typed_numbers(field) for field in question.fields]
+        ids = [field.id for field in question.fields]
+        return [dict(zip(ids, row, strict=True)) for row in zip(*samples, strict=False)]
+
     def read(self, question: NumbersQuestion, answer: Any) -> Mapping[str, Quantity]:
         """Reads an object with a number or a text for every field. Names first what is wrong, then what is missing."""
         ids = [field.id for field in question.fields]
@@ -190,7 +196,7 @@ def _is_given(field: NumberField, answer: Mapping[str, Any]) -> bool:
 def _read_field(field: NumberField, typed: Any) -> Quantity:
     """Reads one number. Raises InvalidAnswer with a sentence that begins with the label."""
     try:
-        return read_quantity(typed, field.unit)
+        return read_quantity(typed, field.unit, field.label)
     except InvalidAnswer as error:
         raise InvalidAnswer(f"{field.name}: {error}") from error
 

@@ -72,6 +72,11 @@ class Order(QuestionKind[OrderQuestion, tuple[str, ...]]):
         except InvalidAnswer:
             return super().show(question, answer)
 
+    def sample_answers(self, question: OrderQuestion) -> Sequence[list[str]]:
+        """Returns the right order, its reverse, and one that begins at the wrong item."""
+        key = list(_key_of(question))
+        return [key, key[::-1], [*key[1:], key[0]]]
+
     def read(self, question: OrderQuestion, answer: Any) -> tuple[str, ...]:
         """Reads a list with the id of every item, each once."""
         ids = list(by_id(question.items))

@@ -46,6 +46,11 @@ class Predict(OneOption[PredictQuestion]):
                 "q": "Two pendulums differ in the mass of the bob alone. Which swings faster?",
                 "options": ["The heavy one", "The light one", "Neither"],
                 "answer": 2,
+                "whys": [
+                    "It has more weight, and as much more inertia.",
+                    "It has less inertia, and as much less weight.",
+                    "Weight and inertia grow alike.",
+                ],
                 "explain": "The mass cancels in <em>ml</em>²<em>θ</em>″ = −<em>mgl</em> sin <em>θ</em>.",
                 "sim": {"title": "Two masses, one period", "model": "bob", "setup": "data.qpos[0] = 0.5"},
             },

@@ -1,5 +1,6 @@
 """`open`: write a text, which an instructor reads and grades."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from grader.domain.rubric import Rubric
@@ -39,6 +40,10 @@ class Text(QuestionKind[TextQuestion, str]):
     def heading(self, question: TextQuestion) -> str:
         """Returns what to do."""
         return "In your own words"
+
+    def sample_answers(self, question: TextQuestion) -> Sequence[str]:
+        """Returns a text, which a person grades."""
+        return ["An answer in a sentence."]
 
     def read(self, question: TextQuestion, answer: Any) -> str:
         """Reads a text that is neither empty nor too long."""

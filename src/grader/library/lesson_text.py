@@ -1,0 +1,238 @@
+"""Reads the text of a lesson: Markdown in which empty fences place quizzes and labs. Regular expressions read no
+Markdown: markdown-it-py parses it (CommonMark with tables)."""
+
+import html
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from markdown_it import MarkdownIt
+from markdown_it.renderer import RendererHTML
+from markdown_it.rules_inline import StateInline
+from markdown_it.token import Token
+
+from grader.domain.markup import plain_text, quoted
+from grader.domain.prose import DISPLAY, INLINE
+from grader.errors import Fault
+from grader.library.prose_remarks import list_prose_remarks
+from grader.questions import Quiz
+
+LESSON_BYTES_MAX = 256 << 10
+BLOCKS_MAX = 2000
+"""Paragraphs, lists, tables and the like of one lesson."""
+
+NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
+UNFIT = re.compile(r"[^a-z0-9]+")
+OTHER = "questions"
+"""The lesson of quizzes whose ids begin with no number."""
+
+LINKS = ("https://", "http://", "mailto:", "/lessons/")
+"""What a link may begin with, besides `#` and a heading of this lesson."""
+
+PLACES = ("quiz", "lab")
+
+
+@dataclass(frozen=True)
+class Prose:
+    """HTML with TeX between dollars, one string a block. It is not yet sanitised."""
+
+    blocks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of level 2 to 6; `html` is not yet sanitised, `anchor` is unique in its lesson."""
+
+    level: int
+    anchor: str
+    html: str
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The place of a quiz, or of one of its labs where `lab` is not empty."""
+
+    quiz: str
+    lab: str = ""
+
+
+@dataclass(frozen=True)
+class LessonText:
+    """What an author wrote around the quizzes of a lesson; `title` is HTML that is not yet sanitised."""
+
+    id: str
+    title: str
+    parts: tuple[Prose | Heading | Placed, ...]
+
+
+@dataclass
+class _Reading:
+    """The parts read so far, with their faults and remarks."""
+
+    file: str
+    quizzes: Mapping[str, Quiz]
+    title: str = ""
+    parts: list[Prose | Heading | Placed] = field(default_factory=list)
+    anchors: set[str] = field(default_factory=set)
+    links: list[tuple[int, str]] = field(default_factory=list)
+    level: int = 0
+    faults: list[Fault] = field(default_factory=list)
+    remarks: list[Fault] = field(default_factory=list)
+
+    @property
+    def lesson(self) -> str:
+        """The lesson's id."""
+        return PurePath(self.file).stem
+
+    def fault(self, line: int, why: str) -> None:
+        self.faults.append(Fault(self.file, f"line {line}", why))
+
+    def add_heading(self, line: int, level: int, markup: str) -> None:
+        """Add a heading; the first of all is the title."""
+        if (level == 1) != (self.level == 0):
+            why = "the first heading must be the title: begin it with one #"
+            self.fault(line, why if self.level == 0 else "a lesson has one title: begin other headings with ##")
+        elif level > self.level + 1:
+            self.fault(line, f"the heading skips a level: begin it with {'#' * (self.level + 1)}")
+        self.level = level
+        if level == 1:
+            self.title = markup
+            return
+        base = UNFIT.sub("-", plain_text(markup).lower()).strip("-") or "part"
+        number = 1
+        while (anchor := base if number == 1 else f"{base}-{number}") in self.anchors:
+            number += 1
+        self.anchors.add(anchor)
+        self.parts.append(Heading(level, anchor, markup))
+
+    def add_block(self, line: int, markup: str) -> None:
+        """Add a block of prose, with the remarks that any author's text gets."""
+        self.remarks += [Fault(self.file, f"line {line}", why) for why in list_prose_remarks(markup)]
+        last = self.parts[-1] if self.parts else None
+        if isinstance(last, Prose):
+            self.parts[-1] = Prose((*last.blocks, markup))
+        else:
+            self.parts.append(Prose((markup,)))
+
+    def add_place(self, line: int, token: Token) -> None:
+        """Add the place of a quiz or lab that a fence names."""
+        sort, *names = token.info.split()
+        example = "```quiz 1-check" if sort == "quiz" else "```lab 1-labs/rod"
+        if len(names) != 1 or token.content.strip():
+            self.fault(line, f"must name one {sort} and hold nothing, such as {example}; JSON stands in quizzes/")
+            return
+        quiz_id, _, lab_id = names[0].partition("/")
+        place, quiz = Placed(quiz_id, lab_id), self.quizzes.get(quiz_id)
+        if quiz is None:
+            self.fault(line, f"there is no quiz {quoted(quiz_id)} in quizzes/: correct its id")
+        elif find_lesson_id(quiz_id) != self.lesson:
+            self.fault(line, f"the quiz {quoted(quiz_id)} is of lesson {find_lesson_id(quiz_id)}: place it there")
+        elif (sort == "lab") != bool(lab_id) or (lab_id and lab_id not in {lab.id for lab in quiz.labs}):
+            self.fault(line, f"{quoted(names[0])} is no {sort}: write {example}")
+        elif place in self.parts:
+            self.fault(line, f"{quoted(names[0])} is placed twice: delete one")
+        self.parts.append(place)
+
+    def check_links(self) -> None:
+        """Find links and pictures that lead nowhere."""
+        for line, address in self.links:
+            anchor = address.removeprefix("#")
+            if address.startswith("#") and anchor not in self.anchors | set(self.quizzes):
+                known = ", ".join(f"#{one}" for one in sorted(self.anchors)[:10]) or "none"
+                self.fault(line, f"no heading has the anchor {quoted(address)}; the anchors are: {known}")
+            elif not address.startswith(("#", *LINKS)):
+                self.fault(line, f"the link {quoted(address)} leads nowhere: begin it with https://, /lessons/ or #")
+
+
+def find_lesson_id(quiz_id: str) -> str:
+    """Returns the lesson that a quiz belongs to."""
+    match = NUMBERED.match(quiz_id)
+    return OTHER if match is None else match[1]
+
+
+def read_lesson(markdown: str, file: str, quizzes: Mapping[str, Quiz]) -> tuple[LessonText, list[Fault], list[Fault]]:
+    """Returns the lesson of a file such as `lessons/1.3.md`, its faults and its remarks, each with its line."""
+    reading = _Reading(file, quizzes)
+    tokens = _PARSER.parse(markdown)
+    if reading.lesson not in {find_lesson_id(quiz_id) for quiz_id in quizzes}:
+        reading.fault(1, f"no quiz is of lesson {reading.lesson!r}: name the file like the number of its quizzes")
+    blocks = list(_split_blocks(tokens))
+    if len(blocks) > BLOCKS_MAX:
+        reading.fault(1, f"has {len(blocks)} blocks, at most {BLOCKS_MAX} are read: split the lesson")
+    for block in blocks[:BLOCKS_MAX]:
+        _read_block(reading, block)
+    if not reading.title:
+        reading.fault(1, "has no title: begin it with a line such as # Integrators")
+    reading.check_links()
+    return LessonText(reading.lesson, reading.title, tuple(reading.parts)), reading.faults, reading.remarks
+
+
+def _split_blocks(tokens: list[Token]) -> Iterator[list[Token]]:
+    """Yields the tokens of each block that is in no other."""
+    block: list[Token] = []
+    for token in tokens:
+        block.append(token)
+        if token.level == 0 and token.nesting <= 0:
+            yield block
+            block = []
+
+
+def _read_block(reading: _Reading, block: list[Token]) -> None:
+    first = block[0]
+    line = first.map[0] + 1 if first.map else 1
+    for token in block:
+        at = token.map[0] + 1 if token.map else line
+        for inner in token.children or ():
+            address = inner.attrGet("href") or (inner.attrGet("src") if inner.type == "image" else None)
+            if address is not None:
+                reading.links.append((at, str(address)))
+            if inner.type == "image" and not str(address).startswith("https://"):
+                reading.fault(at, f"the picture {quoted(str(address))} must have an address that begins with https://")
+            if inner.type == "image" and not inner.content.strip():
+                reading.fault(at, "the picture has no description: write it between the brackets, ![A rod](...)")
+        if token.type == "heading_open" and token is not first:
+            reading.fault(at, "a heading stands in a list or quotation: take it out")
+    if first.type == "heading_open":
+        markup = _PARSER.renderer.render(block[1:-1], _PARSER.options, {})
+        reading.add_heading(line, int(first.tag[1:]), markup)
+    elif first.type == "fence" and first.info.split()[:1] and first.info.split()[0] in PLACES:
+        reading.add_place(line, first)
+    else:
+        for token in block:
+            token.info = ""  # the language of code would become a class, which no page keeps
+        reading.add_block(line, _PARSER.renderer.render(block, _PARSER.options, {}))
+
+
+def _read_formula(state: StateInline, silent: bool) -> bool:
+    """Takes a formula between dollars as it is: `_` and `*` in it are TeX."""
+    if state.src[state.pos] != "$":
+        return False
+    match = DISPLAY.match(state.src, state.pos) or INLINE.match(state.src, state.pos)
+    if match is None:
+        return False
+    if not silent:
+        state.push("formula", "", 0).content = match[0]
+    state.pos = match.end()
+    return True
+
+
+def _render_formula(_: RendererHTML, tokens: list[Token], index: int, *_rest: Any) -> str:
+    return html.escape(tokens[index].content, quote=False)
+
+
+def _render_text(_: RendererHTML, tokens: list[Token], index: int, *_rest: Any) -> str:
+    """A dollar that begins no formula stays one."""
+    return html.escape(tokens[index].content, quote=False).replace("$", "&#36;")
+
+
+def _make_parser() -> MarkdownIt:
+    parser = MarkdownIt("commonmark", {"html": True}).enable("table")
+    parser.inline.ruler.before("escape", "formula", _read_formula)
+    parser.add_render_rule("formula", _render_formula)
+    parser.add_render_rule("text", _render_text)
+    return parser
+
+
+_PARSER = _make_parser()

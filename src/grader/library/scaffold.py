@@ -1,0 +1,152 @@
+"""Begins content: a folder, a quiz, and questions that pass the check at once, for their author to change."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
+from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
+from grader.library.json_schema import build_quiz_schema
+from grader.library.json_text import parse_json
+from grader.library.semantics import named_models
+from grader.questions import Quiz, installed_kinds
+from grader.settings import default_content
+
+SCHEMA = "quiz.schema.json"
+
+FIRST_QUIZ = "1.1-check"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A question that passes the check: its JSON, the files that it needs by path, and a script that is right where
+    it asks for one."""
+
+    question: Mapping[str, Any]
+    files: Mapping[str, str] = field(default_factory=dict)
+    right: str | None = None
+
+
+def begin_course(root: Path) -> list[Path]:
+    """Makes a content folder with one quiz of one question, and the schema for editors. Returns the files. Raises
+    Conflict where there is content already."""
+    if (root / "quizzes").exists():
+        raise Conflict(f"{root / 'quizzes'} is there already: name a new folder")
+    return begin_quiz(root, FIRST_QUIZ, "Knowledge check")
+
+
+def begin_quiz(root: Path, quiz: str, title: str) -> list[Path]:
+    """Makes a quiz of one question. Returns the files. Raises Conflict where its file is there, and Unprocessable for a
+    name that is no id."""
+    try:
+        Quiz.model_validate({"id": quiz, "title": title})
+    except ValueError as error:
+        raise Unprocessable(
+            f"{quiz!r} is no id: 1 to 64 letters, digits, dots, dashes and underscores, such as 2.1-check"
+        ) from error
+    document = {"$schema": f"../{SCHEMA}", "id": quiz, "title": title, "questions": []}
+    if any((root / file).stem == quiz for file in list_files(root, "quizzes", "*.json")):
+        raise Conflict(f"{root / 'quizzes' / quiz}.json is there already: add to it, or choose another id")
+    schema = {} if (root / SCHEMA).exists() else {SCHEMA: json.dumps(build_quiz_schema(), indent=1) + "\n"}
+    written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document)})
+    add_question(root, quiz, "mcq")
+    return written
+
+
+def add_question(root: Path, quiz: str, kind: str) -> list[Path]:
+    """Adds a question of a kind to a quiz. Returns the files that were written. Raises NotFound, Conflict."""
+    return add_sample(root, quiz, find_sample(kind))
+
+
+def add_exercise(root: Path, quiz: str, kind: str) -> list[Path]:
+    """Adds an exercise of a kind to a quiz, with a reference program that is right. Returns the files that were
+    written. Raises NotFound, Conflict."""
+    return add_sample(root, quiz, find_exercise(kind))
+
+
+def find_sample(kind: str) -> Sample:
+    """Returns a question of a kind. Raises NotFound."""
+    kinds = installed_kinds()
+    if kind not in kinds:
+        raise NotFound(f"There is no kind of question {kind!r}; the kinds are {', '.join(kinds)}.")
+    example = kinds[kind].example()
+    right = example.answers[0][0]["source"] if kinds[kind].is_script else None
+    return Sample({**example.question, "kind": kind}, example.files, right)
+
+
+def find_exercise(kind: str) -> Sample:
+    """Returns an exercise of a kind: the example of scripts, or one of the content that the grader brings along. Raises
+    NotFound."""
+    samples = dict[str, Sample]()
+    for sample in (*list_scripts(), *list_shipped()):
+        samples.setdefault(sample.question["check"]["kind"], sample)
+    if kind not in samples:
+        known = ", ".join(sorted(samples))
+        raise NotFound(f"There is no example of an exercise of the kind {kind!r}; there are examples of {known}.")
+    return samples[kind]
+
+
+def list_scripts() -> Iterator[Sample]:
+    """Yields the examples of the kinds of question that ask for a script."""
+    return (find_sample(name) for name, kind in installed_kinds().items() if kind.is_script)
+
+
+def list_shipped() -> Iterator[Sample]:
+    """Yields the exercises of the content that the grader brings along."""
+    ours = default_content()
+    for file in list_files(ours, "quizzes", "*.json"):
+        quiz = json.loads((ours / file).read_text(encoding="utf-8"))
+        for question in quiz.get("questions", ()):
+            programs = list_files(ours, f"reference_solutions/{quiz['id']}/{question.get('id')}", "correct__*.py")
+            if programs:
+                models = {f"models/{name}.xml" for _, name in named_models(question, "")}
+                paths = [*sorted(models), question["starter"], programs[0]]
+                *files, right = ((path, (ours / path).read_text(encoding="utf-8")) for path in paths)
+                yield Sample(question, dict(files), right[1])
+
+
+def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
+    """Adds a question to a quiz, with an id of its own. Returns the files that were written. Raises NotFound without
+    such a quiz, ContentError where its file cannot be read, and Conflict where a file of another text is there."""
+    file, document = find_quiz(root, quiz)
+    named = sample.question.get("id") or sample.question["kind"]
+    taken = {question.get("id") for question in document["questions"] if isinstance(question, dict)}
+    names = chain([named], (f"{named}-{number}" for number in count(2)))
+    id_ = next(name for name in names if name not in taken)
+    document["questions"].append({"id": id_, **{key: value for key, value in sample.question.items() if key != "id"}})
+    right = {} if sample.right is None else {f"reference_solutions/{quiz}/{id_}/correct__example.py": sample.right}
+    written = write_files(root, {**sample.files, **right})
+    (root / file).write_text(write_json(document), encoding="utf-8")
+    return [root / file, *written]
+
+
+def find_quiz(root: Path, quiz: str) -> tuple[str, dict[str, Any]]:
+    """Returns the file of a quiz and its JSON. Raises NotFound, and ContentError where a file cannot be read."""
+    for file in list_files(root, "quizzes", "*.json"):
+        text = read_text(root, file, QUIZ_BYTES_MAX)
+        document = text if isinstance(text, Fault) else parse_json(text, file)
+        if isinstance(document, Fault):
+            raise ContentError([document])
+        if isinstance(document, dict) and document.get("id") == quiz and isinstance(document.get("questions"), list):
+            return file, document
+    raise NotFound(f"There is no quiz {quiz!r} in {root}; `grader new lesson {quiz}` makes one.")
+
+
+def write_files(root: Path, files: Mapping[str, str]) -> list[Path]:
+    """Writes files that are not there yet, and returns them. Raises Conflict where one of another text is there."""
+    missing = {root / path: text for path, text in files.items() if not (root / path).exists()}
+    for path, text in files.items():
+        if root / path not in missing and (root / path).read_text(encoding="utf-8") != text:
+            raise Conflict(f"{root / path} is there already, and is another one: rename it first")
+    for place, text in missing.items():
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text, encoding="utf-8")
+    return list(missing)
+
+
+def write_json(document: Mapping[str, Any]) -> str:
+    """Returns a quiz as its file holds it."""
+    return json.dumps(document, ensure_ascii=False, indent=2) + "\n"
