@@ -6,12 +6,13 @@ It derives each key again by simulation, or refuses it with the measurements.
 import time
 from dataclasses import replace
 
-from mujoco import FatalError
+from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
-from grader.certify.experiments import VerifyError
+from grader.certify.dimensions import explain_unit
+from grader.certify.experiments import VerifyError, read_xml
 from grader.certify.inference import infer_verify
-from grader.certify.measurement_keys import certify_expression, certify_measurement
+from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
 from grader.certify.stage_keys import certify_stage
 from grader.certify.threshold_keys import certify_threshold
@@ -42,6 +43,7 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
             certificate = _accept(certificate, verify.accept)
     if key.verify is None and _are_all_stable(certificate):
         return None
+    certificate = _compare_units(certificate, key, model_xml)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
@@ -53,6 +55,17 @@ def _accept(certificate: Certificate, reason: str) -> Certificate:
         remark = "Simulation certifies this key: verify.accept is no longer needed."
         return replace(certificate, remarks=(*certificate.remarks, remark))
     return replace(certificate, accepted=reason) if certificate.verdict == "cannot tell" else certificate
+
+
+def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml) -> Certificate:
+    """Cannot tell of a number whose expression is in another unit than its question: 0.5 rad are not 0.5 degrees."""
+    verify = key.verify
+    if not (certificate.ok and isinstance(key, NumberKey) and isinstance(verify, ByMeasurement | ByExpression)):
+        return certificate
+    named = verify.model or verify.xml
+    model = MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)
+    why = explain_unit(verify.expr, model, key.unit) if key.unit else None
+    return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
 
 
 def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:

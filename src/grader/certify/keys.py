@@ -1,11 +1,14 @@
 """Certifies the answer keys of whole quizzes: for a check of the content, and before it is served."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from grader.certify import Certificate, certify_key
+from grader.certify.remarks import Luck, estimate_luck
 from grader.errors import Fault
-from grader.library import Library
+from grader.library import NOTHING_PASSED, Library, PassedChecks
+from grader.library.semantics import list_inputs
 from grader.questions import AnswerKey, Question, kind_of
 
 ACCEPT = "or write why the key holds as verify.accept"
@@ -21,17 +24,56 @@ class Certified:
     certificate: Certificate | None
 
 
-def certify_quizzes(library: Library, quizzes: Iterable[str]) -> Iterator[Certified]:
-    """Certifies every key of these quizzes."""
+def certify_quizzes(
+    library: Library, quizzes: Iterable[str], passed: PassedChecks = NOTHING_PASSED,
+    *, is_wanted: Callable[[str, str], bool] = lambda quiz, question: True,
+) -> Iterator[Certified]:  # fmt: skip
+    """Certifies every key of these quizzes, but for those whose certificates have been kept. `is_wanted` says of a quiz
+    and a question whether to certify it, and is called before."""
     for quiz in quizzes:
         for question in library.quiz(quiz).questions:
+            if not is_wanted(quiz, question.id):
+                continue
+            inputs = list_inputs(question, library.models)
             for key in kind_of(question).answer_keys(question):
-                yield Certified(quiz, question, key, certify_key(key, library.model_xml))
+                certificate = passed.run(
+                    "key",
+                    [*inputs, key.place],
+                    lambda _, key=key: certify_key(key, library.model_xml),  # type: ignore[misc]
+                    text_of=library.text,
+                    write=write_certificate,
+                    read=read_certificate,
+                )
+                yield Certified(quiz, question, key, certificate)
 
 
-def find_refused_keys(library: Library, quizzes: Iterable[str]) -> Iterator[Fault]:
+def write_certificate(certificate: Certificate | None) -> dict[str, Any] | None:
+    """Returns a certificate as JSON; None if the key is not certified."""
+    return asdict(certificate) if certificate is not None and certificate.ok else None
+
+
+def read_certificate(kept: dict[str, Any]) -> Certificate:
+    """Returns the certificate of this JSON."""
+    return Certificate(**kept | {"remarks": tuple(kept["remarks"])})
+
+
+def bound_luck(library: Library, question: Question, passed: PassedChecks = NOTHING_PASSED) -> Luck:
+    """Returns the chance of luck at an exercise, if need be by `estimate_luck`."""
+    return passed.run(
+        "luck",
+        list_inputs(question, library.models),
+        lambda text_of: estimate_luck(question, library.model_xml, text_of),
+        text_of=library.text,
+        write=lambda luck: asdict(luck) if luck.why is None else None,
+        read=lambda kept: Luck(**kept),
+    )
+
+
+def find_refused_keys(
+    library: Library, quizzes: Iterable[str], passed: PassedChecks = NOTHING_PASSED
+) -> Iterator[Fault]:
     """Yields a fault for each key that simulation refutes, or cannot tell and the author has not accepted."""
-    for one in certify_quizzes(library, quizzes):
+    for one in certify_quizzes(library, quizzes, passed):
         if one.certificate is not None and not one.certificate.is_publishable:
             yield build_fault(library, one.quiz, one.question, one.certificate)
 

@@ -70,7 +70,10 @@ def parse_numbers(text: str | None, option: str) -> list[float] | None:
 @cli.command()
 def bench(
     name: Annotated[
-        str, typer.Argument(help="precision, stability, regions, energy, adaptive, skip, models or service")
+        str,
+        typer.Argument(
+            help="precision, stability, regions, energy, adaptive, skip, models, service, script or deadline"
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for JSON, CSV and pictures.")] = Path("out"),
     quick: Annotated[bool, typer.Option(help="A small part of the benchmark.")] = False,

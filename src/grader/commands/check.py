@@ -19,14 +19,27 @@ def check(
     paths: Annotated[list[Path] | None, typer.Argument()] = None,
     as_json: Json = False,
     draws: Annotated[int, typer.Option(min=1, help="draws of the hidden cases for each reference program")] = 1,
+    *,
+    only: Annotated[str | None, typer.Option(metavar="QUIZ[/QUESTION]", help="Check this part alone.")] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Run also what has passed before and has not changed.")
+    ] = False,
 ) -> None:
     """Load every quiz and model, re-derive every answer key, grade every reference solution.
 
     Exits with 2 for a fault, with 1 if only undecided keys are left.
     """
     from grader.grading.checking import check_content
+    from grader.grading.selection import Selection
+    from grader.library import NOTHING_PASSED, PassedChecks
 
-    reports = [check_content(path, open_pipeline, say, draws) for path in paths or [read_settings().content]]
+    settings = read_settings()
+    passed = NOTHING_PASSED if again else PassedChecks(settings.cache)
+    with err.status("starting") as status:  # nothing where stderr is no terminal
+        reports = [
+            check_content(path, open_pipeline, say, draws, passed, only=Selection.parse(only), doing=status.update)
+            for path in paths or [settings.content]
+        ]
     faults = [fault for report in reports for fault in report.faults]
     undecided = [fault for report in reports for fault in report.undecided]
     if as_json:
@@ -40,6 +53,14 @@ def check(
         counts = [f"{len(faults)} fault(s)"] * bool(faults) + [f"{len(undecided)} undecided key(s)"] * bool(undecided)
         say(", ".join(counts) or "all holds")
     sys.exit(USAGE if faults else OTHER_VERDICT if undecided else CORRECT)
+
+
+@cli.command()
+def schema() -> None:
+    """Print the JSON schema of quiz files, for editors."""
+    from grader.library.json_schema import build_quiz_schema
+
+    print(json.dumps(build_quiz_schema(), indent=1))
 
 
 @cli.command("import")

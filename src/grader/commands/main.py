@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from grader.commands import bench, check, grade, operate, platforms, serve, teach, tokens
+from grader.commands import author, bench, check, demo, grade, new, operate, platforms, serve, teach, tokens
 from grader.commands.options import FAULT, USAGE, complain
 from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault
 
@@ -20,8 +20,9 @@ STDERR = 2
 cli = typer.Typer(
     help="Auto-grading of a MuJoCo course.", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
-for group in (serve.cli, grade.cli, check.cli, bench.cli, teach.cli):
+for group in (serve.cli, demo.cli, grade.cli, check.cli, author.cli, bench.cli, teach.cli):
     cli.add_typer(group)
+cli.add_typer(new.cli, name="new")
 cli.add_typer(tokens.token, name="token")
 cli.add_typer(operate.cli)
 cli.add_typer(teach.pack, name="pack")

@@ -1,8 +1,8 @@
 """The content: what is loaded and certified now, replaced as a whole or not at all, and what was before, by digest."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
 
@@ -10,9 +10,10 @@ import structlog
 from sqlalchemy.orm import Session
 
 from grader.certify.keys import find_refused_keys
-from grader.errors import ContentError, ContentLost, Fault
+from grader.errors import ContentError, ContentLost, Fault, Outdated
 from grader.grading.pipeline import Pipeline
-from grader.library import Library, load, load_files
+from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files
+from grader.library.snapshot import digest_of
 from grader.store import contents
 from grader.store.engine.database import Database
 from grader.store.upkeep.installation import hidden_case_secret
@@ -29,8 +30,9 @@ class Archive:
     """Every content that a server of this database has loaded, by digest. Thread-safe. A submission is graded with the
     content that it was made against, also by a worker that has never loaded it."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, passed: PassedChecks = NOTHING_PASSED) -> None:
         self.secret = hidden_case_secret(database)
+        self.passed = passed
         self._database = database
         self._held: OrderedDict[str, Pipeline] = OrderedDict()
         self._lock = Lock()
@@ -72,7 +74,7 @@ class Archive:
         if files is None:
             raise ContentLost(f"The database does not hold the content {digest} of quiz {quiz!r} in full.")
         try:
-            library = load_files(files)
+            library = load_files(files, self.passed)
         except ContentError as error:
             raise ContentLost(f"The content {digest} of quiz {quiz!r} can no longer be loaded: {error}") from error
         if library.digests.get(quiz) != digest:
@@ -85,6 +87,28 @@ class Archive:
         self._held.move_to_end(digest)
         if len(self._held) > PIPELINES:
             self._held.popitem(last=False)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What the folder of a course holds now, in use or not. `library` is None where a file has a fault; with an answer
+    key that simulation refuses there are `faults` as well."""
+
+    library: Library | None
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def revision(self) -> str:
+        """A digest of all quizzes with what their verdicts depend on: another one after each change."""
+        return "" if self.library is None else revise(self.library)
+
+
+def revise(library: Library) -> str:
+    """Returns the revision of a library: a digest of all that verdicts and pages depend on."""
+    return digest_of(library.digests, {lesson: repr(text) for lesson, text in library.lessons.items()})
+
+
+MOVED_ON = "The folder has changed since you looked at it, and nothing was published: read the changes again."
 
 
 class Content:
@@ -100,7 +124,7 @@ class Content:
         self._listeners = listeners
         self.refused: tuple[Fault, ...] = ()
         """What was wrong with the folder when it was last loaded again; the content before it stays in use."""
-        self.pipeline = Pipeline(certify(load(root)), secret=archive.secret)
+        self.pipeline = Pipeline(self._load(), secret=archive.secret)
         archive.keep(course, self.pipeline)
 
     @property
@@ -108,14 +132,26 @@ class Content:
         """The quizzes and models that are loaded now."""
         return self.pipeline.library
 
-    def reload(self) -> None:
-        """Loads the folder again. Raises ContentError as when it was made, and then keeps what was loaded before."""
+    def read_draft(self) -> Draft:
+        """Loads the folder without using it."""
         with self._reloading:
             try:
-                library = certify(load(self._root), self.library)
+                library = load(self._root, passed=self.archive.passed)
+            except ContentError as error:
+                return Draft(None, error.faults)
+            return Draft(library, tuple(self._find_refused_keys(library, self.library)))
+
+    def reload(self, revision: str | None = None) -> None:
+        """Loads the folder again. Raises ContentError as when it was made, and then keeps what was loaded before;
+        Outdated, where a `revision` is given and the folder has another one."""
+        with self._reloading:
+            try:
+                library = self._load(self.library)
             except ContentError as error:
                 self.refused = error.faults
                 raise
+            if revision not in (None, revise(library)):
+                raise Outdated(MOVED_ON)
             self.refused = ()
             pipeline = replace(self.pipeline, library=library)
             self.archive.keep(self._course, pipeline)  # before the first submission that is made against it
@@ -124,22 +160,28 @@ class Content:
             listener()
         log.info("content loaded", course=self._course, quizzes=len(self.library.quizzes))
 
+    def _load(self, known: Library = NO_CONTENT) -> Library:
+        """Returns what the folder holds. Raises ContentError, also for every answer key that simulation refuses.
+        Quizzes that are the same in a `known` library, with their models, are not derived again."""
+        library = load(self._root, passed=self.archive.passed)
+        if faults := list(self._find_refused_keys(library, known)):
+            raise ContentError(faults)
+        return library
 
-def certify(library: Library, known: Library = NO_CONTENT) -> Library:
-    """Returns the library itself. Raises ContentError for every answer key that simulation refuses. Quizzes that are
-    the same in a `known` library, with their models, are not derived again."""
-    changed = [quiz for quiz, digest in library.digests.items() if known.digests.get(quiz) != digest]
-    if faults := list(find_refused_keys(library, changed)):
-        raise ContentError(faults)
-    return library
+    def _find_refused_keys(self, library: Library, known: Library) -> Iterator[Fault]:
+        """Yields a fault for every answer key of a changed quiz that simulation refuses."""
+        changed = [quiz for quiz, digest in library.digests.items() if known.digests.get(quiz) != digest]
+        yield from find_refused_keys(library, changed, self.archive.passed)
 
 
 class Contents:
     """The contents of all courses: one folder for each in `folders`, and `root` for every other."""
 
-    def __init__(self, root: Path, folders: Mapping[str, Path], database: Database) -> None:
-        """Loads all folders. Raises ContentError."""
-        self.archive = Archive(database)
+    def __init__(
+        self, root: Path, folders: Mapping[str, Path], database: Database, passed: PassedChecks = NOTHING_PASSED
+    ) -> None:
+        """Loads all folders; what has `passed` before is not checked again. Raises ContentError."""
+        self.archive = Archive(database, passed)
         self._listeners: list[Callable[[], None]] = []
         self._all = {course: self._loaded(course, folder) for course, folder in folders.items()}
         self._every = self._loaded(contents.EVERY, root)

@@ -20,7 +20,8 @@ import structlog
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
-from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise
+from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise, save_hidden_models
+from grader.grading.spans import locate_diagnosis
 from grader.library import Library
 from grader.questions import Question, Quiz, grade_answer, kind_of, read_answer
 from grader.questions.kinds.script import ScriptQuestion
@@ -188,6 +189,7 @@ class Pipeline:
             elif isinstance(question, ScriptQuestion):
                 assert submission.source is not None and submission.seed is not None
                 verdict, measured = self._judge_script(question, submission.source, submission.seed, tell)
+                verdict = locate_diagnosis(verdict, submission.source)
             else:
                 verdict = grade_answer(question, submission.answer)
         except ScriptStopped:
@@ -213,17 +215,26 @@ class Pipeline:
         plan = plan_exercise(question, self.library.model_xml, seed, self.library.text)
         job = plan.build_job(source, question.limits)
 
+        def save_models() -> Mapping[str, Any]:
+            try:
+                return models().result()
+            except Exception:  # which preparing meets as well; the jail compiles them itself
+                return {}
+
         def prepare() -> float:
             prepare_exercise(question, plan)
             return time.thread_time()  # all of it: the thread is new
 
         with ThreadPoolExecutor(1) as beside:
-            begin = cache(lambda: beside.submit(prepare))  # not before the script runs, which it would hold up
-            report = self.run(replace(job, sent=begin, heard=Progress(plan.trials, tell).follow))
+            # not before the script runs, which they would hold up
+            models = cache(lambda: beside.submit(save_hidden_models, question, plan))
+            begin = cache(lambda: (models(), beside.submit(prepare))[1])
+            follow = Progress(plan.trials, tell).follow
+            report = self.run(replace(job, sent=begin, heard=follow, late_inputs=save_models))
             prepared = begin()
         fault, started = prepared.exception(), time.thread_time()
         try:
-            verdict = judge_exercise(question, plan, report, self.run)
+            verdict = judge_exercise(question, plan, report, self.run, source)
         except ScriptStopped as stopped:  # while what it made is measured: it has had its hidden inputs by then
             raise ScriptStopped(bool(plan.hidden_inputs)) from stopped
         except MemoryError:

@@ -32,7 +32,11 @@ README = """# {title}
 - `exercise.json` has the visible cases, and says how they are judged.
 - With `mujoco-grader-client`, a wheel that your course gives you: `mjgrade check {script}` judges the visible cases
   here and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
-- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
+{address}- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
+"""
+
+
+ADDRESS = """- Its page: {origin}/quizzes/{quiz}/{question}. `mjgrade sign-in {origin}` signs you in from a terminal.
 """
 
 
@@ -43,18 +47,21 @@ class _Asked:
     quiz: str
     question: str
     digest: str
+    judged: bool
+    origin: str
     library: Library = field(compare=False)
 
 
-def build_kit(library: Library, quiz: str, question: str) -> bytes:
-    """Returns the kit of an exercise, a zip file of one folder of its name. Raises NotFound, also for a question
-    that is no exercise."""
-    return _build(_Asked(quiz, question, library.digest(quiz), library))
+def build_kit(library: Library, quiz: str, question: str, *, judged: bool, origin: str = "") -> bytes:
+    """Returns the kit of an exercise, a zip file of one folder of its name. `judged` is whether it may say how the
+    visible cases are judged, as feedback does; `origin` is that of the server, if its README is to name it. Raises
+    NotFound, also for a question that is no exercise."""
+    return _build(_Asked(quiz, question, library.digest(quiz), judged, origin, library))
 
 
 @lru_cache(maxsize=64)
 def _build(asked: _Asked) -> bytes:
-    texts = list_texts(asked.library, asked.quiz, asked.question)
+    texts = list_texts(asked.library, asked.quiz, asked.question, judged=asked.judged, origin=asked.origin)
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as packed:
         for path, text in texts.items():
@@ -62,9 +69,9 @@ def _build(asked: _Asked) -> bytes:
     return written.getvalue()
 
 
-def list_texts(library: Library, quiz: str, name: str) -> dict[str, str]:
+def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: str = "") -> dict[str, str]:
     """Returns the files of a kit by their paths. Raises NotFound."""
-    owner, question = library.find(quiz, name)
+    question = library.question(quiz, name)
     if not isinstance(question, ScriptQuestion):
         raise NotFound(f"{quiz} {name} is no exercise: only exercises have a kit.")
     starter = library.starter(question) or f"def {question.entry}(*arguments):\n    raise NotImplementedError\n"
@@ -79,7 +86,7 @@ def list_texts(library: Library, quiz: str, name: str) -> dict[str, str]:
         "points": question.points,
         "limits": question.limits.model_dump(),
         "reveal": question.reveal or "size",
-        **describe_exercise(question, library.model_xml, library.text, judged=owner.policy.feedback == "immediate"),
+        **describe_exercise(question, library.model_xml, library.text, judged=judged),
     }
     script = f"{name.replace('-', '_')}.py"
     notebook = f"{name}.ipynb"
@@ -89,7 +96,14 @@ def list_texts(library: Library, quiz: str, name: str) -> dict[str, str]:
         "mjcourse.py": COURSE_MODULE,
         **{f"models/{model}.xml": library.model_xml(model) for model in sorted(named)},
     }
-    values: dict[str, Any] = {**exercise, "hidden": exercise["hidden_points"], "script": script, "notebook": notebook}
+    address = ADDRESS.format(origin=origin, quiz=quiz, question=name) if origin else ""
+    values: dict[str, Any] = {
+        **exercise,
+        "address": address,
+        "hidden": exercise["hidden_points"],
+        "script": script,
+        "notebook": notebook,
+    }
     return {
         "README.md": README.format_map(values),
         script: starter,

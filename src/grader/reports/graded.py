@@ -34,7 +34,7 @@ class Graded:
         """Whether the author lets a learner see what was expected; attempts and dates are not known here."""
         if kind_of(self.question).reveal(self.question) == "value":
             return True
-        solutions = self.quiz.policy.solutions
+        solutions = self.quiz.default_policy.solutions
         is_right = solutions == "when_right_or_spent" and self.verdict.status is Status.CORRECT
         return solutions == "with_feedback" or is_right
 

@@ -26,7 +26,7 @@ def results_json(graded: Graded) -> str:
 
 def document(graded: Graded) -> dict[str, Any]:
     """Returns the document as plain JSON."""
-    verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.policy.feedback]
+    verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.default_policy.feedback]
     words = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
     shown_now = visibility == VISIBLE
     return {

@@ -1,0 +1,209 @@
+"""What an expression measures, read from its text: metres, radians, joules. It is known where every part is known: a
+number that is written in the text may be a length or a mass as well, unless it is a usual factor such as 2 or 1000."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import isclose, log10, pi
+
+import mujoco
+from tree_sitter import Node
+
+from grader.errors import GraderError
+from grader.expressions import syntax
+from grader.questions.kinds.number.units import Rotation, convert, find_base_unit, known_unit
+
+BASES = {"meter": (1, 0, 0, 1.0), "kilogram": (0, 1, 0, 1.0), "gram": (0, 1, 0, 1e-3), "second": (0, 0, 1, 1.0),
+         "radian": (0, 0, 0, 1.0)}  # fmt: skip
+"""Powers of metre, kilogram and second of the base units, and their size in these."""
+
+FACTORS = frozenset((0.5, 1.0, 2.0, 3.0, 4.0, 60.0, 180.0, 360.0))
+"""Numbers that are taken for factors; powers of ten are, too."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Powers of metre, kilogram and second, and the size of the unit in them; None where a factor leaves it open. An
+    angle has no dimension; `name` is the unit as the author would write it."""
+
+    powers: tuple[float, float, float]
+    size: float | None = 1.0
+    name: str = ""
+
+
+NUMBER = Quantity((0, 0, 0), None)
+RAD, DEG = Quantity((0, 0, 0), 1.0, "rad"), Quantity((0, 0, 0), pi / 180, "deg")
+M, KG, S = Quantity((1, 0, 0), 1.0, "m"), Quantity((0, 1, 0), 1.0, "kg"), Quantity((0, 0, 1), 1.0, "s")
+SPEED, TURNING = Quantity((1, 0, -1), 1.0, "m/s"), Quantity((0, 0, -1), 1.0, "rad/s")
+ACCELERATION, SPIN = Quantity((1, 0, -2), 1.0, "m/s²"), Quantity((0, 0, -2), 1.0, "rad/s²")
+N, J = Quantity((1, 1, -2), 1.0, "N"), Quantity((2, 1, -2), 1.0, "J")
+
+FIELDS = {
+    "data.time": S, "model.opt.timestep": S, "model.opt.gravity": ACCELERATION, "model.body_mass": KG,
+    "model.body_subtreemass": KG, "model.body_inertia": Quantity((2, 1, 0), 1.0, "kg m²"), "data.energy": J,
+    **dict.fromkeys(("data.xpos", "data.xipos", "data.geom_xpos", "data.site_xpos", "data.subtree_com"), M),
+    **dict.fromkeys(("model.body_pos", "model.body_ipos", "model.geom_size", "model.geom_pos", "model.site_pos"), M),
+    "lib.energy().total": J, "lib.energy().kinetic": J, "lib.energy().potential": J,
+}  # fmt: skip
+"""What fields hold in every model."""
+
+CALLS = {"lib.bodyPos": M, "lib.sitePos": M, "lib.geomPos": M, "lib.com": M, "lib.bodyVel": SPEED, "lib.normalForce": N,
+         "lib.deg": DEG, "lib.rad": RAD, "Math.asin": RAD, "Math.acos": RAD, "Math.atan": RAD,
+         "Math.atan2": RAD}  # fmt: skip
+"""What functions give, whatever they take."""
+
+SAME = ("Math.abs", "Math.max", "Math.min", "Math.hypot", "Math.round", "Math.floor", "Math.ceil", "lib.norm")
+"""Functions that give what they take."""
+
+JOINTS = {
+    "data.qpos": (M, RAD), "model.qpos0": (M, RAD), "lib.qpos": (M, RAD),
+    "data.qvel": (SPEED, TURNING), "lib.qvel": (SPEED, TURNING),
+    "data.qacc": (ACCELERATION, SPIN), "data.qacc_smooth": (ACCELERATION, SPIN),
+    "model.jnt_stiffness": (Quantity((0, 1, -2), 1.0, "N/m"), Quantity((2, 1, -2), 1.0, "N m/rad")),
+    "model.dof_damping": (Quantity((0, 1, -1), 1.0, "N s/m"), Quantity((2, 1, -1), 1.0, "N m s/rad")),
+}  # fmt: skip
+"""What fields of joints hold: of a slide, and of a hinge."""
+
+
+def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
+    """Returns why the value of an expression is not in the unit of its question; None where it is, or is not known."""
+    wanted = read_unit(unit)
+    try:
+        measured = _read(syntax.Source(text, "expression").tree(), model)
+    except (syntax.SyntaxRefused, AttributeError):
+        return None
+    if wanted is None or measured is None:
+        return None
+    if any(not isclose(a, b, abs_tol=1e-9) for a, b in zip(measured.powers, wanted.powers, strict=True)):
+        what = measured.name or _spell(measured.powers)
+        return f"the expression gives a value in {what}, which the unit {unit} does not measure"
+    if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
+        return f"the expression gives a value in {measured.name or 'base units'}, and the unit is {unit}: convert one"
+    return None
+
+
+def read_unit(text: str) -> Quantity | None:
+    """Returns the powers and the size of a unit; None for one that holds more than metre, kilogram and second."""
+    unit = known_unit(text)
+    if unit is None:
+        return None
+    try:
+        base = find_base_unit(unit)
+        size = 1.0 if unit.rotation in (Rotation.CYCLES, Rotation.TURNS) else convert(1.0, unit, base)
+    except GraderError:
+        return None
+    powers = [0.0, 0.0, 0.0]
+    for name, power in base.powers:
+        if name not in BASES:
+            return None
+        *own, factor = BASES[name]
+        powers = [sum_ + power * one for sum_, one in zip(powers, own, strict=True)]
+        size *= factor**power
+    counted = unit.rotation in (Rotation.CYCLES, Rotation.TURNS)
+    return Quantity((powers[0], powers[1], powers[2]), None if counted else size, text)
+
+
+def _spell(powers: tuple[float, ...]) -> str:
+    """Returns powers of metre, kilogram and second as text."""
+    named = [f"{name}^{power:g}" if power != 1 else name for name, power in zip(("m", "kg", "s"), powers) if power]  # noqa: B905
+    return " ".join(named) or "no unit of length, mass or time"
+
+
+def _read(node: Node, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what a node of an expression measures, or None."""
+    parts = syntax.list_parts(node)
+    match node.type:
+        case "parenthesized_expression" | "unary_expression" if syntax.read_text(node)[:1] in "(+-":
+            return _read(parts[0], model)
+        case "number":
+            return _read_number(syntax.read_number(node))
+        case "binary_expression":
+            return _combine(syntax.read_text(syntax.get_field(node, "operator")), parts[0], parts[1], model)
+        case "call_expression":
+            return _read_call(node, model)
+        case "member_expression" | "subscript_expression":
+            return _read_field(node, model)
+    return None
+
+
+def _read_number(value: float) -> Quantity | None:
+    return NUMBER if value in FACTORS or (value > 0 and log10(value).is_integer()) else None
+
+
+def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what a sum, a product or a power measures."""
+    if operator == "**" and right.type == "number":
+        return _raise(_read(left, model), syntax.read_number(right))
+    a, b = _read(left, model), _read(right, model)
+    if a is None or b is None:
+        return None
+    if operator in ("+", "-"):
+        return a if a == b else replace(a, size=None) if a.powers == b.powers else None
+    if operator not in ("*", "/"):
+        return None
+    sign = 1 if operator == "*" else -1
+    size = None if a.size is None or b.size is None else a.size * b.size**sign
+    x, y, z = (p + sign * q for p, q in zip(a.powers, b.powers, strict=True))
+    return Quantity((x, y, z), size, a.name if b == NUMBER else "")
+
+
+def _raise(base: Quantity | None, exponent: float) -> Quantity | None:
+    if base is None:
+        return None
+    x, y, z = (exponent * power for power in base.powers)
+    return Quantity((x, y, z), None if base.size is None else base.size**exponent)
+
+
+def _read_call(node: Node, model: mujoco.MjModel) -> Quantity | None:
+    name = syntax.read_text(syntax.get_field(node, "function"))
+    arguments = syntax.list_parts(syntax.get_field(node, "arguments"))
+    if name in CALLS:
+        return CALLS[name]
+    if name in JOINTS and arguments and arguments[0].type == "string":
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, syntax.read_string(arguments[0]))
+        return None if joint < 0 else _of_joint(name, int(model.jnt_type[joint]))
+    if name == "Math.sqrt" and arguments:
+        return _raise(_read(arguments[0], model), 0.5)
+    read = [_read(one, model) for one in arguments]
+    return read[0] if name in SAME and read and all(one == read[0] for one in read) else None
+
+
+def _read_field(node: Node, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what a field or an element of one holds."""
+    text = syntax.read_text(node).replace(" ", "")
+    if node.type == "member_expression":
+        return NUMBER if text == "Math.PI" else FIELDS.get(text)
+    owner, index = syntax.get_field(node, "object"), syntax.get_field(node, "index")
+    path = syntax.read_text(owner).replace(" ", "")
+    if path in FIELDS:
+        return FIELDS[path]
+    if owner.type == "call_expression":
+        return _read(owner, model)
+    return _read_element(path, syntax.read_number(index), model) if index.type == "number" else None
+
+
+def _read_element(path: str, at: float, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what an element of a field of joints holds."""
+    joints = range(model.njnt)
+    if path == "model.actuator_gainprm":
+        return _read_stiffness(model, int(at))
+    if path not in JOINTS:
+        return None
+    addresses = {"data.qpos": model.jnt_qposadr, "model.qpos0": model.jnt_qposadr, "model.jnt_stiffness": joints}
+    at_joint = [one for one in joints if addresses.get(path, model.jnt_dofadr)[one] == at]
+    return _of_joint(path, int(model.jnt_type[at_joint[0]])) if at_joint else None
+
+
+def _read_stiffness(model: mujoco.MjModel, index: int) -> Quantity | None:
+    """Returns what the first gain of a position servo is: the stiffness that its joint feels."""
+    actuator, number = divmod(index, mujoco.mjNGAIN)
+    if number or actuator >= model.nu or model.actuator_biasprm[actuator, 1] != -model.actuator_gainprm[actuator, 0]:
+        return None
+    joint = int(model.actuator_trnid[actuator, 0])
+    at_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+    return _of_joint("model.jnt_stiffness", int(model.jnt_type[joint])) if at_joint else None
+
+
+def _of_joint(path: str, type_: int) -> Quantity | None:
+    slide, hinge = JOINTS[path]
+    return {int(mujoco.mjtJoint.mjJNT_SLIDE): slide, int(mujoco.mjtJoint.mjJNT_HINGE): hinge}.get(type_)

@@ -1,0 +1,58 @@
+"""Finds the statement of a script that a diagnosis is about: its line, and where it begins and ends."""
+
+import ast
+import re
+
+from grader.domain.verdict import Span, Verdict
+
+NAMED_LINE = re.compile(r"\bline (\d{1,5}) of your script\b|^Line (\d{1,5}) raised\b|\bThe loop in line (\d{1,5}) \(")
+"""How the sentences on crashes, on time that ran out and on handled exceptions name a line."""
+
+
+def locate_diagnosis(verdict: Verdict, source: str) -> Verdict:
+    """Returns a verdict with the line of its diagnosis, and the statement there; without both where the script has no
+    such line."""
+    line = verdict.line or read_named_line(verdict.diagnosis or "")
+    if not 1 <= line <= len(source.splitlines()):
+        return verdict.model_copy(update={"line": None}) if verdict.line else verdict
+    return verdict.model_copy(update={"line": line, "span": find_span(source, line)})
+
+
+def read_named_line(sentence: str) -> int:
+    """Returns the line that a sentence names; 0 where it names none."""
+    found = NAMED_LINE.search(sentence)
+    return int(found[1] or found[2] or found[3]) if found else 0
+
+
+def find_span(source: str, line: int) -> Span | None:
+    """Returns the span of the innermost simple statement on a line, of a compound one its first line; None for a script
+    that cannot be parsed, or a line without a statement."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
+    lines = source.splitlines()
+    found = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno)
+    ]
+    if not found:
+        return None
+    node = max(found, key=lambda one: (one.lineno, -(one.end_lineno or 0)))
+    if hasattr(node, "body"):  # its whole text would be too much to mark
+        if node.lineno != line:
+            return None
+        return Span(line=line, column=node.col_offset, end_line=line, end_column=len(lines[line - 1].rstrip()))
+    end_line = node.end_lineno or node.lineno
+    return Span(
+        line=node.lineno,
+        column=count_characters(lines[node.lineno - 1], node.col_offset),
+        end_line=end_line,
+        end_column=count_characters(lines[end_line - 1], node.end_col_offset or 0),
+    )
+
+
+def count_characters(line: str, offset: int) -> int:
+    """Returns a column in characters of one in bytes of UTF-8, as syntax trees have it."""
+    return len(line.encode()[:offset].decode(errors="ignore"))
