@@ -37,8 +37,8 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 from sqlalchemy.sql.functions import FunctionElement
 
+from grader.store.engine.ids import age_s
 from grader.store.engine.signals import announce
-from grader.store.tables import age_s
 
 GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune")
 """In order of priority."""

@@ -17,7 +17,7 @@ from grader.queue import jobs
 from grader.queue.jobs import Claim
 from grader.queue.owners import Owner, build_owner, count_workers
 from grader.store.engine.database import AWAY, Database
-from grader.store.tables import age_s
+from grader.store.engine.ids import age_s
 
 LOOK_S = 1.0
 """Pause between two looks into the queue where nothing is announced: for delayed jobs and lost signals [s]."""

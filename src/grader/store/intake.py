@@ -14,6 +14,7 @@ from grader.domain.verdict import Status
 from grader.store.credentials import is_alive
 from grader.store.engine.bulk import UtcDateTime, keys_table, read_by_keys
 from grader.store.outbox import Destination
+from grader.store.policies import PolicyChange
 from grader.store.results import Columns, LearnerAt
 from grader.store.submissions import NEWEST
 from grader.store.tables import Credential, ExtensionRow, IdempotencyKey, Publication, Result, Submission, VerdictRow
@@ -42,6 +43,8 @@ class QuestionState:
     extension: Extension | None = None
     published_at: datetime | None = None
     """When the feedback of the quiz was published."""
+    changes: str | None = None
+    """What the course has changed in the policy of the quiz, as JSON text."""
     has_destinations: bool = False
     """Whether changes of results of the course are delivered anywhere."""
 
@@ -112,6 +115,7 @@ def _make_state(row: Any) -> QuestionState:
         None if source[0] is None else SourceAttempt(*source),
         None if granted[2] is None else Extension(due=granted[0], until=granted[1], attempts=granted[2]),
         row[2],
+        row.policy_changes,
         bool(row[3]),
     )
 
@@ -148,6 +152,7 @@ def _query(backend: str) -> Select[*tuple[Any, ...]]:
             Submission.id, Submission.attempt, Submission.created_at, Submission.outcome, VerdictRow.points,
             ExtensionRow.due, ExtensionRow.until, ExtensionRow.attempts,
             IdempotencyKey.request_digest, IdempotencyKey.submission_id, IdempotencyKey.http_status,
+            PolicyChange.changes.label("policy_changes"),
         )
         .select_from(wanted)
         .outerjoin(tried, tried.c.number == wanted.c.number)
@@ -156,5 +161,6 @@ def _query(backend: str) -> Select[*tuple[Any, ...]]:
         .outerjoin(VerdictRow, NEWEST)
         .outerjoin(ExtensionRow, at(ExtensionRow, "course", "learner", "quiz"))
         .outerjoin(Publication, at(Publication, "course", "quiz"))
+        .outerjoin(PolicyChange, at(PolicyChange, "course", "quiz"))
         .outerjoin(IdempotencyKey, at(IdempotencyKey, "course", "learner", "key"))
     )  # fmt: skip

@@ -29,8 +29,9 @@ from sqlalchemy import (
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from grader.store.engine.bulk import insert_of
+from grader.store.engine.ids import new_id
 from grader.store.results import LearnerAt
-from grader.store.tables import NAME, Base, Result, new_id, now
+from grader.store.tables import NAME, Base, Result, now
 
 WEBHOOK, SCORES = KINDS = ("webhook", "scores")
 """The kinds of destinations."""

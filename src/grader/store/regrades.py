@@ -8,8 +8,9 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, String, Text, func, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from grader.store.engine.ids import new_id
 from grader.store.submissions import NEWEST, STOP
-from grader.store.tables import ERASED, NAME, Base, Submission, VerdictRow, new_id, now
+from grader.store.tables import ERASED, NAME, Base, Submission, VerdictRow, now
 
 QUEUED, RUNNING, DONE, CANCELLED, FAILED = "queued", "running", "done", "cancelled", "failed"
 UNFINISHED = (QUEUED, RUNNING)

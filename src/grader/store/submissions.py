@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -13,9 +13,10 @@ from sqlalchemy.orm import Session
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
-from grader.store.engine.bulk import UtcDateTime, insert_rows
+from grader.store.engine.bulk import UtcDateTime, insert_rows, values_of
+from grader.store.engine.ids import first_id
 from grader.store.engine.signals import announce
-from grader.store.tables import Event, Member, Review, Submission, VerdictRow, first_id, now, values_of
+from grader.store.tables import Event, Member, Review, Submission, VerdictRow, now
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -208,6 +209,17 @@ def unsolved(
         .order_by(*at, Submission.id)
     )
     return [Try(*row) for row in session.execute(rows)]
+
+
+def graded_at(
+    session: Session, wanted: SubmissionFilter, without: Collection[str], limit: int
+) -> list[tuple[Submission, str]]:
+    """At most `limit` attempts that have their verdict, the newest ones in the order of time, each with its newest
+    verdict as JSON text; not those of the learners `without`."""
+    theirs = (Submission.uses_attempt, Submission.status.in_(AT_REST), Submission.learner.not_in(without))
+    rows = select(Submission, VerdictRow.body).join(VerdictRow, NEWEST).where(*wanted.conditions(), *theirs)
+    found = session.execute(rows.order_by(Submission.id.desc()).limit(limit)).all()
+    return [(row, body) for row, body in reversed(found)]
 
 
 def pending(session: Session, wanted: SubmissionFilter) -> int:

@@ -18,15 +18,13 @@ lti_*                      learning platforms, in platforms.py
 tickets                    single-use secrets that expire, in tickets.py
 """
 
-import secrets
-import string
 from datetime import UTC, datetime
-from typing import Any
 
 from sqlalchemy import BigInteger, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from grader.store.engine.bulk import UtcDateTime
+from grader.store.engine.ids import new_id, new_member_id
 
 ERASED = ""
 """The answer of an erased submission: no JSON text, so that it is not graded again."""
@@ -41,31 +39,6 @@ NAMESPACE, EXTERNAL_ID, EMAIL = 64, 255, 254
 def now() -> datetime:
     """The current time, in UTC."""
     return datetime.now(UTC)
-
-
-def new_id(after: str = "", random: str = "") -> str:
-    """32 hexadecimal digits: 48 bits of milliseconds, so that ids sort by time, and 80 random bits: 20 digits that may
-    be drawn before. It sorts behind the id `after`, also where the clock has been set back or shows the same
-    millisecond."""
-    earliest = int(after[:12], 16) + 1 if after else 0
-    return f"{max(int(now().timestamp() * 1000), earliest):012x}{random or secrets.token_hex(10)}"
-
-
-def first_id(moment: datetime) -> str:
-    """The least id that `new_id` makes at a moment."""
-    return f"{int(moment.timestamp() * 1000):012x}{'0' * 20}"
-
-
-def age_s(new_id_: str) -> float | None:
-    """The time since `new_id` made an id [s], at least 0; None for another text."""
-    if len(new_id_) != 32 or not all(digit in string.hexdigits for digit in new_id_):
-        return None
-    return max(0.0, now().timestamp() - int(new_id_[:12], 16) / 1000)
-
-
-def new_member_id() -> str:
-    """128 random bits as 32 hexadecimal digits."""
-    return secrets.token_hex(16)
 
 
 ROW_ID_MAX = 2**63 - 1
@@ -418,8 +391,3 @@ class InstallationFact(Base):
 
     name: Mapped[str] = mapped_column(String(40), primary_key=True)
     value: Mapped[str] = mapped_column(Text)
-
-
-def values_of(row: Base) -> dict[str, Any]:
-    """The columns that are set on a row."""
-    return {name: value for name, value in vars(row).items() if not name.startswith("_")}

@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import (
     ROLES_THAT_SEE_ALL,
@@ -19,7 +20,7 @@ from grader.courses.rules.policy import (
     has_opened,
     spoken,
 )
-from grader.domain.policy import Extension, Progress
+from grader.domain.policy import Extension, Policy, Progress
 from grader.errors import Conflict, NotFound
 from grader.library import Library
 from grader.questions import Question, Quiz
@@ -34,6 +35,8 @@ class LearnerAccess:
     """What one user's attempts, extensions and the published quizzes allow them at one moment."""
 
     library: Library
+    policies: Mapping[str, Policy]
+    """The policies in force, of the quizzes that were asked for and the content has."""
     role: str
     at: datetime
     progress: Mapping[tuple[str, str], Progress]
@@ -52,7 +55,7 @@ class LearnerAccess:
         if self.role in ROLES_THAT_SEE_ALL:
             return UNRESTRICTED
         try:
-            part, policy = self.library.question(quiz, question), self.library.quiz(quiz).policy
+            part, policy = self.library.question(quiz, question), self.policies[quiz]
         except NotFound:
             return decide_without_content(self.role)
         extension, published_at = self.extensions.get(quiz), self.published.get(quiz)
@@ -64,17 +67,30 @@ class LearnerAccess:
         return self.progress.get((quiz, question), Progress())
 
     def notice(self, quiz: Quiz, question: Question) -> str:
-        """What holds at a question now, in sentences: attempts, dates, and what an answer would get."""
+        """What holds at a question now, in sentences: attempts, what an answer would get, and dates."""
+        return " ".join(filter(None, (self.describe_attempts(quiz, question), self.describe_dates(quiz, question))))
+
+    def describe_attempts(self, quiz: Quiz, question: Question) -> str:
+        """Says how many attempts are left and what an answer would get; or why none is taken."""
         decision, used = self.decide(quiz.id, question.id), self.progress_at(quiz.id, question.id).used
         if decision.why_not is not None:
             return decision.why_not
         said = []
         if decision.attempts_left is not None:
             of = decision.attempts_left + used
-            said.append(f"{decision.attempts_left} of {of} attempts left; {COUNTS[quiz.policy.counts]}.")
+            attempts = "attempt" if of == 1 else "attempts"
+            said.append(f"{decision.attempts_left} of {of} {attempts} left; {COUNTS[self.policies[quiz.id].counts]}.")
         if decision.multiplier is not None and decision.multiplier < 1:
             said.append(f"It is late: an answer now gets {decision.multiplier:.0%} of its points.")
-        elif decision.due is not None:
+        return " ".join(said)
+
+    def describe_dates(self, quiz: Quiz, question: Question) -> str:
+        """Says until when answers are taken; empty where none is taken, or there is no date."""
+        decision = self.decide(quiz.id, question.id)
+        if decision.why_not is not None:
+            return ""
+        said = []
+        if decision.due is not None and (decision.multiplier is None or decision.multiplier >= 1):
             said.append(f"Due on {spoken(decision.due)}.")
         if decision.closes is not None and decision.closes != decision.due:
             said.append(f"Answers are taken until {spoken(decision.closes)}.")
@@ -82,35 +98,36 @@ class LearnerAccess:
 
     def has_opened(self, quiz: str) -> bool:
         """Whether the user may read the questions of a quiz. Raises NotFound."""
-        return has_opened(self.library.quiz(quiz).policy, self.at, self.role)
+        return has_opened(self.policies[self.library.quiz(quiz).id], self.at, self.role)
 
 
-def require_opened(library: Library, quiz: str, role: str) -> None:
-    """Raises Conflict where a learner may not read the questions of a quiz yet, and NotFound without such a quiz."""
-    policy, clock = library.quiz(quiz).policy, now()
-    if not has_opened(policy, clock, role):
+def require_opened(session: Session, library: Library, who: Identity, quiz: str) -> Policy:
+    """Returns the policy in force. Raises Conflict where a learner may not read the questions of a quiz yet, and
+    NotFound without such a quiz."""
+    policy, clock = read_policies(session, library, who.course, [library.quiz(quiz).id])[quiz], now()
+    if not has_opened(policy, clock, who.role):
         raise Conflict(before_opening(policy, clock))
+    return policy
 
 
 def read_access(session: Session, library: Library, who: Identity, at: tuple[str, str] | None = None) -> LearnerAccess:
     """The access of a user at all questions, or `at` one (quiz, question) only, which takes fewer queries."""
     if at is None:
         progress = submissions.progress(session, who.course, who.id)
-        policies = {quiz.id: quiz.policy for quiz in library.quizzes.values()}
     else:
         progress = {at: submissions.progress_at(session, who.course, who.id, *at)}
-        policies = {at[0]: library.quizzes[at[0]].policy} if at[0] in library.quizzes else {}
-    extensible = [quiz for quiz in policies if may_be_extended(library, quiz, None if at is None else at[1])]
+    policies = read_policies(session, library, who.course, library.quizzes if at is None else at[:1])
+    question = None if at is None else at[1]
+    extensible = [quiz for quiz, policy in policies.items() if may_be_extended(policy, library.quiz(quiz), question)]
     unpublished = [quiz for quiz, policy in policies.items() if policy.feedback == "after_publish"]
     extended = extensions.of_learner(session, who.course, who.id, extensible) if extensible else {}
     published = extensions.published(session, who.course, unpublished) if unpublished else {}
-    return LearnerAccess(library, who.role, now(), progress, extended, published)
+    return LearnerAccess(library, policies, who.role, now(), progress, extended, published)
 
 
-def may_be_extended(library: Library, quiz: str, question: str | None) -> bool:
+def may_be_extended(policy: Policy, quiz: Quiz, question: str | None) -> bool:
     """Whether an extension could change anything at a question or any: where there are dates, or limited attempts."""
-    policy, questions = library.quizzes[quiz].policy, library.quizzes[quiz].questions
-    limits = [one.attempts for one in questions if question in (None, one.id)]
+    limits = [one.attempts for one in quiz.questions if question in (None, one.id)]
     return policy.due is not None or policy.attempts is not None or any(one is not None for one in limits)
 
 

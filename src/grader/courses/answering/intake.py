@@ -12,8 +12,9 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.results import NewSubmission, count_new
 from grader.courses.people.identity import FAILED, Identity
-from grader.courses.rules.policy import Decision, decide
-from grader.domain.verdict import Verdict
+from grader.courses.rules.policy import Decision, decide, policy_in_force
+from grader.domain.policy import Progress
+from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, Conflict, TooManyRequests, Unauthorized, Unprocessable
 from grader.grading.pipeline import ParsedSubmission
 from grader.library import Library
@@ -21,10 +22,11 @@ from grader.queue import jobs
 from grader.store import intake, submissions
 from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.intake import AnswerKeys, QuestionState, StoredOfAnswer
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import IdempotencyKey, Submission, new_id
+from grader.store.tables import IdempotencyKey, Submission
 
 CREATED, ACCEPTED = 201, 202
 RETRY_S = 30
@@ -99,7 +101,7 @@ class AnswerBatch:
         if answer.verdict is None:
             self._refuse_flood(answer)
         submission = make_submission(answer, new_id(state.newest_id, self._random.pop()), 1 + state.progress.used)
-        state.progress = state.progress.after(None if answer.verdict is None else answer.verdict.status)
+        state.progress = add_attempt(state.progress, None if answer.verdict is None else answer.verdict.status)
         state.newest_id = submission.id
         self._states[answer.place] = state
         http_status = ACCEPTED if answer.verdict is None else CREATED
@@ -127,7 +129,8 @@ class AnswerBatch:
     def _decide(self, answer: NewAnswer, state: QuestionState) -> Decision:
         """What the learner may do and see at the question now, after the answers that were accepted before."""
         parsed = answer.parsed
-        return decide(parsed.quiz.policy, state.extension, parsed.question, state.progress, self.clock,
+        policy = policy_in_force(parsed.quiz.default_policy, state.changes)
+        return decide(policy, state.extension, parsed.question, state.progress, self.clock,
                       role=answer.who.role, published_at=state.published_at)  # fmt: skip
 
     def _find_earlier(self, answer: NewAnswer, stored: StoredOfAnswer, decision: Decision) -> Receipt | None:
@@ -153,6 +156,12 @@ class AnswerBatch:
         if waiting + self._queued[who.id] >= most:
             raise TooManyRequests(f"{most} of your scripts are still waiting; wait for their verdicts.", RETRY_S)
         self._queued[who.id] += 1
+
+
+def add_attempt(before: Progress, status: Status | None) -> Progress:
+    """The progress after one more attempt with this status; None while it has no verdict."""
+    uses_attempt, is_right = status is None or status.uses_attempt, status is Status.CORRECT
+    return Progress(before.used + uses_attempt, before.pending + (status is None), before.solved or is_right)
 
 
 def make_submission(answer: NewAnswer, submission_id: str, attempt: int) -> Submission:

@@ -10,12 +10,12 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import COMMAND_LINE, Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted
+from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted, policy_in_force
 from grader.courses.sending import outbox
 from grader.domain.policy import Extension, Policy
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library
-from grader.store import extensions, results, submissions
+from grader.store import extensions, policies, results, submissions
 from grader.store.engine.database import Database
 from grader.store.intake import QuestionState, SourceAttempt
 from grader.store.outbox import SCORES
@@ -58,7 +58,7 @@ def count_new(
     changed, revised, averages = dict[LearnerAt, Columns](), list[Columns](), dict[LearnerAt, Library]()
     for one in new:
         state, before = states[one.place], states[one.place].result
-        if before is not None and find_policy(one.library, one.place.quiz).counts == "average":
+        if before is not None and find_policy(one.library, one.place.quiz, state.changes).counts == "average":
             averages[one.place] = one.library
         elif (values := count_one_more(one, state)) is not None:
             state.result = after = results.change(before, one.place, values)
@@ -86,7 +86,8 @@ def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] |
         return None
     sources = [state.source, make_source(submission, verdict)]
     attempts = [make_attempt(source) for source in sources if source is not None]
-    policy, worth = find_policy(new.library, submission.quiz), {submission.id: verdict.max_points}
+    policy = find_policy(new.library, submission.quiz, state.changes)
+    worth = {submission.id: verdict.max_points}
     values = count_attempts(attempts, policy, state.extension or NO_EXTENSION, worth, before)
     if state.source is None:
         values |= describe_first_answer(verdict.status, verdict.evidence)
@@ -143,16 +144,24 @@ def predict_points(
 
 
 def recount_quiz(database: Database, library: Library, course: str, quiz: str) -> int:
-    """Counts every result of a quiz again, after its policy has changed, one learner at a time. Returns how many."""
-    with database.read() as session:
-        keys = results.keys(session, course, quiz)
-    for key in keys:
-        with database.write() as session:
-            database.lock_learner(session, course, key.learner)
-            recount(session, library, key)
+    """Counts every result of a quiz again, after its policy has changed, one learner at a time. Returns how many. First
+    answers that are taken meanwhile, perhaps still by the policy before, are counted again as well."""
+    done = set[LearnerAt]()
+    while keys := [key for key in list_results(database, course, quiz) if key not in done]:
+        for key in keys:
+            with database.write() as session:
+                database.lock_learner(session, course, key.learner)
+                recount(session, library, key)
+        done.update(keys)
     with database.write() as session:
         outbox.release(database, session, course, quiz)
-    return len(keys)
+    return len(done)
+
+
+def list_results(database: Database, course: str, quiz: str) -> Sequence[LearnerAt]:
+    """Every learner at a question of a quiz who has a result."""
+    with database.read() as session:
+        return results.keys(session, course, quiz)
 
 
 def grant(
@@ -173,17 +182,18 @@ def grant(
 
 
 def read_rules(session: Session, library: Library, key: LearnerAt) -> tuple[Policy, Extension]:
-    """The policy of a quiz, and the learner's extension of it."""
-    policy = find_policy(library, key.quiz)
+    """The policy of a quiz that is in force, and the learner's extension of it."""
+    policy = find_policy(library, key.quiz, policies.of_quiz(session, key.course, key.quiz))
     if policy.due is None:  # an extension moves dates, and attempts do not matter here
         return policy, NO_EXTENSION
     theirs = extensions.of_learner(session, key.course, key.learner, [key.quiz])
     return policy, theirs.get(key.quiz, NO_EXTENSION)
 
 
-def find_policy(library: Library, quiz: str) -> Policy:
-    """The policy of a quiz; the default policy where the quiz is gone."""
-    return library.quizzes[quiz].policy if quiz in library.quizzes else Policy()
+def find_policy(library: Library, quiz: str, changes: str | None) -> Policy:
+    """The policy of a quiz with the changes of the course; where the quiz is gone, they are all that is left of it."""
+    default = library.quizzes[quiz].default_policy if quiz in library.quizzes else Policy()
+    return policy_in_force(default, changes)
 
 
 def make_source(submission: Submission, verdict: Verdict | None) -> SourceAttempt:

@@ -15,7 +15,8 @@ from grader.courses.people.roster import FAULTS_MAX, Entry
 from grader.errors import Conflict, Fault, FaultyRows
 from grader.store import people, results
 from grader.store.engine.database import Database
-from grader.store.tables import Member, new_member_id
+from grader.store.engine.ids import new_member_id
+from grader.store.tables import Member
 
 NAMED = "name:"
 

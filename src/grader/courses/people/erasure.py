@@ -33,5 +33,8 @@ def find_member(session: Session, course: str, user: str | None, member_id: str 
     """Returns the member of this name or id; a removed one too. Raises NotFound."""
     member = session.get(Member, member_id) if member_id else people.with_account(session, course, f"name:{user}")
     if member is None or member.course != course:
-        raise NotFound("There is no such member: those who chose their name themselves are found by --id alone.")
+        raise NotFound(
+            f"There is no such member of the course {course}: name another with --course. Those who chose their name "
+            "themselves are found by --id alone."
+        )
     return member

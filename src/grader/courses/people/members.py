@@ -19,7 +19,8 @@ from grader.courses.people.identity import (
 )
 from grader.errors import Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
 from grader.store import credentials, people, results
-from grader.store.tables import Member, new_member_id, now
+from grader.store.engine.ids import new_member_id
+from grader.store.tables import Member, now
 
 STUDENTS_ALONE = "A restricted token and a service reach students alone: this takes an instructor without restriction."
 

@@ -20,7 +20,7 @@ RETURN_CODE = LEARNER_SESSION
 PRUNED = (Kind.SESSION, Kind.SIGN_IN)
 """Kinds of credentials that are deleted once they have ended. Tokens stay listed."""
 
-SPENT = "This sign-in link is unknown, has been used, or is too old. Ask for a new one."
+SPENT = "This sign-in link is unknown, has been used, or is too old."
 
 
 @dataclass(frozen=True)

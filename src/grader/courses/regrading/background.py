@@ -40,7 +40,7 @@ LOOK_S = 1.0
 
 OUR_FAULT = "The grader itself failed; the log has the reason. Start the regrade again."
 
-VOLATILE = frozenset({"timing_ms", "environment", "stdout", "stderr", "content_digest"})
+VOLATILE = frozenset({"timing_ms", "environment", "stdout", "stderr", "content_digest", "remark", "line", "span"})
 """Fields of a verdict that do not make it another one."""
 
 log = structlog.get_logger()

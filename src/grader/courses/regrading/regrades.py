@@ -11,16 +11,17 @@ from sqlalchemy.orm import Session
 from grader.courses.answering.results import make_attempt
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import NO_EXTENSION, counted
+from grader.courses.rules.policy import NO_EXTENSION, counted, policy_in_force
 from grader.domain.policy import Extension, Policy
 from grader.errors import Conflict, NotFound
 from grader.library import Library
 from grader.questions import Quiz
 from grader.queue import jobs
-from grader.store import extensions, regrades
+from grader.store import extensions, policies, regrades
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.regrades import CANCELLED, DONE, LANES, QUEUED, UNFINISHED, WAITING, Regrade, RegradeItem
-from grader.store.tables import new_id, now
+from grader.store.tables import now
 
 UNFINISHED_MAX = 10
 """Regrades of one course that may be queued or running."""
@@ -111,7 +112,8 @@ def choose(
     rows = regrades.candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
     extended = {row.learner: extensions.extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
-    chosen = [select_rows(theirs, scope, quiz.policy, extended.get(theirs[0].learner)) for theirs in by_learner]
+    policy = policy_in_force(quiz.default_policy, policies.of_quiz(session, course, quiz.id))
+    chosen = [select_rows(theirs, scope, policy, extended.get(theirs[0].learner)) for theirs in by_learner]
     items = [
         {"place": place, "submission_id": row.id, "learner": row.learner, "question": row.question}
         for place, theirs in enumerate(filter(None, chosen), 1)

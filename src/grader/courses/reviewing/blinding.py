@@ -56,8 +56,11 @@ def pseudonyms(
     """Returns the pseudonyms of submissions that a person marks, by id; without those that bear the learner's name."""
     others = [row for row in marked if row.learner != who.id and desk.is_anonymous(row.quiz)]
     learners = {row.learner for row in others}
-    waiting = reviews.undecided(session, who.course, desk.averaged, learners) if others and not always else set()
-    return {row.id: desk.blinding.name(row) for row in others if always or (row.quiz, row.learner) in waiting}
+    if always or not others:
+        return {row.id: desk.blinding.name(row) for row in others}
+    averaged = desk.list_averaged(session, who.course)
+    waiting = reviews.undecided(session, who.course, averaged, learners)
+    return {row.id: desk.blinding.name(row) for row in others if (row.quiz, row.learner) in waiting}
 
 
 @dataclass(frozen=True)

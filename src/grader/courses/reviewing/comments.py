@@ -6,8 +6,9 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.reviews import count_comments, find_comment
-from grader.store.tables import SavedComment, new_id, now
+from grader.store.tables import SavedComment, now
 
 COMMENTS_MAX = 200
 """For one question of a course."""

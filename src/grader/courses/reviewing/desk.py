@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import Session
 
+from grader.courses.answering.policies import read_policies
 from grader.courses.people.pseudonyms import Blinding
 from grader.domain.rubric import SecondMarking
 from grader.errors import NotFound
@@ -43,10 +44,10 @@ class Desk:
         quiz = self.library.quizzes.get(submission.quiz)
         return (quiz and quiz.second_marking) or SecondMarking(share=0.0)
 
-    @property
-    def averaged(self) -> set[str]:
-        """The quizzes in which all attempts count, and so wait for a reviewer."""
-        return {quiz.id for quiz in self.library.quizzes.values() if quiz.policy.counts == "average"}
+    def list_averaged(self, session: Session, course: str) -> set[str]:
+        """Returns the quizzes in which all attempts count, and so wait for a reviewer."""
+        policies = read_policies(session, self.library, course, self.library.quizzes)
+        return {quiz for quiz, policy in policies.items() if policy.counts == "average"}
 
     def is_anonymous(self, quiz: str) -> bool:
         """Says whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""

@@ -9,6 +9,7 @@ from grader.courses.answering import results
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.policy import spoken
 from grader.courses.rules.rubric import Mark, fingerprint, items_of, marked, recomputed, rubric_of, rubric_points
 from grader.domain.verdict import Verdict
 from grader.errors import Conflict, NotFound, Unprocessable
@@ -25,12 +26,13 @@ FOLLOWING = "a change of the rubric"
 """The audit log's author of points that were recomputed without a request."""
 
 
-def queue_of(desk: Desk, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
+def queue_of(desk: Desk, session: Session, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
     """Returns the submissions that wait. A search by name finds nothing in anonymous quizzes."""
+    averaged = desk.list_averaged(session, wanted.course)
     if wanted.user is None:
-        return Queue(wanted, desk.averaged, second_for)
+        return Queue(wanted, averaged, second_for)
     quizzes = {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
-    return Queue(wanted, desk.averaged, second_for, quizzes)
+    return Queue(wanted, averaged, second_for, quizzes)
 
 
 def claim(session: Session, who: Identity, submission: Submission, *, second: bool = False) -> ReviewClaim:
@@ -75,7 +77,7 @@ def require_free(session: Session, submission: Submission, who: Identity) -> Non
         raise Conflict("This submission is still being graded.")
     held = reviews.claim_on(session, submission.id, now())
     if held is not None and held.reviewer != who.id:
-        raise Conflict(f"{held.name} is reviewing this submission until {held.expires_at:%H:%M} UTC.")
+        raise Conflict(f"{held.name} is reviewing this submission until {spoken(held.expires_at)}.")
 
 
 def require_second(session: Session, submission: Submission, who: Identity) -> Review:

@@ -1,15 +1,17 @@
 """What one learner may do and see at one question, and which points count: decided here for every face. Pure."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel
 
-from grader.domain.policy import Extension, Policy, Progress
+from grader.domain.policy import ONE_BY_ONE, Extension, Policy, Progress
 from grader.domain.verdict import GRADED_AS, POINT_DIGITS, REVIEW, Finding, Status, Verdict
 from grader.questions import Question, Reveal, kind_of
 
@@ -25,14 +27,15 @@ NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
 
 RECEIPT_FIELDS = ("max_points", "read_as", "stdout", "stderr", "environment", "content_digest", "submission_digest")
 DIRECTION_FIELDS = (*RECEIPT_FIELDS, "status", "points", "direction", "timing_ms")
-FEEDBACK_FIELDS = (*DIRECTION_FIELDS, "diagnosis")
+DIAGNOSIS_FIELDS = ("diagnosis", "line", "span")
+FEEDBACK_FIELDS = (*DIRECTION_FIELDS, *DIAGNOSIS_FIELDS, "remark")
 DIRECTION_FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "direction")
 FINDING_FIELDS = (*DIRECTION_FINDING_FIELDS, "message", "measured")
 RECEIPT_TIMES = ("script_cpu", "script_wall")
 """Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
 DIRECTION_EVIDENCE = ("option", "value", "unit", "angles", "claims", "tableau")
 """Pictures of the learner's own answer."""
-FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "order")
+FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "motion", "order")
 """Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""
 
 
@@ -117,6 +120,17 @@ class Counted:
     def numbers(self) -> tuple[int, ...]:
         """The numbers of the attempts that the points come from."""
         return tuple(attempt.number for attempt in self.sources)
+
+
+@lru_cache(maxsize=1024)
+def policy_in_force(default: Policy, changes: str | None) -> Policy:
+    """The policy of a quiz in a course: that of the content, with the `changes` of the course, JSON text, in place of
+    its values. What counts, and what may be seen when, is decided by this one. The content may have changed since the
+    changes were checked: then the values may not fit each other, and are in force all the same."""
+    if changes is None:
+        return default
+    values = default.model_dump(mode="json") | json.loads(changes)
+    return Policy.model_validate_json(json.dumps(values), context=ONE_BY_ONE)
 
 
 def has_opened(policy: Policy, now: datetime, role: str) -> bool:
@@ -224,7 +238,10 @@ def refusal(
         return unopened
     if closes is not None and now > closes:
         return f"This quiz closed on {spoken(closes)}."
-    return f"All {allowed} attempts at this question are used up." if left == 0 else None
+    if left != 0:
+        return None
+    spent = "The only attempt" if allowed == 1 else f"All {allowed} attempts"
+    return f"{spent} at this question {'is' if allowed == 1 else 'are'} used up."
 
 
 def withholding(
@@ -232,8 +249,8 @@ def withholding(
 ) -> str | None:
     """When the feedback comes, in a sentence; None where it may be seen."""
     if policy.feedback == "after_due" and not closed:
-        assert closes is not None  # the policy was refused without a due date
-        return f"Your answer is recorded; you see how it was graded after {spoken(closes)}."
+        end = "the due date, which is not set yet" if closes is None else spoken(closes)
+        return f"Your answer is recorded; you see how it was graded after {end}."
     if policy.feedback == "after_publish" and (published_at is None or now < published_at):
         return "Your answer is recorded; you see how it was graded once the results are published."
     return None
@@ -269,11 +286,12 @@ def redact(verdict: Verdict, decision: Decision) -> Verdict:
         return revealing(verdict, decision.reveal)
     status = Status(verdict.evidence.get(GRADED_AS, verdict.status))
     tells = status in NOT_ABOUT_CORRECTNESS
+    diagnosis = fields_of(verdict, DIAGNOSIS_FIELDS) if tells else {"diagnosis": decision.withheld}
     return Verdict(
         **fields_of(verdict, RECEIPT_FIELDS),
+        **diagnosis,
         status=status if tells else Status.NEEDS_REVIEW,
         points=0.0,
-        diagnosis=verdict.diagnosis if tells else decision.withheld,
         timing_ms={name: ms for name, ms in verdict.timing_ms.items() if name in RECEIPT_TIMES},
     )
 
@@ -285,8 +303,8 @@ def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
     if reveal == "direction":
         findings = tuple(directed(finding) for finding in verdict.findings)
         tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
-        diagnosis = verdict.diagnosis if tells else verdict.direction
-        fields = fields_of(verdict, DIRECTION_FIELDS) | {"diagnosis": diagnosis}
+        diagnosis = fields_of(verdict, DIAGNOSIS_FIELDS) if tells else {"diagnosis": verdict.direction}
+        fields = fields_of(verdict, DIRECTION_FIELDS) | diagnosis
     else:
         names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
         findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -80,9 +81,18 @@ class Cluster:
     number: int = 0
 
 
+CRASH = re.compile(r"(?:[^:\n]{1,200}: )?([A-Z]\w{0,60}(?:Error|Exception|Interrupt))(?=: |, in line |\.$|$)")
+"""A diagnosis that is an exception, with the title of its case or without."""
+
+
+CRASHED = "Ended with an error: "
+"""What the name of an exception follows where crashes are grouped."""
+
+
 @dataclass(frozen=True)
 class QuestionStatistics:
-    """One question. `mistakes` counts learners by diagnosis, `options` by each index that they chose first."""
+    """One question. `mistakes` counts learners by diagnosis, crashes by the name of the exception; `options` by
+    each index that they chose first."""
 
     question: str
     difficulty: Estimate
@@ -126,7 +136,7 @@ def _tally(question: str, rows: Columns, tolerances: Sequence[float | None]) -> 
     right = rows.first_status.count(Status.CORRECT)
     mistakes = Counter[str]()
     for diagnoses, count in Counter(rows.diagnoses).items():
-        mistakes.update(dict.fromkeys(json.loads(diagnoses), count))
+        mistakes.update(dict.fromkeys(map(group_crash, json.loads(diagnoses)), count))
     statistics = QuestionStatistics(
         question=question,
         difficulty=mean_share((points / max_points).tolist()),
@@ -141,6 +151,12 @@ def _tally(question: str, rows: Columns, tolerances: Sequence[float | None]) -> 
         mistakes=dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0]))),
     )
     return Tally(statistics, learners, points, max_points)
+
+
+def group_crash(diagnosis: str) -> str:
+    """Returns the exception behind a diagnosis, whose message and line differ between scripts; any other as it is."""
+    found = CRASH.match(diagnosis)
+    return f"{CRASHED}{found[1]}" if found else diagnosis
 
 
 def options_of(rows: Columns) -> dict[int, int]:

@@ -11,6 +11,7 @@ from urllib.parse import urlencode
 
 from grader.domain.markup import plain_text
 from grader.domain.platform import Platform
+from grader.domain.policy import Policy
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.launch import Selection
 from grader.questions import Question, Quiz
@@ -22,9 +23,10 @@ CHOICES_MAX = 50
 
 @dataclass(frozen=True)
 class Choice:
-    """What an instructor chose: a quiz, or one question of it."""
+    """What an instructor chose: a quiz, or one question of it. `policy` is the one in force."""
 
     quiz: Quiz
+    policy: Policy
     question: Question | None = None
 
     @property
@@ -81,7 +83,7 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
     if with_line_item and choice.points > 0:
         resource = resource_id_of(choice.quiz.id, None if choice.question is None else choice.question.id)
         item["lineItem"] = {"scoreMaximum": choice.points, "label": choice.title, "resourceId": resource}
-    policy = choice.quiz.policy
+    policy = choice.policy
     closes = policy.late.until if policy.late else policy.due
     if available := span(policy.opens, closes):
         item["available"] = available

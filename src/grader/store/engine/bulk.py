@@ -51,6 +51,11 @@ def read_by_keys(session: Session, query: Executable, keys: Rows, **parameters: 
     return session.connection().execute(query, {"keys": keys, **parameters}).all() if keys else ()
 
 
+def values_of(row: DeclarativeBase) -> dict[str, Any]:
+    """The columns that are set on a row."""
+    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
+
+
 def insert_rows(
     session: Session, *tables: tuple[type[DeclarativeBase], Rows], replace: type[DeclarativeBase] | None = None
 ) -> None:

@@ -2,13 +2,15 @@
 learner stays: it is random, and joins the rows that statistics need. Times and points stay as well."""
 
 import json
+from collections.abc import Sequence
 
-from sqlalchemy import ColumnElement, delete, exists, func, insert, or_, select, text, update
+from sqlalchemy import ColumnElement, Select, delete, exists, func, insert, or_, select, text, update
 from sqlalchemy.orm import Session
 
 from grader.domain.verdict import Verdict
 from grader.store import outbox, platforms
 from grader.store.courses import AuditEntry
+from grader.store.line_comments import LineComment, TriedCopy
 from grader.store.results import COUNTED, LearnerAt
 from grader.store.reviews import DECIDED, DIFFERS, NONE, WAITING
 from grader.store.submissions import AT_REST, GRADED, NEEDS_REVIEW
@@ -86,6 +88,9 @@ def _submissions(session: Session, member: Member, pseudonym: str) -> None:
     session.execute(reviews.values(second_comment=None), execution_options=UNCHANGED)
     for unsettled, settled in ((WAITING, NONE), (DIFFERS, DECIDED)):
         session.execute(reviews.where(Review.second == unsettled).values(second=settled), execution_options=UNCHANGED)
+    commented = delete(LineComment).where(LineComment.submission_id.in_(ids))
+    session.execute(commented, execution_options=UNCHANGED)
+    _copies(session, ids)
     empty = update(Submission).where(*_theirs(member))
     values = {"user": pseudonym, "answer": ERASED, "seed": None, "version": Submission.version + 1}
     session.execute(empty.values(values), execution_options=UNCHANGED)
@@ -93,16 +98,29 @@ def _submissions(session: Session, member: Member, pseudonym: str) -> None:
     session.execute(waits.values(status=GRADED), execution_options=UNCHANGED)
 
 
+def _copies(session: Session, originals: Select[str]) -> None:
+    """Empties the changed copies of these submissions that instructors ran."""
+    copies = select(TriedCopy.submission_id).where(TriedCopy.original.in_(originals))
+    _reduce(session, session.scalars(select(VerdictRow.id).where(VerdictRow.submission_id.in_(copies))).all())
+    empty = update(Submission).where(Submission.id.in_(copies))
+    values = {"answer": ERASED, "seed": None, "version": Submission.version + 1}
+    session.execute(empty.values(values), execution_options=UNCHANGED)
+
+
 def _verdicts(session: Session, member: Member) -> None:
     """Leaves of each verdict what results are counted from, in the list of mistakes of each result too."""
     theirs = select(VerdictRow.id).join(Submission, Submission.id == VerdictRow.submission_id).where(*_theirs(member))
-    ids = session.scalars(theirs).all()
+    _reduce(session, session.scalars(theirs).all())
+    _mistakes(session, member)
+
+
+def _reduce(session: Session, ids: Sequence[int]) -> None:
+    """Reduces the verdicts with these ids."""
     for start in range(0, len(ids), VERDICTS_AT_ONCE):
         some = select(VerdictRow).where(VerdictRow.id.in_(ids[start : start + VERDICTS_AT_ONCE]))
         for row in session.scalars(some):
             row.body, row.seed = reduced(Verdict.model_validate_json(row.body), row.seed).model_dump_json(), None
     session.flush()
-    _mistakes(session, member)
 
 
 def _mistakes(session: Session, member: Member) -> None:

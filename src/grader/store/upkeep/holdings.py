@@ -8,6 +8,7 @@ from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.orm import Session
 
 from grader.store.courses import AuditEntry
+from grader.store.line_comments import BY_LINE, LineComment, TriedCopy
 from grader.store.outbox import Delivery
 from grader.store.platforms import Context, LtiUser, PlatformRow
 from grader.store.regrades import RegradeItem
@@ -39,6 +40,8 @@ OF_SUBMISSION: dict[str, type[Base]] = {
     "events": Event,
     "reviews": Review,
     "claims": ReviewClaim,
+    "line_comments": LineComment,
+    "tried_copies": TriedCopy,
 }
 OF_LEARNER: dict[str, type[Base]] = {
     "results": Result,
@@ -88,9 +91,9 @@ def platforms_of(session: Session, member: Member) -> list[dict[str, Any]]:
 
 
 def rows_of(session: Session, table: type[Base], *where: ColumnElement[bool]) -> list[dict[str, Any]]:
-    """The rows of a table, in the order of its key."""
-    keys: Sequence[Any] = table.__mapper__.primary_key
-    return [values_of(row) for row in session.scalars(select(table).where(*where).order_by(*keys))]
+    """The rows of a table, in the order of its key; comments on a script line by line."""
+    order: Sequence[Any] = BY_LINE if table is LineComment else table.__mapper__.primary_key
+    return [values_of(row) for row in session.scalars(select(table).where(*where).order_by(*order))]
 
 
 def values_of(row: Base) -> dict[str, Any]:

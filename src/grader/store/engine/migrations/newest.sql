@@ -139,6 +139,19 @@ CREATE TABLE jobs (
 	PRIMARY KEY (id)
 );
 
+CREATE TABLE line_comments (
+	id VARCHAR(32) NOT NULL, 
+	course VARCHAR(200) NOT NULL, 
+	submission_id VARCHAR(32) NOT NULL, 
+	line INTEGER, 
+	text TEXT NOT NULL, 
+	author VARCHAR(32) NOT NULL, 
+	name VARCHAR(200) NOT NULL, 
+	created_at DATETIME NOT NULL, 
+	PRIMARY KEY (id), 
+	FOREIGN KEY(submission_id) REFERENCES submissions (id)
+);
+
 CREATE TABLE line_items (
 	id VARCHAR(32) NOT NULL, 
 	container TEXT NOT NULL, 
@@ -247,6 +260,15 @@ CREATE TABLE outbox (
 	PRIMARY KEY (id), 
 	CONSTRAINT uq_outbox UNIQUE (destination, learner, quiz, question), 
 	FOREIGN KEY(destination) REFERENCES destinations (id)
+);
+
+CREATE TABLE policy_changes (
+	course VARCHAR(200) NOT NULL, 
+	quiz VARCHAR(64) NOT NULL, 
+	changes TEXT NOT NULL, 
+	changed_by VARCHAR(200) NOT NULL, 
+	changed_at DATETIME NOT NULL, 
+	PRIMARY KEY (course, quiz)
 );
 
 CREATE TABLE publications (
@@ -399,6 +421,14 @@ CREATE TABLE tickets (
 	PRIMARY KEY (hash)
 );
 
+CREATE TABLE tried_copies (
+	submission_id VARCHAR(32) NOT NULL, 
+	original VARCHAR(32) NOT NULL, 
+	PRIMARY KEY (submission_id), 
+	FOREIGN KEY(submission_id) REFERENCES submissions (id), 
+	FOREIGN KEY(original) REFERENCES submissions (id)
+);
+
 CREATE TABLE verdicts (
 	id INTEGER NOT NULL, 
 	submission_id VARCHAR(32) NOT NULL, 
@@ -440,6 +470,8 @@ CREATE INDEX ix_jobs_order ON jobs (priority, round, share, id) WHERE owner IS N
 CREATE INDEX ix_jobs_owner ON jobs (owner);
 
 CREATE INDEX ix_jobs_share ON jobs (share, priority, round) WHERE owner IS NULL;
+
+CREATE INDEX ix_line_comments_submission ON line_comments (submission_id, id);
 
 CREATE INDEX ix_lti_contexts_course ON lti_contexts (course);
 
@@ -492,3 +524,5 @@ CREATE INDEX ix_submissions_status ON submissions (course, status, id);
 CREATE INDEX ix_submissions_user ON submissions (course, user, id);
 
 CREATE INDEX ix_tickets_expires_at ON tickets (purpose, expires_at);
+
+CREATE INDEX ix_tried_copies_original ON tried_copies (original);

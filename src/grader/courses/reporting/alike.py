@@ -1,0 +1,74 @@
+"""The scripts of a course that look alike, at each exercise: for instructors alone. A hint to read two scripts, never a
+finding: short exercises have few ways to be written."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from sqlalchemy.orm import Session
+
+from grader.courses.people.identity import Identity
+from grader.courses.reporting.class_answers import ClassReader
+from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.similarity import Alike, Fingerprints, find_alike, hash_given, mark_lines, take_fingerprints
+from grader.domain.run import SOURCE_BYTES_MAX
+from grader.library import Library
+from grader.library.files import list_files, read_text
+from grader.questions import Question, kind_of
+from grader.store import submissions
+
+SCRIPTS_MAX = 1000
+"""Scripts that are compared at an exercise, the newest ones, one a learner."""
+
+
+@dataclass(frozen=True)
+class AlikeAt:
+    """What looks alike at an exercise; `names` and `sources` are those of the scripts, by the id of the submission."""
+
+    quiz: str
+    question: str
+    compared: int
+    pairs: tuple[Alike, ...]
+    names: Mapping[str, str]
+    sources: Mapping[str, str]
+    fingerprints: Mapping[str, Fingerprints]
+
+    def mark(self, one: str, other: str) -> set[int]:
+        """Returns the lines of a script that it shares with another."""
+        return mark_lines(self.fingerprints[one], self.fingerprints[other])
+
+
+def compare_scripts(
+    reader: ClassReader, desk: Desk, session: Session, who: Identity, at: tuple[str, Question]
+) -> AlikeAt:
+    """Compares the newest script of every learner at an exercise."""
+    quiz, question = at
+    answers = reader.read_for(desk, session, who, quiz, question)
+    newest = sorted((theirs[-1] for theirs in answers.by_learner.values()), key=lambda one: one.id)[-SCRIPTS_MAX:]
+    names = {one.id: one.name for one in newest}
+    sources = {row.id: read_source(row.answer) for row in submissions.several(session, list(names))}
+    given = hash_given(list_given(desk.library, quiz, question))
+    fingerprints = {one: take_fingerprints(source, given) for one, source in sources.items() if source}
+    pairs = tuple(find_alike(fingerprints))
+    return AlikeAt(quiz, question.id, len(fingerprints), pairs, names, sources, fingerprints)
+
+
+def list_exercises(library: Library) -> list[tuple[str, Question]]:
+    """Returns the exercises of the content, with their quizzes."""
+    return [(quiz.id, one) for quiz in library.quizzes.values() for one in quiz.questions if kind_of(one).is_script]
+
+
+def list_given(library: Library, quiz: str, question: Question) -> Iterator[str]:
+    """Yields what every learner may have: the starter, and the content's right programs."""
+    if starter := library.starter(question):
+        yield starter
+    for file in list_files(library.root, "reference_solutions", f"{quiz}/{question.id}/correct__*.py"):
+        source = read_text(library.root, file, SOURCE_BYTES_MAX)
+        if isinstance(source, str):
+            yield source
+
+
+def read_source(answer: str) -> str:
+    """Returns the script of a stored answer; empty where it was erased, or is none."""
+    given = json.loads(answer) if answer else None
+    return str(given.get("source", "")) if isinstance(given, dict) else ""

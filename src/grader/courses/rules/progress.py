@@ -1,0 +1,75 @@
+"""Says how an attempt compares with earlier ones at the same question: the same mistake again, or more that holds."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from grader.domain.verdict import Status
+
+NUMBER = re.compile(r"[0-9][0-9.,/]*(?:e[+-]?[0-9]+)?")
+"""Numbers in a diagnosis: the same mistake has others in another attempt."""
+
+COMPARED = frozenset({Status.CORRECT, Status.PARTIAL, Status.INCORRECT, Status.CRASHED, Status.TIMED_OUT})
+"""Statuses of attempts that are compared; the others say nothing about the learner's work."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An attempt's number, and its verdict as the learner may see it."""
+
+    attempt: int
+    verdict: Mapping[str, Any]
+
+    @property
+    def mistake(self) -> str:
+        """The diagnosis without its numbers; empty if there is none."""
+        return NUMBER.sub("#", self.verdict.get("diagnosis") or "")
+
+    @property
+    def points(self) -> float:
+        """Its points."""
+        return float(self.verdict.get("points") or 0.0)
+
+    @property
+    def held(self) -> frozenset[str]:
+        """The findings that passed."""
+        return frozenset(one["id"] for one in self.verdict.get("findings") or () if one.get("passed"))
+
+
+def describe_progress(earlier: Sequence[Compared], now: Compared) -> str:
+    """Returns a sentence on an attempt beside earlier ones, in their order; empty where there is nothing to say. It is
+    made of what the learner may see of the verdicts alone."""
+    before = [one for one in earlier if one.verdict.get("status") in COMPARED and one.attempt < now.attempt]
+    if not before or now.verdict.get("status") not in COMPARED:
+        return ""
+    if now.verdict["status"] != Status.CORRECT and now.mistake:
+        same = next((index for index in reversed(range(len(before))) if before[index].mistake == now.mistake), None)
+        if same is not None:
+            return describe_repetition(before, same)
+    last, best = before[-1], max(before, key=lambda one: one.points)
+    if now.points > last.points:
+        more, several = len(now.held - last.held), len(now.verdict.get("findings") or ())
+        gained = f": {more} more of {several} hold" if more and now.held >= last.held else ""
+        return f"Better than attempt {last.attempt}{gained}, {format_points(now, last)}."
+    if now.points < best.points:
+        return f"Attempt {best.attempt} was better, {format_points(best, now)}: go on from that one."
+    return ""
+
+
+def describe_repetition(before: Sequence[Compared], same: int) -> str:
+    """Returns the sentence of a mistake that an earlier attempt had already, and of where it was gone."""
+    repeated, between = before[same], before[same + 1 :]
+    if not between:
+        return f"The same mistake as in attempt {repeated.attempt}."
+    better = max(between, key=lambda one: one.points)
+    gain = f", with {better.points:g} points" if better.points > repeated.points else ""
+    return (
+        f"The mistake of attempt {repeated.attempt} is back: in attempt {better.attempt} it was gone{gain}. See what "
+        "you changed there."
+    )
+
+
+def format_points(more: Compared, less: Compared) -> str:
+    """Returns the points of two attempts."""
+    return f"{more.points:.3g} points in place of {less.points:.3g}"
