@@ -3,13 +3,14 @@
 from fastapi import APIRouter, FastAPI
 
 from grader.api import health
-from grader.api.learning import devices, events, kits, labs, quizzes, submissions
+from grader.api.learning import devices, events, films, kits, labs, me, quizzes, submissions
 from grader.api.services import on_behalf, platforms, results, roster, webhooks
 from grader.api.teaching import (
     courses,
     extensions,
     gradebook,
     people,
+    policies,
     regrades,
     reviews,
     saved_comments,
@@ -17,8 +18,8 @@ from grader.api.teaching import (
 )
 
 ROOMS = (
-    quizzes, kits, submissions, on_behalf, events, reviews, saved_comments, labs, people, courses, devices, roster,
-    results, gradebook, statistics, extensions, regrades, platforms, webhooks, health,
+    quizzes, kits, submissions, films, on_behalf, events, reviews, saved_comments, labs, people, me, courses, devices,
+    roster, results, gradebook, statistics, extensions, policies, regrades, platforms, webhooks, health,
 )  # fmt: skip
 
 

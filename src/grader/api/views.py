@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from grader.courses.people.identity import Role, Scope
+from grader.domain.policy import Policy
 from grader.questions import installed_kinds
 
 
@@ -74,11 +75,34 @@ class GivenExtension(ExtensionView):
     created_at: datetime
 
 
+class CoursePolicyView(BaseModel):
+    """The policy of a quiz that is in force in a course, the one of the content, and the `changes` of the course with
+    who made them. `conflicts` names what does not fit together any more since the content has changed."""
+
+    quiz: str
+    policy: Policy
+    content: Policy
+    changes: dict[str, Any]
+    conflicts: list[str]
+    changed_by: str | None
+    changed_at: datetime | None
+
+
 class LearnerKey(BaseModel):
     """A person as another system knows them; in the namespace `grader`, the id of a member whom none knows."""
 
     namespace: str
     id: str
+
+
+class CallerView(BaseModel):
+    """The member whose credential was sent; `scopes` of a restricted token, null for all rights of the role."""
+
+    id: str
+    user: str
+    role: Role
+    course: str
+    scopes: list[Scope] | None
 
 
 class PlatformCourse(BaseModel):

@@ -13,10 +13,11 @@ from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
+from grader.domain.verdict import Status
 from grader.errors import JailFault, NotReady
 from grader.grading.content import Contents
 from grader.grading.processes import Graders
-from grader.metrics import FOLDER
+from grader.metrics import FOLDER, JOBS_FAILED, VERDICTS
 from grader.numerics.version import INSTALLED, warn_of_newer
 from grader.queue import jobs
 from grader.queue.worker import Worker
@@ -36,6 +37,9 @@ class Monitor(Collector):
     database: Database
     graders: Graders
     worker: Worker
+
+    def __post_init__(self) -> None:
+        begin_at_zero()
 
     def check_database(self) -> dict[str, Any]:
         """Writes to the database, and looks for room: a small write succeeds for a while on a disk that is full."""
@@ -100,6 +104,14 @@ class Monitor(Collector):
         own = CollectorRegistry()
         own.register(self)
         return generate_latest(process_registry()) + generate_latest(own)
+
+
+def begin_at_zero() -> None:
+    """Shows counters with alerts before they count: Prometheus sees no increase where a series begins with 1."""
+    for status in Status:
+        VERDICTS.labels(status)
+    for topic in jobs.TOPICS:
+        JOBS_FAILED.labels(topic)
 
 
 def process_registry() -> CollectorRegistry:

@@ -27,6 +27,7 @@ from grader.errors import (
     Unauthorized,
     Unconditional,
     Unprocessable,
+    WrongMoments,
 )
 from grader.store.engine.database import is_away
 
@@ -89,7 +90,8 @@ def problem_body(status: int, detail: str, **more: Any) -> dict[str, Any]:
 
 STATUS: dict[type[GraderError], int] = {
     Unauthorized: 401, Forbidden: 403, NotFound: 404, Conflict: 409, Outdated: 412, TooLarge: 413, ContentError: 422,
-    FaultyRows: 422, InvalidAnswer: 422, LabRefused: 422, Unprocessable: 422, Unconditional: 428, TooManyRequests: 429,
+    FaultyRows: 422, InvalidAnswer: 422, LabRefused: 422, Unprocessable: 422, WrongMoments: 422, Unconditional: 428,
+    TooManyRequests: 429,
 }  # fmt: skip
 """The HTTP status of every error that a request can cause. Any other error is our fault: 500."""
 

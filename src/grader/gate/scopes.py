@@ -6,8 +6,8 @@ from grader.courses.people.identity import Scope
 
 RULES = (
     (r"GET", r"/results|/gradebook\.csv|/quizzes/[^/]+/statistics", Scope.RESULTS),
-    (r".*", r"/quizzes/[^/]+/(extensions|publication|results:recount)", Scope.REVIEW),
-    (r"GET", r"/quizzes(/.*)?|/submissions(/[^/]+(/events)?)?", Scope.READ),
+    (r".*", r"/quizzes/[^/]+/(extensions|policy|publication|results:recount)", Scope.REVIEW),
+    (r"GET", r"/me|/quizzes(/.*)?|/submissions(/[^/]+(/(events|films))?)?", Scope.READ),
     (r"POST", r"/submissions|/submissions/[^/]+:stop|/answers:validate|/labs:run", Scope.ANSWER),
     (r".*", r"/reviews.*|/submissions/[^/]+/review.*", Scope.REVIEW),
     (r".*", r"/regrades.*", Scope.REGRADE),

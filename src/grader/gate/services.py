@@ -5,12 +5,15 @@ from typing import Annotated
 
 from fastapi import Depends, FastAPI, Request
 
+from grader.courses.answering.access import require_opened
 from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.courses.people.pseudonyms import Blinding
+from grader.courses.reporting.class_answers import ClassReader
 from grader.courses.reporting.quiz_statistics import Statistics
 from grader.courses.reviewing.desk import Desk
+from grader.domain.policy import Policy
 from grader.gate.admission import AdmissionRules
 from grader.gate.lab_runs import LabRuns
 from grader.gate.monitoring import Monitor
@@ -45,6 +48,7 @@ class Services:
     tool: Tool | None
     """The LTI tool; None without the packages of the extra `lti`."""
     statistics: Statistics
+    classes: ClassReader
     streams: Streams = field(default_factory=Streams)
 
     @property
@@ -61,11 +65,12 @@ class Services:
         """Returns the pipeline that reads and grades the answers of a user's course."""
         return self.content.of(who.course).pipeline
 
-    def reload_content(self, who: Identity) -> Library:
+    def reload_content(self, who: Identity, revision: str | None = None) -> Library:
         """Loads the content folder of an instructor's course again, and records it. Raises ContentError with every
-        fault; what was loaded before then stays."""
+        fault, and Outdated where a `revision` is given and the folder has another one; what was loaded before then
+        stays."""
         content = self.content.of(who.course)
-        content.reload()
+        content.reload(revision)
         digests = {quiz_id: content.library.digest(quiz_id) for quiz_id in content.library.quizzes}
         with self.database.write() as session:
             record(session, who, who.course, Action.CONTENT_RELOADED, **digests)
@@ -74,6 +79,11 @@ class Services:
     def library_for(self, who: Identity | None) -> Library:
         """Returns the current content of a user's course; of the default course for a browser without a session."""
         return self.content.of(DEFAULT_COURSE if who is None else who.course).library
+
+    def require_opened(self, library: Library, who: Identity, quiz: str) -> Policy:
+        """As the function, in a transaction of its own. Raises Conflict, NotFound."""
+        with self.database.read() as session:
+            return require_opened(session, library, who, quiz)
 
     def origin_of(self, request: Request) -> str:
         """Returns the origin under which a client reached the service; AdmissionMiddleware has checked its host."""

@@ -50,15 +50,17 @@ def make_sign_in_url(session: Session, origin: str) -> str:
 
 def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
     """Prints the addresses of the pages, and the state of the jail where there is one. The database keeps the origin
-    for the links that commands print."""
+    for the links that commands print. A public server prints no link: its output is a log that others read."""
 
     def prepare(session: Session) -> str:
         note_origin(session, settings.origin)
-        return make_sign_in_url(session, settings.origin)
+        if settings.public_origin is not None:
+            return f'{settings.origin}/instructor  (to sign in: grader invite --role instructor "YOUR NAME")'
+        return f"{make_sign_in_url(session, settings.origin)}  (good for one sign-in)"
 
-    url = in_database(settings, prepare)
+    page = in_database(settings, prepare)
     print(f"Student page:    {settings.origin}/")
-    print(f"Instructor page: {url}  (good for one sign-in)", flush=True)
+    print(f"Instructor page: {page}", flush=True)
     if jail:
         print(f"Jail:            tier {jail['tier']}, {jail['self_test']}", flush=True)
 

@@ -1,17 +1,12 @@
 """Assembles the service: settings, database, content, jail, worker, routes."""
 
 import gc
-import signal
-import socket
-import sys
-import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.metadata import version
 from typing import Any
 
-import uvicorn
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
@@ -20,6 +15,7 @@ from grader.api import openapi, routes
 from grader.api.learning.short_answers import ShortAnswersMiddleware
 from grader.courses.answering.intake import store_answers
 from grader.courses.people.pseudonyms import Blinding
+from grader.courses.reporting.class_answers import ClassReader
 from grader.courses.reporting.quiz_statistics import Statistics
 from grader.courses.reviewing.rubric_changes import Recomputing
 from grader.courses.sending.outbox import release_all
@@ -31,16 +27,16 @@ from grader.gate.openid import Provider
 from grader.gate.rate import RateLimit
 from grader.gate.readiness import Check, Readiness
 from grader.gate.requests import RequestsMiddleware
-from grader.gate.services import Services, services_in
+from grader.gate.services import Services
 from grader.grading.content import Contents
 from grader.grading.processes import Graders
+from grader.library import PassedChecks
 from grader.logs import is_json, log_to_stderr
 from grader.platforms.keys import ToolKeys
 from grader.platforms.launching.fetching import PlatformKeys
 from grader.platforms.tool import Tool, is_installed
-from grader.service.accounts import tell_addresses
 from grader.service.deliveries import deliveries_of
-from grader.service.opening import open_database
+from grader.service.opening import never, open_database
 from grader.service.worker import build_graders, build_worker
 from grader.settings import Settings
 from grader.store.engine.database import Database
@@ -49,20 +45,12 @@ from grader.store.upkeep.installation import blind_review_secret
 from grader.web.frame.errors import error_page
 from grader.web.routes import router as pages
 
-SHUTDOWN_S = 5
-"""How long a shutdown waits for open event streams [s]."""
 
-SWITCH_S = 0.0005
-"""How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
-waits after every answer of the database. Python's own 5 ms would be most of the time that a batch takes."""
-
-FAULT = 3
-
-
-def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
-    """The whole service as one ASGI app; `graders` may have begun. Raises ContentError if the content has faults."""
+def create_app(settings: Settings, graders: Graders | None = None, is_ending: Callable[[], bool] = never) -> FastAPI:
+    """The whole service as one ASGI app; `graders` may have begun. Raises ContentError if the content has faults, and
+    InterruptedError once `is_ending` while the database does not answer."""
     log_to_stderr(as_json=is_json(settings.log_format))
-    services = build_services(settings, graders or build_graders(settings))
+    services = build_services(settings, graders or build_graders(settings), is_ending)
     app = FastAPI(
         title="MuJoCo grader",
         version=version("mujoco-grader"),
@@ -85,10 +73,10 @@ def create_app(settings: Settings, graders: Graders | None = None) -> FastAPI:
     return app
 
 
-def build_services(settings: Settings, graders: Graders) -> Services:
+def build_services(settings: Settings, graders: Graders, is_ending: Callable[[], bool]) -> Services:
     """Builds the objects that the routes share, on a migrated database. Nothing is started yet."""
-    database = open_database(settings)
-    content = Contents(settings.content, settings.courses, database)
+    database = open_database(settings, is_ending)
+    content = Contents(settings.content, settings.courses, database, PassedChecks(settings.cache))
     worker = build_worker(
         settings, database, content.archive, graders, deliveries_of(settings, database, content.archive)
     )
@@ -104,6 +92,7 @@ def build_services(settings: Settings, graders: Graders) -> Services:
         monitor=monitor,
         readiness=readiness_of(settings, monitor, content),
         statistics=Statistics(database),
+        classes=ClassReader(database),
         provider=provider_of(settings),
         tool=tool_of(settings, database),
     )
@@ -182,53 +171,3 @@ def lifespan_of(services: Services) -> Any:
             services.labs.close()
 
     return lifespan
-
-
-class Server(uvicorn.Server):
-    """Calls `ready` with its port as soon as pages can be opened."""
-
-    def __init__(self, config: uvicorn.Config, ready: Callable[[int], None]) -> None:
-        super().__init__(config)
-        self.ready = ready
-
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Binds the port, or takes the sockets."""
-        await super().startup(sockets)
-        if self.started:
-            self.ready(self.servers[0].sockets[0].getsockname()[1])
-
-
-def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
-    """How uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
-    return uvicorn.Config(
-        app, http="httptools", ws="none", loop="uvloop", host=settings.host, port=settings.port, log_config=None,
-        log_level="warning", access_log=False, proxy_headers=False, server_header=False,
-        timeout_graceful_shutdown=SHUTDOWN_S
-    )  # fmt: skip
-
-
-def run_server(settings: Settings, graders: Graders) -> None:
-    """Serves in this process, with grading processes that have begun. Exits 3 if it cannot start."""
-
-    def ready(port: int, app: FastAPI) -> None:
-        checks = services_in(app).readiness.checks
-        tell_addresses(settings.model_copy(update={"port": port}), checks["jail"]() if "jail" in checks else {})
-
-    run_app(settings, ready, graders=graders)
-
-
-def run_app(
-    settings: Settings,
-    ready: Callable[[int, FastAPI], None],
-    listener: socket.socket | None = None,
-    graders: Graders | None = None,
-) -> None:
-    """Serves until a signal ends it, on this listener or a port of its own; SIGHUP loads the content again. Calls
-    `ready` with the port and the app. Exits 3 if it cannot start."""
-    sys.setswitchinterval(SWITCH_S)
-    app = create_app(settings, graders)
-    signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=services_in(app).content.reload_or_log).start())
-    server = Server(server_config(app, settings), lambda port: ready(port, app))
-    server.run(None if listener is None else [listener])
-    if not server.started:
-        sys.exit(FAULT)

@@ -1,6 +1,7 @@
 """What a server or worker does first: it warns of an untested MuJoCo, and opens the database once it answers."""
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 
 import structlog
@@ -25,17 +26,22 @@ POOLED = (
 log = structlog.get_logger()
 
 
-def open_database(settings: Settings) -> Database:
+def never() -> bool:
+    """Says that nobody ends the process: whoever waits here is ended by the signal itself."""
+    return False
+
+
+def open_database(settings: Settings, is_ending: Callable[[], bool] = never) -> Database:
     """Opens the database of the settings with the newest tables; waits for a PostgreSQL that does not answer yet, and
-    warns of a MuJoCo that is newer than tested. Raises Unprocessable behind a pooler without sessions, and
-    Conflict if a later version has written the tables."""
+    warns of a MuJoCo that is newer than tested. Raises Unprocessable behind a pooler without sessions, Conflict if a
+    later version has written the tables, and InterruptedError once `is_ending` while it waits."""
     if warning := warn_of_newer():
         log.warning("untested MuJoCo", why=warning)
     database = Database(settings.database, settings.connections)
     with ExitStack() as opened:
         opened.callback(database.close)
         if not database.is_sqlite:
-            wait_until_there(database)
+            wait_until_there(database, is_ending)
         if not database.keeps_sessions():
             raise Unprocessable(POOLED)
         database.migrate()
@@ -43,10 +49,11 @@ def open_database(settings: Settings) -> Database:
     return database
 
 
-def wait_until_there(database: Database) -> None:
-    """Waits until the database accepts a connection; the log says for which one, and why it is refused."""
+def wait_until_there(database: Database, is_ending: Callable[[], bool]) -> None:
+    """Waits until the database accepts a connection; the log says for which one, and why it is refused. Raises
+    InterruptedError once `is_ending`."""
     say_at = time.monotonic()
-    while True:
+    while not is_ending():
         try:
             database.engine.connect().close()
             return
@@ -57,3 +64,4 @@ def wait_until_there(database: Database) -> None:
                 log.warning("waiting for the database", host=address, name=url.database, why=why)
                 say_at += SAY_S
             time.sleep(RETRY_S)
+    raise InterruptedError("The server was ended while it waited for the database.")

@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import structlog
 
@@ -24,6 +24,9 @@ from grader.logs import is_json, log_to_stderr
 from grader.metrics import FOLDER, shared_folder
 from grader.service.accounts import tell_addresses
 from grader.settings import Settings
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
 
 MAIN = "from grader.commands.main import main; from grader.service.processes import run_part; main(run_part)"
 
@@ -142,6 +145,7 @@ class Child:
 def serve(settings: Settings) -> None:
     """Serves until a signal ends it; SIGHUP loads the content again. Exits with another status if it cannot start."""
     log_to_stderr(as_json=is_json(settings.log_format))
+    require_free_port(settings.host, settings.port)
     if settings.processes == 1:
         serve_alone(settings)
         return
@@ -169,13 +173,23 @@ def serve_alone(settings: Settings) -> None:
 
     gc.set_threshold(YOUNG_OBJECTS)
     graders = Graders(settings.workers, allow_t2=settings.allow_t2)
-    try:
-        graders.begin()
-        from grader.service.app import run_server
+    with open_listener(settings.host, settings.port) as listener:
+        bound = settings.model_copy(update={"port": listener.getsockname()[1]})
+        try:
+            graders.begin()
+            from grader.service.serving import run_app
 
-        run_server(settings, graders)
-    finally:
-        graders.close()
+            run_app(bound, listener, partial(tell_that_ready, bound), graders)
+        finally:
+            graders.close()
+
+
+def tell_that_ready(settings: Settings, app: "FastAPI") -> None:
+    """Prints the addresses of a service that is ready, and how its scripts are jailed."""
+    from grader.gate.services import services_in
+
+    checks = services_in(app).readiness.checks
+    tell_addresses(settings, checks["jail"]() if "jail" in checks else {})
 
 
 def catch_signals(children: Sequence[Child], stopping: threading.Event) -> None:
@@ -217,6 +231,16 @@ def supervise(children: Sequence[Child], stopping: threading.Event, settings: Se
     return 0
 
 
+def require_free_port(host: str, port: int) -> None:
+    """Exits with one line where the port cannot be opened, before anything is started."""
+    try:
+        open_listener(host, port).close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        print(f"Port {port} of {host} cannot be opened ({reason}): choose another with --port.", file=sys.stderr)
+        sys.exit(FAULT)
+
+
 def open_listener(host: str, port: int) -> socket.socket:
     """Opens a listening socket. Raises OSError."""
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -244,9 +268,9 @@ def run_part() -> None:
 
         run_worker(part.settings, deliveries_of, ready)
         return
-    from grader.service.app import run_app
+    from grader.service.serving import run_app
 
-    run_app(part.settings, lambda _port, _app: ready({}), socket.socket(fileno=part.listener))
+    run_app(part.settings, socket.socket(fileno=part.listener), lambda _: ready({}))
 
 
 def report_ready(descriptor: int, report: Mapping[str, Any]) -> None:

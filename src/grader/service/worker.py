@@ -25,6 +25,7 @@ from grader.gate.monitoring import Monitor
 from grader.grading.content import Archive
 from grader.grading.pipeline import OUR_FAULT, Retries, ignore_progress
 from grader.grading.processes import Graders, Script
+from grader.library import PassedChecks
 from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
@@ -220,7 +221,7 @@ def run_worker(
             "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
         )
     database = open_database(settings)
-    archive = Archive(database)
+    archive = Archive(database, PassedChecks(settings.cache))
     with build_graders(settings) as graders:
         worker = build_worker(settings, database, archive, graders, more(settings, database, archive))
         for number in (signal.SIGTERM, signal.SIGINT):

@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from fastapi import Request
 from fastapi.responses import Response
 
-from grader.courses.answering.access import require_opened
 from grader.gate.callers import Anybody, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
@@ -21,12 +21,16 @@ FILE: dict[str, Any] = {"content": {ZIP: {"schema": {"type": "string", "format":
     response_class=Response,
     responses=refusals(401, 404, 409, 422, 429, more={200: FILE}),
 )
-def download_kit(quiz_id: str, question_id: str, who: Anybody, services: AppServices) -> Response:
+def download_kit(quiz_id: str, question_id: str, who: Anybody, services: AppServices, request: Request) -> Response:
     """Sends the kit of an exercise as a zip file: starter, models, visible cases, how they are judged, a notebook.
 
-    Nothing hidden is in it. The same content gives the same bytes. Before the quiz opens the answer is 409.
+    Nothing hidden is in it. The same content gives the same bytes at the same address. Before the quiz opens the
+    answer is 409.
     """
     library = services.content.of(who.course).library
-    require_opened(library, quiz_id, who.role)
+    policy = services.require_opened(library, who, quiz_id)
+    kit = build_kit(
+        library, quiz_id, question_id, judged=policy.shows_feedback_at_once, origin=services.origin_of(request)
+    )
     headers = {"Content-Disposition": f'attachment; filename="{question_id}.zip"'}
-    return Response(build_kit(library, quiz_id, question_id), headers=headers, media_type=ZIP)
+    return Response(kit, headers=headers, media_type=ZIP)

@@ -14,7 +14,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
 from grader.api.bodies import RequestBody
-from grader.courses.answering.access import read_access, require_opened
+from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity
 from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
 from grader.errors import Conflict, LabError, NotFound, Unprocessable
@@ -71,7 +71,11 @@ async def run_lab(
 ) -> Response:
     """Runs a lab: poses, readouts, traces, and warnings with their time. 409 before the question is answered."""
     digest, make = await run_in_threadpool(prepare, services, who, body)
-    packed = await services.labs.get((who.course, who.id), digest, make)
+    return await respond(await services.labs.get((who.course, who.id), digest, make), accept_encoding)
+
+
+async def respond(packed: bytes, accept_encoding: str) -> Response:
+    """Returns compressed JSON, as it is where the caller takes that."""
     headers = {"Vary": "Accept-Encoding"}
     if "gzip" not in accept_encoding:
         plain = await run_in_threadpool(gzip.decompress, packed)
@@ -82,7 +86,7 @@ async def run_lab(
 def prepare(services: Services, who: Identity, body: LabBody) -> tuple[str, Callable[[], Recording]]:
     """The digest of a run, and the call that makes it. Raises NotFound, Conflict."""
     library = services.content.of(who.course).library
-    require_opened(library, body.quiz, who.role)
+    services.require_opened(library, who, body.quiz)
     lab = find_lab(library, body)
     if body.question is not None:
         refuse_before_answer(services, who, body.quiz, body.question)

@@ -5,7 +5,9 @@ from typing import Any
 from grader.api.paging import Page
 from grader.api.views import LoadedContent, QuizSummary, QuizView
 from grader.courses.answering.access import describe_progress, read_access
+from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import Identity
+from grader.domain.policy import Policy
 from grader.gate.callers import Anybody, Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
@@ -17,10 +19,10 @@ router = api_router("quizzes")
 @router.get("/quizzes", response_model=Page[QuizSummary], responses=refusals(401, 429))
 def list_quizzes(who: Anybody, services: AppServices) -> dict[str, Any]:
     """Lists every quiz: its id, title, number of questions and points, and when it may be answered."""
-    return {
-        "items": [summary(quiz) for quiz in services.content.of(who.course).library.quizzes.values()],
-        "next_cursor": None,
-    }
+    library = services.content.of(who.course).library
+    with services.database.read() as session:
+        policies = read_policies(session, library, who.course, library.quizzes)
+    return {"items": [summary(library.quiz(one), policy) for one, policy in policies.items()], "next_cursor": None}
 
 
 @router.get("/quizzes/{quiz_id}", responses=refusals(401, 404, 422, 429, more={200: {"model": QuizView}}))
@@ -39,10 +41,10 @@ def reload_content(who: Instructor, services: AppServices) -> dict[str, Any]:
     return {"quizzes": [{"id": quiz_id, "digest": library.digest(quiz_id)} for quiz_id in library.quizzes]}
 
 
-def summary(quiz: Quiz) -> dict[str, Any]:
+def summary(quiz: Quiz, policy: Policy) -> dict[str, Any]:
     """A quiz as an item of the list."""
     points = sum(question.points for question in quiz.questions)
-    dates = {"opens": quiz.policy.opens, "due": quiz.policy.due}
+    dates = {"opens": policy.opens, "due": policy.due}
     return {"id": quiz.id, "title": quiz.title, "questions": len(quiz.questions), "points": points, **dates}
 
 
@@ -54,8 +56,8 @@ def progress(quiz_id: str, who: Identity, services: Services) -> dict[str, Any]:
         access = read_access(session, library, who)
         reached = describe_progress(session, access, who, quiz)
     if not access.has_opened(quiz_id):
-        return unopened_view(quiz)
-    view = student_view(quiz)
+        return unopened_view(quiz, access.policies[quiz_id])
+    view = student_view(quiz, access.policies[quiz_id])
     for question, shown in zip(quiz.questions, view["questions"], strict=True):
         shown.update(reached[question.id])
         kind = kind_of(question)

@@ -17,13 +17,14 @@ from starlette.exceptions import HTTPException
 
 from grader.api.bodies import RequestBody
 from grader.api.paging import Page, PageParams, page_of
-from grader.courses.answering.access import read_access, require_opened
+from grader.courses.answering.access import read_access
 from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.answering.stopping import stop
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
 from grader.courses.reviewing.blinding import Blinded, blinded
 from grader.courses.rules.policy import Decision, Shown, redact_json
+from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
@@ -59,8 +60,13 @@ IdempotencyKey = Annotated[str | None, Header(min_length=1, max_length=KEY_MAX)]
 """The same key makes the same submission."""
 
 
+COMPARED_MAX = 20
+"""Attempts that are read to compare one with, the newest ones."""
+
+
 class SubmissionView(BaseModel):
-    """A submission. `withheld` says when the feedback comes, where it may not be seen yet. Lists leave out `answer`;
+    """A submission. `withheld` says when the feedback comes, where it may not be seen yet; `progress`, to its learner,
+    how it compares with their earlier attempts, such as the same mistake again. Lists leave out `answer`;
     only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is a pseudonym for
     instructors while the answer waits for a reviewer, and `learner` is None."""
 
@@ -75,6 +81,7 @@ class SubmissionView(BaseModel):
     revision: int
     verdict: Verdict | None
     withheld: str | None = None
+    progress: str | None = None
     answer: Any = None
     seed: int | None = None
 
@@ -192,15 +199,28 @@ def document(
     at = submission.quiz, submission.question
     decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
     shown = view_for(decision, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
+    if submission.learner == who.id and shown["verdict"] is not None and submission.attempt > 1:
+        shown["progress"] = compare_attempts(session, decision, submission, shown["verdict"]) or None
     response.headers["ETag"] = etag_for(decision, submission, shown)
     return shown
+
+
+def compare_attempts(session: Session, decision: Decision, submission: Submission, verdict: Any) -> str:
+    """Says how a verdict compares with those on the learner's earlier attempts, as far as they may be seen."""
+    wanted = SubmissionFilter(submission.course, quiz=submission.quiz, question=submission.question,
+                              learner=submission.learner)  # fmt: skip
+    rows = [row for row in submissions.page(session, wanted, None, COMPARED_MAX) if row.attempt < submission.attempt]
+    verdicts = submissions.verdicts(session, rows)
+    shown = [(row.attempt, redact_json(verdicts.get(row.id), decision)) for row in reversed(rows)]
+    earlier = [Compared(attempt, one) for attempt, one in shown if one]
+    return describe_progress(earlier, Compared(submission.attempt, verdict))
 
 
 @router.post("/answers:validate", responses=refusals(401, 403, 404, 409, 413, 422, 429))
 def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> Interpretation:
     """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
     pipeline = services.content.of(who.course).pipeline
-    require_opened(pipeline.library, body.quiz, who.role)
+    services.require_opened(pipeline.library, who, body.quiz)
     try:
         read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))
     except InvalidAnswer as error:
@@ -252,7 +272,7 @@ def view(
         "id": submission.id, "quiz": submission.quiz, "question": submission.question,
         "learner": submission.learner if pseudonym is None else None, "user": pseudonym or submission.user,
         "status": status_with(submission, verdict), "attempt": submission.attempt, "created_at": submission.created_at,
-        "revision": submission.revision, "verdict": verdict,
+        "revision": submission.revision, "verdict": verdict, "progress": None,
     }  # fmt: skip
     if with_answer:
         shown["answer"] = json.loads(submission.answer) if submission.answer else None

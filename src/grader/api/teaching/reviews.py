@@ -123,8 +123,8 @@ def list_reviews(
     the caller's second mark. `user` finds nothing in anonymous quizzes.
     """
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question)
-    queue = reviews.queue_of(services.desk_of(who.course), wanted, who.id if query.second else None)
     with services.database.read() as session:
+        queue = reviews.queue_of(services.desk_of(who.course), session, wanted, who.id if query.second else None)
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
         shown = views(session, services, who, [submission for submission, _ in waiting])
     items = [{**one, "claim": claim_view(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
@@ -158,7 +158,7 @@ def claim_review(body: ClaimBody, who: Instructor, services: AppServices, respon
             submission = visible(session, body.submission_id, who)
         else:
             wanted = SubmissionFilter(who.course, None, body.quiz, body.question)
-            queue = reviews.queue_of(desk, wanted, who.id if body.second else None)
+            queue = reviews.queue_of(desk, session, wanted, who.id if body.second else None)
             submission = reviews.next_to_claim(session, queue, who)
         claim = reviews.claim(session, who, submission, second=body.second)
         (shown,) = views(session, services, who, [submission], with_answer=True)
